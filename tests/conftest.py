@@ -74,7 +74,7 @@ def compiled_without_optimising() -> Iterator[None]:
     from mechcore.compiled import toolchain  # not before the number of threads is set
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(toolchain, "OPTIONS", ("-O0", *toolchain.OPTIONS[1:]))
+        patch.setattr(toolchain, "COMPILER_OPTIONS", ("-O0", *toolchain.COMPILER_OPTIONS[1:]))
         yield
 
 

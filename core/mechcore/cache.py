@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-DIGITS = 32  # of digests
+DIGEST_LENGTH = 32  # of digests
 
 
 def cache_folder() -> Path:
@@ -25,7 +25,7 @@ def cache_folder() -> Path:
 
 def digest(data: bytes) -> str:
     """A digest of what a file is made of, or of the file."""
-    return hashlib.sha256(data).hexdigest()[:DIGITS]
+    return hashlib.sha256(data).hexdigest()[:DIGEST_LENGTH]
 
 
 def is_cached(identity: str, ending: str) -> bool:

@@ -16,11 +16,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mechcore.compiled.motion import PAYS, Executor, written
+from mechcore.compiled.motion import LEAST_FRAMES_TO_COMPILE, Executor, written
 from mechcore.compiled.toolchain import cached, compiler, required_compiler
 from mechcore.dynamics.equations.contacts import missing_in_c, rubs, written_source
 from mechcore.dynamics.events import with_slot_ends
-from mechcore.dynamics.integration.windows import MANY
+from mechcore.dynamics.integration.windows import MANY_WINDOWS
 from mechcore.effects.base import sum_up
 from mechcore.effects.plan import Plan, make_plan
 from mechcore.effects.registry import effects_of, wrenches
@@ -243,8 +243,8 @@ def _of_motion(compiled: Compiled, executor: Executor, frames: int) -> str:
         return f"numpy: {missing}"
     if not program.lines:
         return "numpy: nothing is left to solve"
-    if executor == "auto" and frames < PAYS:
-        return f"numpy: {frames:,} frames; compiling {program.lines:,} lines of C pays from about {PAYS:,} on"
+    if executor == "auto" and frames < LEAST_FRAMES_TO_COMPILE:
+        return f"numpy: {frames:,} frames; compiling {program.lines:,} lines of C pays from about {LEAST_FRAMES_TO_COMPILE:,} on"
     return f"C, {_price(program.source, program.lines)}"
 
 
@@ -282,7 +282,7 @@ def _of_simulation(compiled: Compiled, executor: Executor, stopped: Sequence[str
     if stopped:
         at_rest = _missing_at_rest(compiled, stopped)
         price += "; another program while a stop holds" if at_rest is None else f"; numpy while a stop holds: {at_rest}"
-    return f"C, {price}" if executor == "c" else f"numpy; C where more than {MANY} windows are left to integrate, {price}"
+    return f"C, {price}" if executor == "c" else f"numpy; C where more than {MANY_WINDOWS} windows are left to integrate, {price}"
 
 
 def _price(source: str, lines: int) -> str:

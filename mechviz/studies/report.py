@@ -17,7 +17,7 @@ from mechcore.forces.kinetostatics import Forces, solve_forces
 from mechcore.forces.load_events import belt_events, belt_grip, idle_table, load_events
 from mechcore.forces.section_forces import section_forces
 from mechcore.laws.curve import MotionCurve
-from mechcore.laws.factors import KNOCK, ORDER_NAMES, jumps
+from mechcore.laws.factors import ORDER_NAMES, VELOCITY_JUMP, jumps
 from mechcore.laws.program import CLOCK, CurveOverMaster
 from mechcore.laws.timed import ConstantSpeed, Free, Law, Piecewise
 from mechcore.motion.at_once import agreement, indeterminate
@@ -380,7 +380,7 @@ def _curve(law: Law) -> tuple[MotionCurve | None, str]:
 
 
 def _words(curve: MotionCurve, kind: str, units: Units) -> str:
-    steps = [*jumps(curve, (0, 2, 3), ends=False), *jumps(curve, (1,), KNOCK, ends=False)]
+    steps = [*jumps(curve, (0, 2, 3), ends=False), *jumps(curve, (1,), VELOCITY_JUMP, ends=False)]
     pieces = f"{len(curve.pieces)} pieces, continuous"
     if not steps:
         return f"{pieces} up to the jerk"

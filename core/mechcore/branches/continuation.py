@@ -30,16 +30,18 @@ from mechcore.records import dataclass
 LARGEST_CORRECTION = 0.02  # [rad] of the first Newton correction of an accepted step
 LARGEST_TURN = 0.5  # [rad] by which an angle beyond one turn may differ from where it was expected
 FOR_PASSING = 4  # rows from which the branch is extrapolated through a singular position
-SMOOTH = 0.05  # part of the speed or of the travel by which the branch may differ from that beyond it
-WATCHED = 0.05  # smallest against largest singular value below which a group is looked after
-REGULAR = 1e-8  # smallest against largest singular value of the columns of an accepted step
-LOOSE = 1e-4  # second smallest singular value against the largest: below, a group has two freedoms or more
+SMOOTH_CHANGE = 0.05  # part of the speed or of the travel by which the branch may differ from that beyond it
+WATCHED_RATIO = 0.05  # smallest against largest singular value below which a group is looked after
+REGULAR_RATIO = 1e-8  # smallest against largest singular value of the columns of an accepted step
+SECOND_FREEDOM_RATIO = 1e-4  # second smallest singular value against the largest: below, a group has two freedoms or more
 SMALLEST_STEP = 1e-7  # of the range: below, the path has met a limit, whose place is then found exactly
-NEAR = 1e-5  # of the range: what is farther away than this from the last row is not the limit that the path came to a stand at
-ALONG = 1e-3  # along the curve, relative: the second place from which a fold is looked for
-FARTHEST = 0.2  # along the curve: a fold farther off is not the one that the path came to a stand at
-CLOSE = 1e-13  # relative
-HALVINGS = 60
+LIMIT_DISTANCE = (
+    1e-5  # of the range: what is farther away than this from the last row is not the limit that the path came to a stand at
+)
+SECOND_PLACE = 1e-3  # along the curve, relative: the second place from which a fold is looked for
+FARTHEST_FOLD = 0.2  # along the curve: a fold farther off is not the one that the path came to a stand at
+LIMIT_ACCURACY = 1e-13  # relative
+MOST_HALVINGS = 60
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +92,7 @@ class Row:
     @property
     def loose(self) -> list[str]:
         """Groups that have two freedoms or more here."""
-        return [name for name, s in self.singular_values.items() if len(s) > 1 and s[-2] < LOOSE * s[0]]
+        return [name for name, s in self.singular_values.items() if len(s) > 1 and s[-2] < SECOND_FREEDOM_RATIO * s[0]]
 
     def same_branch(self, new: Row) -> bool:
         """Whether no determinant has changed its sign."""
@@ -152,7 +154,7 @@ def continuation_path(branch: Branch, start: float, low: float, high: float, ste
     ends = (max(min(known[0], limits[0]), beyond[0]), min(max(known[1], limits[1]), beyond[1]))
     low_end, high_end = (
         not any(rows is s for s in stopped)
-        and min((rows[-1].regularity(name) for name in rows[-1].singular_values), default=1.0) < WATCHED
+        and min((rows[-1].regularity(name) for name in rows[-1].singular_values), default=1.0) < WATCHED_RATIO
         for rows in (backward, forward)
     )
     return ContinuationPath(ends, known, splines, tuple(passed), loose, bool(stopped), (low_end, high_end))
@@ -224,7 +226,7 @@ def _row_at(branch: Branch, p: float, starts: Mapping[str, Real]) -> Row | None:
         if not np.isfinite(row.slopes[block.name]).all():
             return None
         row.singular_values[block.name] = np.asarray(np.linalg.svd(matrix, compute_uv=False), float)
-        if square and row.regularity(block.name) < REGULAR:
+        if square and row.regularity(block.name) < REGULAR_RATIO:
             return None  # the sign of its determinant says nothing
     for g in model.multi_turn:
         name = f"angle {g}"
@@ -268,7 +270,7 @@ def _singular_before(rows: Sequence[Row], p: float) -> bool:
     far = (p - last.parameter) / (last.parameter - before.parameter)
     for name in last.singular_values:
         now = last.regularity(name)
-        if now < WATCHED and now + far * (now - before.regularity(name)) < 0.0:
+        if now < WATCHED_RATIO and now + far * (now - before.regularity(name)) < 0.0:
             return True
     return False
 
@@ -298,7 +300,7 @@ def _pass(branch: Branch, rows: list[Row], direction: float, step: float) -> lis
         travel = max((np.abs(np.atleast_1d(expected[n] - last.unknowns[n])).max() for n in names), default=0.0)
         bend = {n: np.abs(np.atleast_1d(new.slopes[n] - slope[n])).max() for n in names}
         speeds = [np.abs(np.atleast_1d(last.slopes[n])).max() + np.abs(np.atleast_1d(slope[n])).max() for n in names]
-        smooth = all(bend[n] <= SMOOTH * max(speeds) and far[n] <= SMOOTH * travel for n in names)
+        smooth = all(bend[n] <= SMOOTH_CHANGE * max(speeds) and far[n] <= SMOOTH_CHANGE * travel for n in names)
         if smooth and flattest is not None:
             rows[:] = [*kept, new]
             return [n for n, d in new.determinants.items() if last.determinants[n] * d < 0] or [flattest]
@@ -312,13 +314,13 @@ def _pass(branch: Branch, rows: list[Row], direction: float, step: float) -> lis
 def _limit(branch: Branch, row: Row, span: float, direction: float) -> float:
     """The parameter at which a path of the range ``span`` ends, beyond its last row; the row's own where that is unknown."""
     p = row.parameter
-    reach = p + direction * NEAR * span
+    reach = p + direction * LIMIT_DISTANCE * span
     with np.errstate(all="ignore"):
         limits = [_missing(branch, row, reach)]
         for block in branch.model.blocks:
             if block.kind == "general" and block.name in row.singular_values:
-                limits.append(_fold(branch, block, row, NEAR * span))
-    ahead = [q for q in limits if q is not None and 0.0 <= direction * (q - p) <= NEAR * span]
+                limits.append(_fold(branch, block, row, LIMIT_DISTANCE * span))
+    ahead = [q for q in limits if q is not None and 0.0 <= direction * (q - p) <= LIMIT_DISTANCE * span]
     return min(ahead, key=lambda q: direction * q, default=p)
 
 
@@ -344,7 +346,7 @@ def _missing(branch: Branch, row: Row, far: float) -> float | None:
     p = row.parameter
     if fits(far) or not fits(p):
         return None
-    for _ in range(HALVINGS):
+    for _ in range(MOST_HALVINGS):
         middle = 0.5 * (p + far)
         p, far = (middle, far) if fits(middle) else (p, middle)
     return p
@@ -377,7 +379,7 @@ def _fold(branch: Branch, block: Block, row: Row, near: float) -> float | None:
                 return None
             step, tangent = np.linalg.lstsq(matrix, both, rcond=None)[0].T
             x, p = x + step[:-1], p + float(step[-1])
-            if np.abs(step[:-1]).max() < CLOSE and abs(step[-1]) < CLOSE * max(near / NEAR, abs(p)):
+            if np.abs(step[:-1]).max() < LIMIT_ACCURACY and abs(step[-1]) < LIMIT_ACCURACY * max(near / LIMIT_DISTANCE, abs(p)):
                 break
         return x, p, float(tangent[-1])
 
@@ -385,7 +387,7 @@ def _fold(branch: Branch, block: Block, row: Row, near: float) -> float | None:
     if first is None:
         return None
     x, p, speed = first
-    s, other = 0.0, ALONG
+    s, other = 0.0, SECOND_PLACE
     for _ in range(40):  # secants: the parameter's speed along the curve is zero at the fold
         point = on_curve(other, x, p)
         if point is None:
@@ -394,6 +396,6 @@ def _fold(branch: Branch, block: Block, row: Row, near: float) -> float | None:
         if abs(other - s) < 1e-9 or now == speed:
             break
         s, other, speed = other, other - now * (other - s) / (now - speed), now
-        if abs(other) > FARTHEST:
+        if abs(other) > FARTHEST_FOLD:
             return None
     return p

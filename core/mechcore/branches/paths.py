@@ -18,7 +18,7 @@ import numpy as np
 
 from mechcore.arrays import Flags, Index, Real
 from mechcore.branches.assembly import Assembly, starts_of
-from mechcore.branches.continuation import REGULAR, Branch, ContinuationPath, continuation_path
+from mechcore.branches.continuation import REGULAR_RATIO, Branch, ContinuationPath, continuation_path
 from mechcore.branches.modes import TWO_MODES
 from mechcore.branches.singular_points import SingularPoint, SingularPoints, dead_point_instants, locate, needs_span, rounding_of
 from mechcore.constants import TURN
@@ -26,26 +26,28 @@ from mechcore.kinematics.columns import all_vectors, columns, matrix_of
 from mechcore.kinematics.model import Model
 from mechcore.kinematics.positions import dead_point_margin, place_all
 from mechcore.kinematics.program import Block
-from mechcore.kinematics.singular_interpolation import FAR, make_interpolants
+from mechcore.kinematics.singular_interpolation import FAR_STEPS, make_interpolants
 from mechcore.kinematics.state import Interpolant, State, value, wrapped_angle
 from mechcore.laws.timed import ConstantSpeed, Law
 from mechcore.records import dataclass
 
 FINE = {"angle": math.radians(6.0), "slide": 0.05}  # largest step of a continuation: [rad], or part of the mechanism's size
 COARSE = {"angle": 0.2, "slide": 0.1}  # the same, between places that Newton's method or the angles of links are followed over
-SAMPLES = 720  # of a turn or a cycle, at which closed forms are looked at for flat positions
+SAMPLES_A_TURN = 720  # of a turn or a cycle, at which closed forms are looked at for flat positions
 SAMPLES_OF_STEP = 12  # the same, of a step
 MOST_SAMPLES = 20_000
 MOST_WAYPOINTS = 200  # steps from a waypoint: what lies farther off is a trial of the integrator's
 SAMPLES_OF_LAW = 2001
-CLOSED = 1e-11  # of the size: what loops may be open at a dead point that a drive just reaches
-STUCK = 1e-9  # flatness of a group that takes part in what a path did not get through
-BESIDE = 0.3  # of a step: where a path begins whose start is flat (no power of two: halved steps shall not lead back onto it)
-AHEAD = 2e-4  # relative growth of the flatness over a thousandth of a step: beyond, the flat position is not the start itself
+CLOSURE_AT_DEAD_POINT = 1e-11  # of the size: what loops may be open at a dead point that a drive just reaches
+STUCK_MARGIN = 1e-9  # flatness of a group that takes part in what a path did not get through
+START_BESIDE = 0.3  # of a step: where a path begins whose start is flat (no power of two: halved steps shall not lead back onto it)
+MARGIN_GROWTH = (
+    2e-4  # relative growth of the flatness over a thousandth of a step: beyond, the flat position is not the start itself
+)
 DEAD_POINT = 1e-4  # flatness of a group below which a start counts as flat
-EDGE = 1e-11  # relative: what a limit is known to, generously
+LIMIT_ACCURACY = 1e-11  # relative: what a limit is known to, generously
 CYCLES = (1, 2, 3, 4, 6, 12)  # turns after which groups may be back where they were
-SAME = 1e-8  # of rotations, and of displacements over the size, that are the same after a cycle
+SAME_POSITION = 1e-8  # of rotations, and of displacements over the size, that are the same after a cycle
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,7 +126,9 @@ def path_for(
         low, high = min(low, least), max(high, most)
     step, branch = float(largest_steps(model)[0]), branch_by_drive(model, assembly)
     if model.rotary(drives[0].joint):
-        repeating = _repeating(lambda end: branch_path(branch, q0, q0, q0 + end, step, TURN / SAMPLES), CYCLES, TURN, high - low)
+        repeating = _repeating(
+            lambda end: branch_path(branch, q0, q0, q0 + end, step, TURN / SAMPLES_A_TURN), CYCLES, TURN, high - low
+        )
         if repeating is not None:
             return repeating
     path = branch_path(branch, q0, low, high, step)
@@ -157,7 +161,7 @@ def _path_in_time(branch: Branch, low: float, high: float) -> BranchPath:
     high = max(high, 1e-9 * duration)
 
     def until(high: float, low: float = 0.0) -> BranchPath:
-        return branch_path(branch, 0.0, low, high, duration / 60.0, duration / SAMPLES, by_time=True)
+        return branch_path(branch, 0.0, low, high, duration / 60.0, duration / SAMPLES_A_TURN, by_time=True)
 
     if low == 0.0 and not needs_span(branch.model):
         repeating = _repeating(until, CYCLES[:4], duration, high)
@@ -193,7 +197,7 @@ def repeats(model: Model, state: State, before: Index | int, after: Index | int)
     not where something is not known at one of them."""
     slides = [np.asarray(slide) / model.length_scale for slide in state.slide.values()]
     away = [np.abs(x[after] - x[before]) for x in (*state.rot, *slides) if np.ndim(x)]
-    return bool(np.max(away, initial=0.0) < SAME)
+    return bool(np.max(away, initial=0.0) < SAME_POSITION)
 
 
 def travel_of(law: Law, first: float, last: float) -> tuple[float, float, bool]:
@@ -217,7 +221,7 @@ def _dead_point_at_ends(path: BranchPath) -> bool:
     """Whether a group with a closed form is all but flat where a path ended."""
     state = path.placed(np.array(path.continuation.known))
     two = (b for b in path.model.blocks if b.kind in TWO_MODES)
-    return any(float(np.min(np.broadcast_to(h, 2))) < STUCK for b in two for h in dead_point_margin(path.model, b, state))
+    return any(float(np.min(np.broadcast_to(h, 2))) < STUCK_MARGIN for b in two for h in dead_point_margin(path.model, b, state))
 
 
 def _reaches_dead_points(path: BranchPath) -> bool:
@@ -231,7 +235,7 @@ def _reaches_dead_points(path: BranchPath) -> bool:
     interpolants = make_interpolants(model, path.singular_points, assembly.modes, time, (1.0, 0.0), assembly.constants, path.starts)
     state = path.branch.placed(time, path.starts(time), interpolants)
     sums = (value(loop, state.rot, state.slide) for loop in model.loop_sums)
-    return all(np.abs(total).max() <= CLOSED * model.length_scale for total in sums)
+    return all(np.abs(total).max() <= CLOSURE_AT_DEAD_POINT * model.length_scale for total in sums)
 
 
 # -- following a branch ---------------------------------------------------------------------------------------------------------
@@ -245,13 +249,13 @@ def branch_path(
     """
     sample = step / SAMPLES_OF_STEP if sample is None else sample
     unreachable: list[tuple[float, float, int]] = []
-    begin, behind, ahead, more = start, low, high, 2.0 * FAR * sample
+    begin, behind, ahead, more = start, low, high, 2.0 * FAR_STEPS * sample
     aside = _start_at_dead_point(branch, start, step)
     if aside:
-        begin = start + aside * BESIDE * step
+        begin = start + aside * START_BESIDE * step
         branch = _beside(branch, begin)
         behind, ahead = min(low, start - more), max(high, start + more)  # it has to be known on both sides of the start
-    edge = EDGE * max(10.0 * step, abs(low), abs(high))
+    edge = LIMIT_ACCURACY * max(10.0 * step, abs(low), abs(high))
     for _ in range(len(branch.model.blocks) + 3):
         continuation = continuation_path(branch, begin, behind, ahead, step)
         path = BranchPath(branch, continuation, start, (low, high), edge, by_time)
@@ -292,7 +296,7 @@ def _start_at_dead_point(branch: Branch, start: float, step: float) -> float:
     off = 1e-3 * step
     before, after = margins(start - off)[here < DEAD_POINT], margins(start + off)[here < DEAD_POINT]
     grows = after - before
-    return -1.0 if (grows < -AHEAD * (abs(after) + abs(before))).any() else 1.0
+    return -1.0 if (grows < -MARGIN_GROWTH * (abs(after) + abs(before))).any() else 1.0
 
 
 def _singular(branch: Branch, p: float) -> bool:
@@ -302,7 +306,7 @@ def _singular(branch: Branch, p: float) -> bool:
     for block in (b for b in model.blocks if b.kind == "general"):
         matrix, _ = matrix_of(columns(model, block, all_vectors(model, state)))
         s = np.linalg.svd(np.nan_to_num(matrix), compute_uv=False)
-        if s[-1] < REGULAR * s[0]:
+        if s[-1] < REGULAR_RATIO * s[0]:
             return True
     return False
 
@@ -346,7 +350,7 @@ def _dead_point_groups(path: BranchPath, sample: float) -> tuple[set[int], list[
                 min(float(np.broadcast_to(h, p.shape)[k]) for h in dead_point_margin(model, model.blocks[i], state))
                 for k in (0, -1)
             ]
-        if any(flips for _, flips in instants) or (continuation.singular and min(ends) < STUCK):
+        if any(flips for _, flips in instants) or (continuation.singular and min(ends) < STUCK_MARGIN):
             dead_point.add(i)
         unreachable += [(a, b, i) for a, b in missing]
     return dead_point, unreachable

@@ -21,18 +21,18 @@ from mechcore.kinematics.columns import all_vectors, columns, matrix_of
 from mechcore.kinematics.model import Model
 from mechcore.kinematics.positions import apply, dead_point_margin, place
 from mechcore.kinematics.program import Block
-from mechcore.kinematics.singular_interpolation import FAR, NODES, TAIL, smooth, tail_of, unknowns_of
+from mechcore.kinematics.singular_interpolation import FAR_STEPS, FIT_NODES, FIT_TAIL, smooth, tail_of, unknowns_of
 from mechcore.kinematics.state import State, initial_state
 from mechcore.laws.timed import ConstantSpeed, Law, moves
 from mechcore.records import dataclass
 
-SAMPLES = 720  # of a cycle, at least, and of a turn of the fastest drive
-MOST = 400_000  # samples of a whole run
+SAMPLES_A_CYCLE = 720  # of a cycle, at least, and of a turn of the fastest drive
+MOST_SAMPLES = 400_000  # samples of a whole run
 DEAD_POINT = 3e-15  # below this `dead_point_margin` is rounding: the triangle is flat
 CLOSURE_LIMIT = 1e-14  # below minus this the closed forms give up: the links miss each other
 ROUNDING = 1e-14  # heights squared that differ by less within a window are one height: nothing moves
-WINDOW = 4  # samples on each side from which the instant is located
-FINER = (1, 8, 64)  # times as many samples, where a group runs too fast at a change for the polynomial next to it
+WINDOW_SAMPLES = 4  # samples on each side from which the instant is located
+FINER_SAMPLING = (1, 8, 64)  # times as many samples, where a group runs too fast at a change for the polynomial next to it
 INTERPOLATED_DEAD_POINT = 3e-12  # instead of FLAT where an earlier group's positions come from such a polynomial
 
 
@@ -176,7 +176,7 @@ def _scan(
     model: Model, modes: Sequence[float], cycle: float, cycles: int, laws: tuple[Law, ...], *, by_drive: bool
 ) -> SingularPoints | None:
     """Look at cycles of the laws; None where the drive alone decides but cannot turn fully."""
-    for finer in FINER:
+    for finer in FINER_SAMPLING:
         singular_points, resolved = _sampled(model, modes, cycle, cycles, laws, finer, by_drive=by_drive)
         if resolved:
             break
@@ -192,9 +192,12 @@ def _sampled(
     probe = np.linspace(0.0, period, 2001)
     rotary = [model.joints[model.joint_index[d.joint]].coordinate == "angle" for d in model.mechanism.drives]
     fastest = max((float(np.max(np.abs(law(probe)[1]))) for law, r in zip(laws, rotary, strict=True) if r), default=0.0)
-    samples = min(max(SAMPLES, int(np.ceil(cycle * fastest * SAMPLES / (2.0 * np.pi)))), max(SAMPLES, MOST // cycles))
+    samples = min(
+        max(SAMPLES_A_CYCLE, int(np.ceil(cycle * fastest * SAMPLES_A_CYCLE / (2.0 * np.pi)))),
+        max(SAMPLES_A_CYCLE, MOST_SAMPLES // cycles),
+    )
     coarse, step = cycle / samples, cycle / samples / finer
-    ends = (FAR + WINDOW) * finer
+    ends = (FAR_STEPS + WINDOW_SAMPLES) * finer
     time: Real = step * np.arange(-ends, cycles * samples * finer + ends + 1, dtype=float)
     values = [law(time) for law in laws]
     state = initial_state(model, [v[0] for v in values])
@@ -210,7 +213,7 @@ def _sampled(
             own: list[SingularPoint] = []
             if block.kind in TWO_MODES:
                 instants, missing, sharp = dead_point_instants(model, block, state, time, blurred, rounding)
-                if sharp and finer < FINER[-1]:
+                if sharp and finer < FINER_SAMPLING[-1]:
                     return None, False
                 if by_drive and missing:
                     return None, True
@@ -245,13 +248,13 @@ def _smoothed(
         tail = max(t for t, _ in smoothed)
         if tail < 0.5 * best:
             best, interpolants, c = tail, [p for _, p in smoothed if p is not None], replace(c, step=step * width)
-        if tail < TAIL:
+        if tail < FIT_TAIL:
             break
         width //= 2
     for interpolant in interpolants:
         apply(model, block, state, interpolant)
         blurred[interpolant.frames] = True
-    return c, best < TAIL
+    return c, best < FIT_TAIL
 
 
 def locate(model: Model, block: Block, placed: Callable[[Real], State], p: float, sample: float) -> tuple[float, float] | None:
@@ -261,13 +264,13 @@ def locate(model: Model, block: Block, placed: Callable[[Real], State], p: float
     best: tuple[float, float, float] | None = None
     width = sample
     for _ in range(8):
-        state = placed(p + width * FAR * NODES)
-        values = unknowns_of(model, block, state, np.arange(len(NODES)))
+        state = placed(p + width * FAR_STEPS * FIT_NODES)
+        values = unknowns_of(model, block, state, np.arange(len(FIT_NODES)))
         if np.isfinite(values).all():
             tail = tail_of(values / scale)
             if best is None or tail < 0.5 * best[0]:
-                best = tail, p + _zero(_determinant(model, block, state), NODES) * width * FAR, width
-            if tail < TAIL:
+                best = tail, p + _zero(_determinant(model, block, state), FIT_NODES) * width * FAR_STEPS, width
+            if tail < FIT_TAIL:
                 break
         width *= 0.5
     return None if best is None else best[1:]
@@ -321,7 +324,7 @@ def dead_point_instants(
         inner = h[1:-1]
         low = (inner <= h[:-2]) & (inner < h[2:]) & (inner < 1e-2) & (inner > -max(INTERPOLATED_DEAD_POINT, rounding))
         for k in (np.flatnonzero(low) + 1).tolist():
-            a, b = max(k - WINDOW, 0), min(k + WINDOW + 1, len(time))
+            a, b = max(k - WINDOW_SAMPLES, 0), min(k + WINDOW_SAMPLES + 1, len(time))
             y = h[a:b]
             if not np.isfinite(y).all() or np.ptp(y) < ROUNDING:
                 continue

@@ -22,8 +22,8 @@ from mechcore.spec.mechanism import Mechanism
 
 Range = tuple[float, float]
 
-TOUCH = 1e-6  # [rad] nearer than which a joint starts at its only stop, and not a turn away from it
-TIE = 1e-9  # of a turn: angles so near to a border of their range are on it
+STOP_DISTANCE = 1e-6  # [rad] nearer than which a joint starts at its only stop, and not a turn away from it
+BORDER_WIDTH = 1e-9  # of a turn: angles so near to a border of their range are on it
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class StartPose:
             return turns
         started = angle + TURN * turns
         low, high = about
-        inside = (started >= low - TIE) & (started <= high + TIE) & (high - low > 0.0)
+        inside = (started >= low - BORDER_WIDTH) & (started <= high + BORDER_WIDTH) & (high - low > 0.0)
         return np.where(inside, turns, _turns_about(angle, 0.5 * (low + high)))
 
     def with_stops(self, stops: Iterable[tuple[str, str, float]]) -> StartPose:
@@ -59,16 +59,16 @@ class StartPose:
         ranges = dict(self.ranges)
         for joint, (low, high) in limits.items():
             if high == math.inf:
-                high = low + TURN - TOUCH
+                high = low + TURN - STOP_DISTANCE
             elif low == -math.inf:
-                low = high - TURN + TOUCH
+                low = high - TURN + STOP_DISTANCE
             ranges[joint] = low, high
         return replace(self, ranges=ranges)
 
 
 def _turns_about(angle: Values, about: float) -> Values:
     """Turns that bring an angle to within half a turn of another; half a turn is counted positive."""
-    return np.floor((about + math.pi - angle) / TURN + TIE)
+    return np.floor((about + math.pi - angle) / TURN + BORDER_WIDTH)
 
 
 def _ranges_of_tables(mechanism: Mechanism) -> dict[str, Range]:
@@ -96,12 +96,12 @@ def start_pose(model: Model, class_angles: Real) -> StartPose:
 Frames = tuple[Sequence[Values], State, tuple[int, ...]]  # positions of the drives, what is solved there, shape of the results
 Place = Callable[[Real], Frames]  # places (n, c) on the path -> what is there
 
-LARGEST = 1.0  # [rad] that a link may turn from one place to the next; else places between them are looked at
-FARTHEST = 4096.0  # steps from one place to the next; a place farther off is a trial of the integrator's, not on the path
-MOST = 4_000_000  # steps of a table from the start: 100,000 turns; a trial of the integrator's may lie anywhere
-ROUNDS = 14  # halvings of a step in which links turn farther: at a real jump no step is short enough
-CHUNK = 100_000  # places looked at together
-SAMPLES = 256  # of a law's cycle, for its largest speed
+LARGEST_TURN = 1.0  # [rad] that a link may turn from one place to the next; else places between them are looked at
+FARTHEST_STEPS = 4096.0  # steps from one place to the next; a place farther off is a trial of the integrator's, not on the path
+MOST_STEPS = 4_000_000  # steps of a table from the start: 100,000 turns; a trial of the integrator's may lie anywhere
+MOST_HALVINGS = 14  # halvings of a step in which links turn farther: at a real jump no step is short enough
+PLACES_AT_ONCE = 100_000  # places looked at together
+SAMPLES_A_CYCLE = 256  # of a law's cycle, for its largest speed
 
 
 def raw_angles(model: Model, drives: Sequence[Values], state: State, shape: tuple[int, ...]) -> Real:
@@ -155,14 +155,14 @@ def _follow(
     """
     own = np.arange(len(x))
     fresh = np.zeros(len(x), bool) if fresh is None else fresh
-    for k in range(ROUNDS):
+    for k in range(MOST_HALVINGS):
         if k == 0:
             far = np.nan_to_num(np.abs(np.diff(x, axis=0)) / steps).max(axis=1, initial=0.0)
-            parts = np.where(far > FARTHEST, 1.0, np.maximum(np.ceil(far - 1e-9), 1.0)).astype(int)
+            parts = np.where(far > FARTHEST_STEPS, 1.0, np.maximum(np.ceil(far - 1e-9), 1.0)).astype(int)
         else:
             turned = np.diff(raw)
             turned = np.nan_to_num(np.abs(turned - TURN * np.round(turned / TURN)))
-            parts = np.where(turned.reshape(-1, len(x) - 1).max(axis=0, initial=0.0) > LARGEST, 2, 1)
+            parts = np.where(turned.reshape(-1, len(x) - 1).max(axis=0, initial=0.0) > LARGEST_TURN, 2, 1)
         parts[fresh[1:]] = 1
         if (parts > 1).any():
             left = np.repeat(np.arange(len(parts)), parts - 1)
@@ -297,7 +297,7 @@ def _time_step(laws: Sequence[Law], steps: Real) -> float:
     for law, step in zip(laws, steps, strict=True):
         if not moves(law):
             continue
-        t = np.linspace(0.0, law.duration, SAMPLES + 1)
+        t = np.linspace(0.0, law.duration, SAMPLES_A_CYCLE + 1)
         fastest = float(np.abs(law(t)[1]).max())
         lengths.append(min(law.duration / 32.0, step / fastest if fastest > 0.0 else math.inf))
     return min(lengths)
@@ -322,9 +322,9 @@ class _Table:
         if np.abs(_steps(self.at, x)).max(initial=0.0) <= self.step * (1.0 + 1e-9):
             turned = _steps(self.class_angles, raw)
             turns = np.round(turned / TURN)
-            if np.abs(turned - TURN * turns).max(initial=0.0) <= LARGEST:
+            if np.abs(turned - TURN * turns).max(initial=0.0) <= LARGEST_TURN:
                 return np.asarray(raw - TURN * np.cumsum(turns, axis=1)) if turns.any() else raw
-        known = np.clip(x[np.isfinite(x)], self.at - MOST * self.step, self.at + MOST * self.step)
+        known = np.clip(x[np.isfinite(x)], self.at - MOST_STEPS * self.step, self.at + MOST_STEPS * self.step)
         low, high = float(known.min(initial=self.at)), float(known.max(initial=self.at))
         self._look_for_period(high - low, place)
         if self.period is None:
@@ -362,7 +362,11 @@ class _Table:
                 p, angles = self.known
                 last = float(p[-up])
                 count = math.ceil(abs(wanted - last) / self.step)
-                x = np.linspace(last, wanted if count <= CHUNK else last + sign * CHUNK * self.step, min(count, CHUNK) + 1)
+                x = np.linspace(
+                    last,
+                    wanted if count <= PLACES_AT_ONCE else last + sign * PLACES_AT_ONCE * self.step,
+                    min(count, PLACES_AT_ONCE) + 1,
+                )
                 raw = np.concatenate([angles[:, -up, None], raw_angles(self.model, *place(x[1:, None]))], axis=-1)
                 places, raw, followed_by, _ = self._follow(x, raw, place)
                 lost = ~np.isfinite(raw).all(axis=0)
@@ -395,7 +399,7 @@ def along_designs(model: Model, time: Real, frames: Frames, laws: tuple[Law, ...
 
 def times_of_designs(model: Model, time: Real, laws: tuple[Law, ...]) -> tuple[Real, Index]:
     """Times (n,) from the start over those of the frames (F,), between which angles can be followed unless links turn by more than
-    `LARGEST`; and which of them are the frames (F,)."""
+    `LARGEST_TURN`; and which of them are the frames (F,)."""
     x = np.append(0.0, time)[:, None]
     places, *_, own = _follow(lambda y: np.zeros((0, len(y))), x, np.zeros((0, len(x))), _steps_of_designs(model, laws))
     return places[:, 0], own[1:]

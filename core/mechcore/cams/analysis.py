@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mechcore.arrays import Complex, Flags, Index, Real, numbers
-from mechcore.cams.contact import AROUND, Task, locate
+from mechcore.cams.contact import SAMPLES_AROUND, Task, locate
 from mechcore.cams.contour import Contour
 from mechcore.cams.followers import Flat, Follower
 from mechcore.numerics import jets
@@ -93,7 +93,7 @@ def _between(near: Contact, angle: Real, count: int, each: int) -> Index:
     sample = piece * each + np.rint((near.parameter - piece) * (each - 1)).astype(int)
     whole = count * each
     step = (sample[k] - sample[k - 1] + whole // 2) % whole - whole // 2
-    return np.where(np.abs(step) < AROUND, (sample[k - 1] + step // 2) % whole, -1)
+    return np.where(np.abs(step) < SAMPLES_AROUND, (sample[k - 1] + step // 2) % whole, -1)
 
 
 # --- derivatives --------------------------------------------------------------------------------------------------------------

@@ -18,9 +18,9 @@ from mechcore.numerics import jets
 from mechcore.records import dataclass
 
 NEAR_JOINT = 1e-9  # ends of two pieces nearer than this part of the contour are one point
-AROUND = 12  # samples on either side of one about which the contact is known to lie
-THIN = 3.0  # distances of two samples below which the radius of a roller is small
-NEAR = 5e-15  # of a piece's range: roots are known to this; heights are level there, so that they are known to its square
+SAMPLES_AROUND = 12  # samples on either side of one about which the contact is known to lie
+THIN_ROLLER = 3.0  # distances of two samples below which the radius of a roller is small
+ROOT_ACCURACY = 5e-15  # of a piece's range: roots are known to this; heights are level there, so that they are known to its square
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,7 +141,7 @@ def root(f: Callable[[Real, Index], Real], a: Real, b: Real, fa: Real, fb: Real,
         a[m], fa[m] = x, fx
         best = np.where(np.abs(fa[m]) < np.abs(fb[m]), a[m], b[m])
         width = np.abs(b[m] - a[m])
-        least = 4e-16 * np.abs(best) + NEAR
+        least = 4e-16 * np.abs(best) + ROOT_ACCURACY
         m, width, least = (v[(width > 2.0 * least) & (fa[m] != 0.0)] for v in (m, width, least))
         with np.errstate(all="ignore"):
             p, q, r = fa[m], fb[m], fc[m]
@@ -171,7 +171,7 @@ def locate(task: Task, angle: Real, each: int, near: Index | None = None) -> tup
     rows = [(whole[a : a + block], np.arange(points.size)[None, :]) for a in range(0, whole.size, block)]
     if near is not None and whole.size < n:
         known = np.flatnonzero(near >= 0)
-        rows.append((known, (near[known, None] + np.arange(-AROUND, AROUND + 1)) % points.size))
+        rows.append((known, (near[known, None] + np.arange(-SAMPLES_AROUND, SAMPLES_AROUND + 1)) % points.size))
     for m, some in rows:
         piece[m], u[m], q[m], corner[m] = search(task, angle[m], pieces[some], us[some], points[some], each)
     return piece, u, q, corner
@@ -189,7 +189,7 @@ def _pointed(task: Task, pieces: Index, points: Complex) -> bool:
     if radius == 0.0:
         return True
     apart = np.where(pieces[1:] == pieces[:-1], np.abs(np.diff(points)), 0.0)
-    return bool(radius < THIN * apart.max())
+    return bool(radius < THIN_ROLLER * apart.max())
 
 
 def _round(task: Task, angle: Real, pieces: Index, us: Real, points: Complex, each: int) -> tuple[Index, Real, Real, Flags]:

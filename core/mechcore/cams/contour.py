@@ -294,8 +294,8 @@ def polar_contour(radius: MotionCurve) -> Contour:
     if abs(radius.length - 2.0 * np.pi) > 1e-9:
         raise MechanismError(Fault("contour", f"a polar curve over {as_angle(radius.length)}.", "Give it over one turn."))
     knots = radius.knots
-    values = radius(np.append(np.linspace(0.0, radius.length, SEGMENTS), knots), 0)[0]
-    if not values.min() > SHORTEST * values.max():  # it would have no tangent there, or go on opposite of its angle
+    values = radius(np.append(np.linspace(0.0, radius.length, LEAST_CHORDS), knots), 0)[0]
+    if not values.min() > LEAST_RADIUS * values.max():  # it would have no tangent there, or go on opposite of its angle
         what = f"its radius falls to {as_length(float(values.min()))}: the cam's axis is not inside of the profile."
         raise MechanismError(Fault("contour", what, "Keep it above zero."))
     return _checked([PolarPiece(radius, float(a), float(b - a)) for a, b in pairwise(knots)])
@@ -341,9 +341,9 @@ def cam_contour(cam: Cam) -> Contour:
     return Contour(tuple(joined(cam, pieces)), not cam.wedge)
 
 
-SHORTEST = 1e-6  # radius of a polar curve, relative to its longest
-SEGMENTS = 720  # chords round the profile, at least
-_NEAR = 1e-9  # parts of a chord by which it may miss the other, and of the profile below which points are one
+LEAST_RADIUS = 1e-6  # radius of a polar curve, relative to its longest
+LEAST_CHORDS = 720  # chords round the profile, at least
+_TOUCHING = 1e-9  # parts of a chord by which it may miss the other, and of the profile below which points are one
 
 
 def self_crossing(contour: Contour) -> complex | None:
@@ -354,17 +354,17 @@ def self_crossing(contour: Contour) -> complex | None:
     """
     from scipy.spatial import cKDTree
 
-    z = contour.samples(max(2, -(-SEGMENTS // contour.count) + 1))[2]
-    z = z[np.abs(z - np.roll(z, 1)) > _NEAR * contour.size]
+    z = contour.samples(max(2, -(-LEAST_CHORDS // contour.count) + 1))[2]
+    z = z[np.abs(z - np.roll(z, 1)) > _TOUCHING * contour.size]
     sides = np.roll(z, -1) - z
     middle = z + 0.5 * sides
     tree = cKDTree(np.column_stack([middle.real, middle.imag]))
-    i, j = tree.query_pairs(float(np.abs(sides).max(initial=0.0)) * (1.0 + _NEAR), output_type="ndarray").T
+    i, j = tree.query_pairs(float(np.abs(sides).max(initial=0.0)) * (1.0 + _TOUCHING), output_type="ndarray").T
     apart = j - i  # i < j
     i, j = (k[(apart > 1) & (apart < len(z) - 1)] for k in (i, j))
     distance, det = z[j] - z[i], np.imag(np.conj(sides[i]) * sides[j])
-    clear = np.abs(det) > _NEAR * np.abs(sides[i] * sides[j])  # not parallel
+    clear = np.abs(det) > _TOUCHING * np.abs(sides[i] * sides[j])  # not parallel
     i, distance, det, other, own = i[clear], distance[clear], det[clear], sides[j[clear]], sides[i[clear]]
     t, s = np.imag(np.conj(distance) * other) / det, np.imag(np.conj(distance) * own) / det
-    met = np.flatnonzero((np.abs(t - 0.5) <= 0.5 + _NEAR) & (np.abs(s - 0.5) <= 0.5 + _NEAR))
+    met = np.flatnonzero((np.abs(t - 0.5) <= 0.5 + _TOUCHING) & (np.abs(s - 0.5) <= 0.5 + _TOUCHING))
     return complex(z[i[met[0]]] + t[met[0]] * own[met[0]]) if met.size else None

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 from mechcore.arrays import Real
 from mechcore.cams.followers import Flat
 from mechcore.cams.synthesis import Cam, Synthesis
-from mechcore.laws.factors import KNOCK
+from mechcore.laws.factors import VELOCITY_JUMP
 from mechcore.records import dataclass
 
 
@@ -165,7 +165,7 @@ def _fold(cam: Cam, knots: Synthesis) -> float | None:
         a, b = knots._d1[left], knots._d1[right]
         turning, size = -cam.turn * cam.flank * np.imag(np.conj(a) * b), np.abs(a) * np.abs(b)
     speeds = knots.motion[1]
-    knock = np.abs(speeds[right] - speeds[left]) > KNOCK * np.abs(speeds).max()
+    knock = np.abs(speeds[right] - speeds[left]) > VELOCITY_JUMP * np.abs(speeds).max()
     folded = knock & (turning > 1e-9 * size)
     return float(knots.angle[left[int(np.argmax(folded))]]) if folded.any() else None
 

@@ -30,10 +30,10 @@ from mechcore.records import dataclass
 from mechcore.texts import as_angle
 
 STEP = np.radians(6.0)  # between the knots, at the most
-GRID = 1440  # angles at which leaps of the contact are looked for
-ROUNDS = 7  # of halving ranges in which the lift is not met
-FINE = 1e-12  # misses that are left, in parts of the largest coordinate, velocity and second derivative
-NODES = 0.5 - 0.5 * np.cos(np.pi * (np.arange(10) + 0.5) / 10)  # of a range, where the second derivative is met
+LEAP_ANGLES = 1440  # angles at which leaps of the contact are looked for
+MOST_HALVINGS = 7  # of halving ranges in which the lift is not met
+FIT_ACCURACY = 1e-12  # misses that are left, in parts of the largest coordinate, velocity and second derivative
+FIT_NODES = 0.5 - 0.5 * np.cos(np.pi * (np.arange(10) + 0.5) / 10)  # of a range, where the second derivative is met
 CHECKS = np.array([0.028, 0.5, 0.972])  # where the lift has to be met, too: between the nodes
 
 
@@ -53,7 +53,7 @@ def lift_of(contour: Contour, follower: Follower, turn: int = 1) -> GivenLift:
     """
     if not contour.closed:
         raise MechanismError(Fault("cam.profile", "an outline that is not closed.", "Close it."))
-    grid = 2.0 * np.pi * np.arange(GRID + 1) / GRID
+    grid = 2.0 * np.pi * np.arange(LEAP_ANGLES + 1) / LEAP_ANGLES
     seen = analyse(contour, follower, grid, turn)
     if seen.lost.any():
         at = as_angle(grid[int(np.argmax(seen.lost))])
@@ -69,9 +69,9 @@ def lift_of(contour: Contour, follower: Follower, turn: int = 1) -> GivenLift:
     x = np.append(np.concatenate(fine), 2.0 * np.pi)
     low, high = x[:-1], x[1:]
     done: list[tuple[Real, Real, Real]] = []
-    for k in range(ROUNDS):
+    for k in range(MOST_HALVINGS):
         table, errors = _fitted(contour, follower, turn, low, high, seen)
-        good = errors.max(axis=0) < FINE if k + 1 < ROUNDS else np.ones(low.size, bool)
+        good = errors.max(axis=0) < FIT_ACCURACY if k + 1 < MOST_HALVINGS else np.ones(low.size, bool)
         done.append((low[good], high[good], table[:, good]))
         if good.all():
             break
@@ -87,7 +87,7 @@ def lift_of(contour: Contour, follower: Follower, turn: int = 1) -> GivenLift:
 def _fitted(contour: Contour, follower: Follower, turn: int, low: Real, high: Real, seen: Contact) -> tuple[Real, Real]:
     """Coefficients (m, n) of the lift over ranges of angles (n) without a joint or a leap inside, and by how much it misses value,
     velocity and second derivative (3, n) between the nodes, in parts of the largest of all."""
-    h, u = high - low, np.concatenate([NODES, CHECKS])
+    h, u = high - low, np.concatenate([FIT_NODES, CHECKS])
     angle = low + u[:, None] * h
     m = analyse(contour, follower, angle.ravel(), turn, bridges=False, near=seen).motion
     if not np.isfinite(m).all():
@@ -96,9 +96,9 @@ def _fitted(contour: Contour, follower: Follower, turn: int, low: Real, high: Re
             Fault("cam.profile", f"no contact can be found at {at}.", "Smooth the profile there, or move the follower.")
         )
     wanted = (m[:3].reshape(3, *angle.shape).T * h[:, None, None] ** np.arange(3)).T  # value and derivatives by u
-    n, power = len(NODES), np.arange(len(NODES) + 2)
+    n, power = len(FIT_NODES), np.arange(len(FIT_NODES) + 2)
     table = np.zeros((n + 2, h.size))
-    table[2:] = np.linalg.solve(np.vander(NODES, n, increasing=True), wanted[2, :n]) / (power[2:] * (power[2:] - 1.0))[:, None]
+    table[2:] = np.linalg.solve(np.vander(FIT_NODES, n, increasing=True), wanted[2, :n]) / (power[2:] * (power[2:] - 1.0))[:, None]
     values = np.vander(u, n + 2, increasing=True)
     slopes = np.column_stack([np.zeros(u.size), power[1:] * values[:, :-1]])
     second = np.column_stack([np.zeros((u.size, 2)), (power[2:] * (power[2:] - 1.0)) * values[:, :-2]])

@@ -22,9 +22,9 @@ if TYPE_CHECKING:
 
 LANE, FRAME = 1, 2  # what a number of a program differs with
 BOTH = LANE | FRAME
-CARRIED = "c["  # how names of numbers begin that go on from frame to frame
-SLOW = ("atan2", "atan", "cos", "sin", "tan", "tanh", "exp", "expm1", "log", "log1p", "pow", "modulo")
-TABLES = ("piecewise", "searched", "curve")
+CARRIED_NAME = "c["  # how names of numbers begin that go on from frame to frame
+SLOW_FUNCTIONS = ("atan2", "atan", "cos", "sin", "tan", "tanh", "exp", "expm1", "log", "log1p", "pow", "modulo")
+TABLE_FUNCTIONS = ("piecewise", "searched", "curve")
 """Functions that compilers do not compute for several lanes at once, and those that look something up."""
 
 
@@ -53,16 +53,18 @@ def staged(code: Code, outputs: Sequence[tuple[str, Operand]], parameters: list[
     loop = dict.fromkeys(order, 0)  # of those that differ with both: odd for slow functions
     for number in order:
         if stage[number] == BOTH:
-            slow = number in code.arrays or code.form(number).startswith(tuple(f"{name}(" for name in (*SLOW, *TABLES)))
+            slow = number in code.arrays or code.form(number).startswith(
+                tuple(f"{name}(" for name in (*SLOW_FUNCTIONS, *TABLE_FUNCTIONS))
+            )
             loop[number] = int(slow)
             for x in code.operands(number):
                 loop[number] = max(loop[number], loop[x] + (loop[x] % 2 != slow) if stage[x] == BOTH else 0)
     last = max(loop.values(), default=0)
-    given = {number for number in order if not code.operands(number) and not code.form(number).startswith(CARRIED)}
+    given = {number for number in order if not code.operands(number) and not code.form(number).startswith(CARRIED_NAME)}
     assigned: list[list[str]] = [[] for _ in range(last + 1)]
     wanted: list[set[int]] = [set() for _ in assigned]
     for target, value in outputs:
-        own = last if target.startswith(CARRIED) else loop[value.number] if isinstance(value, Node) else 0
+        own = last if target.startswith(CARRIED_NAME) else loop[value.number] if isinstance(value, Node) else 0
         assigned[own].append(f"{target} = {names(value)};")
         wanted[own] |= {value.number} if isinstance(value, Node) else set()
     for number in order:
@@ -90,9 +92,9 @@ def staged(code: Code, outputs: Sequence[tuple[str, Operand]], parameters: list[
     )
 
 
-BLOCK = 64  # lanes
-LEAST = 256 * BLOCK  # numbers of a row that are worth a thread of their own
-FUNCTION = """
+BLOCK_LANES = 64  # lanes
+LEAST_A_THREAD = 256 * BLOCK_LANES  # numbers of a row that are worth a thread of their own
+FUNCTION_TEMPLATE = """
 {clones}
 int {name}(long from, long to, long n, long frames, const double *p, const double *const *in, const long *step, double *result) {{
     double (*restrict x)[{block}] = calloc({given} + 1, sizeof *x), (*restrict y)[{block}] = calloc({rows} + 1, sizeof *y);
@@ -115,7 +117,7 @@ int {name}(long from, long to, long n, long frames, const double *p, const doubl
 }}
 """
 """Blocks of lanes, each computed whole, number by number in rows of its own: so the compiler makes vectors of them."""
-CLONES = """\
+CLONES_ATTRIBUTE = """\
 #include <stdlib.h>
 #include <string.h>
 #if defined(__x86_64__) && defined(__gnu_linux__) && defined(__GNUC__) && !defined(__clang__)
@@ -188,8 +190,8 @@ class Kernel:
     def carried(self, of: Callable[[Symbol], Any]) -> Any:
         """A number that each design carries from frame to frame, zero before the first one: ``of`` what it was before."""
         row, self.carries = self.carries, self.carries + 1
-        value = of(self._input(self.code.input(f"{CARRIED}{row}][k]"), BOTH))
-        self._outputs.append((f"{CARRIED}{row}][k]", value.re if isinstance(value, Symbol) else float(value)))
+        value = of(self._input(self.code.input(f"{CARRIED_NAME}{row}][k]"), BOTH))
+        self._outputs.append((f"{CARRIED_NAME}{row}][k]", value.re if isinstance(value, Symbol) else float(value)))
         return value
 
     def _input(self, symbol: Symbol, depends: int) -> Symbol:
@@ -233,16 +235,16 @@ class Kernel:
         stages = staged(self.code, self._outputs, self.parameters, self._depends)
 
         def loop(lines: list[str]) -> str:
-            return "\n                ".join([f"for (long k = 0; k < {BLOCK}; k++) {{", *lines]) + "\n            }"
+            return "\n                ".join([f"for (long k = 0; k < {BLOCK_LANES}; k++) {{", *lines]) + "\n            }"
 
-        return FUNCTION.format(
-            clones=CLONES,
+        return FUNCTION_TEMPLATE.format(
+            clones=CLONES_ATTRIBUTE,
             name=self.name,
             given=len(self._fetched),
             rows=self.rows,
             kept=stages.kept,
             carries=self.carries,
-            block=BLOCK,
+            block=BLOCK_LANES,
             fetched="\n        ".join(fetched),
             once=loop(stages.of_lanes) if stages.of_lanes else "",
             plain="\n        ".join(stages.of_none),
@@ -284,8 +286,8 @@ class Kernel:
         def part(ends: tuple[int, int]) -> bool:
             return bool(self._function(*map(ctypes.c_long, ends), *arguments))
 
-        shares = max(1, min(cores(), n * frames // LEAST, n // BLOCK))
-        bounds = [BLOCK * (n * k // (shares * BLOCK)) for k in range(shares)] + [n]
+        shares = max(1, min(cores(), n * frames // LEAST_A_THREAD, n // BLOCK_LANES))
+        bounds = [BLOCK_LANES * (n * k // (shares * BLOCK_LANES)) for k in range(shares)] + [n]
         ends = list(pairwise(bounds))
         if not all(_threads().map(part, ends) if shares > 1 else map(part, ends)):
             raise MemoryError

@@ -21,7 +21,7 @@ from mechcore.kinematics.state import State, initial_state
 
 Executor = Literal["auto", "numpy", "c"]
 """The executor of a mechanism's program: numpy over all frames, or a program in C that is compiled when first needed."""
-PAYS = 1_000_000  # frames from which on compiling a program costs less than it spares: both grow with its length
+LEAST_FRAMES_TO_COMPILE = 1_000_000  # frames from which on compiling a program costs less than it spares: both grow with its length
 MOST_LINES = 40_000  # of a program: compiling that takes some 20 s
 
 
@@ -190,7 +190,7 @@ def motion_program(model: Model, executor: Executor, frames: int) -> MotionProgr
 
     Raises `MechanismError` where C is asked for and cannot be compiled.
     """
-    if executor == "numpy" or (executor == "auto" and frames < PAYS):
+    if executor == "numpy" or (executor == "auto" and frames < LEAST_FRAMES_TO_COMPILE):
         return None
     program = model.once(loaded)
     if isinstance(program, MechanismError):

@@ -18,7 +18,7 @@ class ParameterRow(NamedTuple):
 
 
 Operand: TypeAlias = Node | float
-FOLDED = (0.0, 1.0, -1.0, 2.0, -2.0, 0.5, -0.5)  # numbers that stand in the program itself: other ones are parameters
+FOLDED_NUMBERS = (0.0, 1.0, -1.0, 2.0, -2.0, 0.5, -0.5)  # numbers that stand in the program itself: other ones are parameters
 
 
 class Names:
@@ -32,7 +32,7 @@ class Names:
         if isinstance(operand, Node):
             return f"t{operand.number}"
         row = isinstance(operand, ParameterRow)
-        if not row and operand in FOLDED:
+        if not row and operand in FOLDED_NUMBERS:
             return f"({operand!r})" if operand < 0.0 else repr(operand)
         if operand not in self._places:
             self._places[operand] = len(self._parameters)

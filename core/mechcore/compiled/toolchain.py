@@ -17,10 +17,16 @@ from pathlib import Path
 from mechcore.cache import cached_file, digest, is_cached
 from mechcore.errors import Fault, MechanismError
 
-OPTIONS = ("-O2", "-fno-math-errno", "-ffp-contract=off", "-fPIC", "-shared")  # none that lets results depend on the machine
-LONGEST = 300.0  # [s] that the compiler may take
-ENDING = ".so"
-LOADED = 256  # libraries that stay loaded under their source
+COMPILER_OPTIONS = (
+    "-O2",
+    "-fno-math-errno",
+    "-ffp-contract=off",
+    "-fPIC",
+    "-shared",
+)  # none that lets results depend on the machine
+LONGEST_COMPILATION = 300.0  # [s] that the compiler may take
+LIBRARY_SUFFIX = ".so"
+MOST_LIBRARIES = 256  # libraries that stay loaded under their source
 
 
 @cache
@@ -42,12 +48,12 @@ def required_compiler() -> tuple[str, ...]:
     return command
 
 
-@lru_cache(LOADED)
+@lru_cache(MOST_LIBRARIES)
 def library(source: str) -> ctypes.CDLL:
     """A library compiled from C, from the cache where it is there. Raises `MechanismError` where that fails."""
     command = required_compiler()
     try:
-        with cached_file(_identity(command, source), ENDING, lambda path: _compile(command, source, path)) as path:
+        with cached_file(_identity(command, source), LIBRARY_SUFFIX, lambda path: _compile(command, source, path)) as path:
             return ctypes.CDLL(str(path))
     except OSError as error:
         why = f"the compiled program cannot be made or loaded: {error}."
@@ -57,7 +63,7 @@ def library(source: str) -> ctypes.CDLL:
 def cached(source: str) -> bool:
     """Whether a library is in the cache, so that nothing has to be compiled."""
     command = compiler()
-    return command is not None and is_cached(_identity(command, source), ENDING)
+    return command is not None and is_cached(_identity(command, source), LIBRARY_SUFFIX)
 
 
 def _identity(command: tuple[str, ...], source: str) -> str:
@@ -65,7 +71,7 @@ def _identity(command: tuple[str, ...], source: str) -> str:
     package = find_spec(command[2]) if len(command) > 2 else None
     real = os.path.realpath(command[0] if package is None or package.origin is None else package.origin)
     state = os.stat(real)
-    parts = (*command[1:], real, state.st_size, state.st_mtime_ns, *OPTIONS, sys.platform, source)
+    parts = (*command[1:], real, state.st_size, state.st_mtime_ns, *COMPILER_OPTIONS, sys.platform, source)
     return digest("\0".join(map(str, parts)).encode())
 
 
@@ -73,8 +79,8 @@ def _compile(command: tuple[str, ...], source: str, path: Path) -> None:
     """Compile into a file. Raises `MechanismError` where that fails."""
     try:
         ran = subprocess.run(
-            [*command, *OPTIONS, "-x", "c", "-", "-o", str(path), "-lm"],
-            input=source, capture_output=True, text=True, timeout=LONGEST, check=False,
+            [*command, *COMPILER_OPTIONS, "-x", "c", "-", "-o", str(path), "-lm"],
+            input=source, capture_output=True, text=True, timeout=LONGEST_COMPILATION, check=False,
         )  # fmt: skip
     except (OSError, subprocess.TimeoutExpired) as error:
         why = f"the C compiler cannot be used: {error}."

@@ -42,13 +42,13 @@ from mechcore.motion.motion import Motion
 from mechcore.records import dataclass
 from mechcore.reduction.bodies import percussion_centre
 
-LEAST = 1e-6
+LEAST_SINE = 1e-6
 """Sine of the angle between two lines, or distance of two centres, typical of the frames, below which they decide nothing."""
 AT_INFINITY = 1e-9
 """A centre farther than the mechanism's size over this is at infinity."""
-STILL = 1e-11
+ROUNDING_RATE = 1e-11
 """Rates below this part of the largest in the mechanism are rounding."""
-MOST = 6
+MOST_LINES = 6
 """Lines among which the two that meet best are chosen."""
 
 Pair = tuple[int, int]
@@ -116,7 +116,7 @@ def kennedy(motion: Motion, links: Sequence[str] = ()) -> dict[str, InstantCentr
         lines = tuple(
             CentreLine(tuple(name[p] for p in locus.pairs) or (locus.joint,), *scene.straight(locus.line)) for locus in two
         )
-        meeting = _unit(np.cross(two[0].line, two[1].line), LEAST) if two else np.full((n, 3), np.nan)
+        meeting = _unit(np.cross(two[0].line, two[1].line), LEAST_SINE) if two else np.full((n, 3), np.nan)
         gap = np.abs(scene.point(meeting)[0] - place)
         how: Literal["joint", "lines", "velocities"] = "velocities" if pair not in loci else "lines" if two else "joint"
         out[name[pair]] = InstantCentre((model.links[pair[0]], model.links[pair[1]]), how, place, away, lines, gap)
@@ -146,7 +146,7 @@ class _Scene:
             at = (-1j * shift - turn * self.middle) / self.size
             crosses[index[first], index[second]] = np.stack([at.real, at.imag, turn], axis=-1)
         sizes = {pair: np.linalg.norm(c, axis=-1) for pair, c in crosses.items()}
-        least = STILL * np.fmax.reduce([*sizes.values(), np.zeros(self.motion.frames)])
+        least = ROUNDING_RATE * np.fmax.reduce([*sizes.values(), np.zeros(self.motion.frames)])
         bodies = list(range(len(index)))
         for (a, b), size in sizes.items():
             if not (size > least).any():
@@ -164,7 +164,7 @@ class _Scene:
             pair = _pair(bodies, ends)
             z, d = ((frames_of(v, motion.frames) - m) / s for v, m, s in ((at, self.middle, self.size), (along, 0j, 1.0)))
             line = _unit(np.stack([-d.imag, d.real, z.real * d.imag - z.imag * d.real], axis=-1))
-            if pair in true and _typical(np.abs((line * true[pair]).sum(axis=-1))) < LEAST:
+            if pair in true and _typical(np.abs((line * true[pair]).sum(axis=-1))) < LEAST_SINE:
                 loci_of.setdefault(pair, []).append(_Locus(line, joint=name))
         return loci_of
 
@@ -205,13 +205,13 @@ def _best(
     candidates = [*normals.get(pair, ())]
     for k in bodies:
         p, q = (min(a, k), max(a, k)), (min(b, k), max(b, k))
-        if k in pair or p not in known or q not in known or len(candidates) == MOST:
+        if k in pair or p not in known or q not in known or len(candidates) == MOST_LINES:
             continue
         line = np.cross(true[p], true[q])
-        if _typical(np.linalg.norm(line, axis=-1)) > LEAST:
+        if _typical(np.linalg.norm(line, axis=-1)) > LEAST_SINE:
             candidates.append(_Locus(_unit(line), (p, q)))
     best: tuple[_Locus, ...] = ()
-    most = LEAST
+    most = LEAST_SINE
     for first, second in combinations(candidates, 2):
         meeting = _typical(np.linalg.norm(np.cross(first.line, second.line), axis=-1))
         if meeting > most:
@@ -230,9 +230,9 @@ def _unit(vectors: Real, least: Real | float = 0.0) -> Real:
         return np.asarray(np.where(size > least, vectors / size, np.nan))
 
 
-CUSP = 1e-9
+CUSP_SPEED = 1e-9
 """A point slower than this part of its own largest rate is at a cusp, or turns back."""
-STILL_LINK = 1e-12
+ROUNDING_LINK_RATE = 1e-12
 """Rates below this part of the largest in the mechanism are rounding."""
 
 
@@ -257,8 +257,8 @@ def path_curvature(motion: Motion, link: str, point: str) -> PathCurvature:
     size = motion.model.length_scale
     with np.errstate(invalid="ignore", divide="ignore"):
         speed = np.abs(rate)
-        tangent = rate / np.where(speed > CUSP * float(np.nanmax(speed, initial=0.0)), speed, np.nan)
-        centre = place + 1j * tangent / np.where(np.abs(curvatures) * size > STILL_LINK, curvatures, np.nan)
+        tangent = rate / np.where(speed > CUSP_SPEED * float(np.nanmax(speed, initial=0.0)), speed, np.nan)
+        centre = place + 1j * tangent / np.where(np.abs(curvatures) * size > ROUNDING_LINK_RATE, curvatures, np.nan)
     return PathCurvature(link, point, place, tangent, np.where(np.isfinite(tangent), curvatures, np.nan), centre)
 
 
@@ -305,7 +305,7 @@ def inflection_circle(motion: Motion, link: str) -> InflectionCircle:
     at, v, a = (frames_of(unit.origin(k, order), n) for order in range(3))
     size = model.length_scale
     with np.errstate(invalid="ignore", divide="ignore"):
-        arm = 1j * v / np.where(np.abs(w) * size > STILL_LINK * np.abs(v), w, np.nan)
+        arm = 1j * v / np.where(np.abs(w) * size > ROUNDING_LINK_RATE * np.abs(v), w, np.nan)
         end = at + arm + (a + (1j * e - w * w) * arm) / (w * w)
     circle = InflectionCircle(link, at + arm, end, None)
     return InflectionCircle(link, circle.pole, end, _bobillier(motion, circle))
@@ -323,7 +323,7 @@ def _bobillier(motion: Motion, circle: InflectionCircle) -> Bobillier | None:
         place = frames_of(motion.of_point(k, local), n)
         centre = circle.centre_of_curvature(place)
         with np.errstate(invalid="ignore"):
-            good = np.abs(centre - place) < size / STILL_LINK**0.5
+            good = np.abs(centre - place) < size / ROUNDING_LINK_RATE**0.5
             apart = all(np.median(np.abs(cross(p - circle.pole, place - circle.pole))) > 1e-9 * size**2 for _, _, p, _ in pairs)
         if good.mean() > 0.5 and apart:
             pairs.append((joint.name, local, place, centre))

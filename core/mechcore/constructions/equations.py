@@ -19,7 +19,7 @@ from mechcore.forces.kinetostatics import Forces, LinkLoad, loads_on
 from mechcore.joints.base import Relation
 from mechcore.kinematics.dyads import cross
 from mechcore.kinematics.model import Model
-from mechcore.motion.at_once import DENSE, INDEPENDENT, equilibrium_cells
+from mechcore.motion.at_once import DENSE_UNKNOWNS, INDEPENDENT_RATIO, equilibrium_cells
 from mechcore.motion.structure import Group, groups, loop_steps
 from mechcore.numerics.frames import stacked
 from mechcore.records import dataclass
@@ -155,10 +155,10 @@ class Equilibrium:
         """Whether there are as many unknowns as equations, which decide all of them at some frame."""
         if self.equations != len(self.unknowns):
             return False
-        if self.equations > DENSE:
+        if self.equations > DENSE_UNKNOWNS:
             return any(solve is not None for solve in self._factors)
         s = np.linalg.svd(self.matrix / self._scale[..., None], compute_uv=False)
-        return bool((s[:, -1] > INDEPENDENT * s[:, 0]).any())
+        return bool((s[:, -1] > INDEPENDENT_RATIO * s[:, 0]).any())
 
     @cached_property
     def _factors(self) -> list[Callable[[Real], Real] | None]:
@@ -174,17 +174,19 @@ class Equilibrium:
                 factors.append(None)
                 continue
             pivots = np.abs(factor.U.diagonal())
-            factors.append(factor.solve if pivots.min() > INDEPENDENT * pivots.max() else None)
+            factors.append(factor.solve if pivots.min() > INDEPENDENT_RATIO * pivots.max() else None)
         return factors
 
     def at_once(self) -> Real:
         """The unknowns (F, unknowns) by all equations together, without splitting into groups; the shortest of all solutions where
         statics does not decide."""
         given = -self.loads / self._scale
-        if self.equations > DENSE and self.determinate:
+        if self.equations > DENSE_UNKNOWNS and self.determinate:
             nothing = np.full(len(self.unknowns), np.nan)
             return np.array([nothing if f is None else f(side) for f, side in zip(self._factors, given, strict=True)])
-        return np.asarray((np.linalg.pinv(self.matrix / self._scale[..., None], rcond=INDEPENDENT) @ given[..., None])[..., 0])
+        return np.asarray(
+            (np.linalg.pinv(self.matrix / self._scale[..., None], rcond=INDEPENDENT_RATIO) @ given[..., None])[..., 0]
+        )
 
     def _row(self, row: int) -> slice:
         """The cells of an equation."""

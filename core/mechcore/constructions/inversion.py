@@ -17,10 +17,10 @@ from mechcore.errors import Fault, MechanismError
 from mechcore.motion.motion import Motion
 from mechcore.records import dataclass
 
-STEPS = 30
+DRAWN_POSITIONS = 30
 """Positions of the follower that are drawn in a turn."""
-ROUND = np.exp(2j * np.pi * np.linspace(0.0, 1.0, 49))
-ALONG = 3600
+CIRCLE_POINTS = np.exp(2j * np.pi * np.linspace(0.0, 1.0, 49))
+PROFILE_POINTS = 3600
 """Points of the profile, from which its distance to the follower is measured."""
 
 
@@ -56,7 +56,7 @@ class CamInversion:
         return np.abs(self.references - self.starts)
 
 
-def cam_inversions(motion: Motion, joint: str, steps: int = STEPS) -> dict[str, CamInversion]:
+def cam_inversions(motion: Motion, joint: str, steps: int = DRAWN_POSITIONS) -> dict[str, CamInversion]:
     """The construction of a plane cam's profile in some steps, by the name of the joint; of a conjugate pair that of both profiles.
 
     Raises `MechanismError` for joints that are no plane cams, and for cams whose profile is given.
@@ -77,9 +77,9 @@ def _constructed(placed: PlacedCam, steps: int) -> CamInversion:
     follower, law = cam.follower, cam.law
     if cam.wedge:  # without the level parts before and after
         low, high = float(law.knots[1]), float(law.knots[-2])
-        angles, along_it = np.linspace(low, high, steps + 1), np.linspace(low, high, ALONG)
+        angles, along_it = np.linspace(low, high, steps + 1), np.linspace(low, high, PROFILE_POINTS)
     else:
-        angles, along_it = (law.start + law.length * np.arange(n) / n for n in (steps, ALONG))
+        angles, along_it = (law.start + law.length * np.arange(n) / n for n in (steps, PROFILE_POINTS))
     s = cam.at(angles)
     turn: Complex = np.exp(-1j * cam.turn * angles) if not cam.wedge else np.ones(len(angles), complex)
     shift = angles if cam.wedge else np.zeros(len(angles))
@@ -92,7 +92,7 @@ def _constructed(placed: PlacedCam, steps: int) -> CamInversion:
         bases = [reach + 1j * base] + ([reach + foot] if foot else [])
     else:
         base = abs(rest) - follower.radius if not isinstance(follower.face, Flat) else placed.base
-        bases = [base * ROUND] + ([abs(foot) * ROUND] if abs(foot) > 0.0 else [])
+        bases = [base * CIRCLE_POINTS] + ([abs(foot) * CIRCLE_POINTS] if abs(foot) > 0.0 else [])
     face, faces = follower.face, None
     if isinstance(face, Flat):
         along = turn * follower.face_direction(s.motion[0])

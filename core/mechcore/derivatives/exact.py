@@ -51,7 +51,7 @@ from mechcore.spec.mechanism import Mechanism, braked
 from mechcore.topology.graph import vector_loops
 
 T = TypeVar("T")
-TRIES = 5
+MOST_TRIES = 5
 
 
 class Derivatives:
@@ -488,7 +488,7 @@ def _flanks(nominal: Motion, known: FrictionResult) -> dict[int, Real]:
     flanks = _signs(joint_forces(nominal, list(force), list(moment))[2])
     for i, element in enumerate(known.elements):
         element.load(nominal, own_force, own_moment, -element.sign * element.factor * np.nan_to_num(known.loads[:, i]))
-    for _ in range(TRIES):
+    for _ in range(MOST_TRIES):
         turned = _signs(joint_forces(nominal, list(own_force), list(own_moment), flanks)[2])
         if all(np.array_equal(turned[r], flanks[r]) for r in flanks):
             break

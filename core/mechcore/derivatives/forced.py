@@ -15,7 +15,7 @@ from mechcore.arrays import Index, Real
 from mechcore.derivatives.exact import Derivatives
 from mechcore.derivatives.jumps import Jumps
 from mechcore.derivatives.model_numbers import Parameter, refusal, slopes
-from mechcore.derivatives.phases import SWEEP, Changes, Phase, PhaseDerivatives, carried, changes_in
+from mechcore.derivatives.phases import SWEEP_INSTEAD, Changes, Phase, PhaseDerivatives, carried, changes_in
 from mechcore.dynamics.equations.reduced import integrating
 from mechcore.dynamics.integration.windows import Solution
 from mechcore.dynamics.segments import Breakpoints, Segment
@@ -64,7 +64,7 @@ def derivatives_under_forces(
     compiled = simulation.compiled
     parameters = [replace(p, mechanism=cache(p.mechanism)) for p in parameters]  # every phase asks for the same ones
     if integrating(compiled):
-        raise refusal("a load keeps a state of its own over the time.", SWEEP)
+        raise refusal("a load keeps a state of its own over the time.", SWEEP_INSTEAD)
     stated = _stated(compiled, simulation.duration)
     for p in parameters:
         beside = _stated(compile_mechanism(p.mechanism(p.value + 0.5 * p.width), compiled.accuracy), simulation.duration)

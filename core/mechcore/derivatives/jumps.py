@@ -18,7 +18,7 @@ from numpy.polynomial import chebyshev
 from mechcore.arrays import Real
 from mechcore.derivatives.exact import Derivatives
 from mechcore.derivatives.model_numbers import Numbers, Parameter, refusal, slopes
-from mechcore.derivatives.phases import SWEEP, Phase, PhaseDerivatives, carried
+from mechcore.derivatives.phases import SWEEP_INSTEAD, Phase, PhaseDerivatives, carried
 from mechcore.dynamics.contact.dry_friction import DrySystem
 from mechcore.dynamics.contact.separation import FollowerSeparation
 from mechcore.dynamics.equations.reduced import forms_of, free_of, motion_at, reduce
@@ -33,9 +33,9 @@ from mechcore.forces.kinetostatics import Forces
 from mechcore.laws.timed import Free
 from mechcore.motion.compiled import Compiled
 
-SAME = 1e-7  # of the largest speed: how far speeds after an impact may be from those that the equations of impact give
-JUMP = 1e-5  # part of the largest acceleration by which it may change without being a jump
-NODES = 16  # by which a number is differentiated along the end of a phase
+SAME_SPEED = 1e-7  # of the largest speed: how far speeds after an impact may be from those that the equations of impact give
+LEAST_JUMP = 1e-5  # part of the largest acceleration by which it may change without being a jump
+END_NODES = 16  # by which a number is differentiated along the end of a phase
 
 
 def contact_numbers(stops: Sequence[EndStop], cams: Sequence[SeparableCam]) -> Numbers:
@@ -87,7 +87,7 @@ class Jumps:
         original = self.simulation.compiled
         known = [original] if not separated else [s.compiled for s in self.simulation.segments if set(s.separated) == separated]
         if not known:
-            raise refusal(f"at t = {t:.6g} s one of several followers lands while others are away.", SWEEP)
+            raise refusal(f"at t = {t:.6g} s one of several followers lands while others are away.", SWEEP_INSTEAD)
         return known[0], carried(known[0], original, self.parameters)
 
     def is_stated(self, t: float) -> bool:
@@ -95,7 +95,7 @@ class Jumps:
         return bool(len(self._stated)) and float(np.abs(self._stated - t).min()) <= 1e-9 * self.simulation.duration
 
     def jumps(self, before: Real, after: Real) -> bool:
-        return float(np.abs(after - before).max(initial=0.0)) > JUMP * self._largest
+        return float(np.abs(after - before).max(initial=0.0)) > LEAST_JUMP * self._largest
 
 
 class Instant(Derivatives):
@@ -187,8 +187,14 @@ class _Crossing:
             rates = speeds
         else:
             largest = max(float(np.abs(self.v).max(initial=0.0)), float(np.abs(self.new[1]).max(initial=0.0)))
-            if float(np.abs(v - self.new[1]).max(initial=0.0)) > SAME * largest + 1e-300 and largest > 0.0 and not self._settles(v):
-                raise refusal(f"what happens at t = {self.t:.6g} s follows from the parameters in a way that is not known.", SWEEP)
+            if (
+                float(np.abs(v - self.new[1]).max(initial=0.0)) > SAME_SPEED * largest + 1e-300
+                and largest > 0.0
+                and not self._settles(v)
+            ):
+                raise refusal(
+                    f"what happens at t = {self.t:.6g} s follows from the parameters in a way that is not known.", SWEEP_INSTEAD
+                )
             moved = self._moved(a)
             positions, rates = states[0::2] + flow[0::2, None] * moved, states[1::2] + flow[1::2, None] * moved
         after = np.concatenate([positions - self.new[1][:f, None] * moved, rates - self.new[2][:f, None] * moved])
@@ -211,7 +217,7 @@ class _Crossing:
     def _settles(self, v: Real) -> bool:
         """Whether what stops moving had next to no speed left: friction holds it."""
         scale = max(float(np.abs(w.v).max(initial=0.0)) for w in getattr(self.before.segment.solution, "windows", ()))
-        return float(np.abs(v - self.new[1]).max()) <= SAME * scale
+        return float(np.abs(v - self.new[1]).max()) <= SAME_SPEED * scale
 
     # -- when -----------------------------------------------------------------------------------------------------------
     def _moved(self, a: Real) -> Real:
@@ -223,7 +229,7 @@ class _Crossing:
         shift = self._loose() if shift is None else shift
         shift = self._passed() if shift is None else shift
         if shift is None:
-            raise refusal(f"a force jumps at t = {self.t:.6g} s, an instant that moves with the parameters.", SWEEP)
+            raise refusal(f"a force jumps at t = {self.t:.6g} s, an instant that moves with the parameters.", SWEEP_INSTEAD)
         return shift
 
     def _turned(self) -> Real | None:
@@ -254,18 +260,18 @@ class _Crossing:
         if not len(came):
             return None
         width = self.before.edges[-1] - self.before.edges[-2]
-        x = np.cos(np.pi * (np.arange(NODES) + 0.5) / NODES)
+        x = np.cos(np.pi * (np.arange(END_NODES) + 0.5) / END_NODES)
         t = self.t + 0.5 * width * (np.append(x, 1.0) - 1.0)
         q, v, _ = self.before.state(t)
         dry = one.solve(q, v, t)
         excess = np.sign(dry.value[-1]) * dry.value - dry.limit
         i = int(came[np.argmax(excess[-1, came])])
-        fit = np.linalg.solve(chebyshev.chebvander(x, NODES - 1), excess[:-1, i])
+        fit = np.linalg.solve(chebyshev.chebvander(x, END_NODES - 1), excess[:-1, i])
         pace = float(chebyshev.chebval(1.0, chebyshev.chebder(fit))) * 2.0 / width
         exact = PhaseDerivatives(self.before, np.array([self.t]))
         exact.set_states(self.states[None])
         if exact.undetermined:
-            raise refusal(f"at t = {self.t:.6g} s one of several joints that stick comes loose.", SWEEP)
+            raise refusal(f"at t = {self.t:.6g} s one of several joints that stick comes loose.", SWEEP_INSTEAD)
         (slope,) = exact.of(abs(exact.rubbing[i]) - exact.limit(i))
         return np.asarray(-slope[:, 0] / pace)
 
@@ -300,13 +306,13 @@ class _Crossing:
             mechanisms = self.before.compiled.mechanism, p.mechanism(p.value + 0.5 * p.width)
             laws = [[getattr(x, "factor", None) for x in m.loads if x.name == name] for m in mechanisms]
             if laws[0] != laws[1]:
-                raise refusal(f"where the law of {name} changes its form may depend on {p.name}.", SWEEP)
+                raise refusal(f"where the law of {name} changes its form may depend on {p.name}.", SWEEP_INSTEAD)
 
     # -- impacts --------------------------------------------------------------------------------------------------------
     def _impact(self) -> tuple[Real, Real, Real]:
         """How the instant of an impact moves (P,), how the rates after it do (f', P), and the changes (P, 2) of the energies."""
         if len(self.struck) > 1:
-            raise refusal(f"at t = {self.t:.6g} s several contacts are struck at once.", SWEEP)
+            raise refusal(f"at t = {self.t:.6g} s several contacts are struck at once.", SWEEP_INSTEAD)
         name = self.struck[0]
         f = len(self.q)
         resting = [s for s in self.before.segment.resting if s.name != name]
@@ -327,8 +333,8 @@ class _Crossing:
         rates = self.v + jump[:f]
         wanted = self._kept(rates)
         size = max(float(np.abs(self.v).max()), float(np.abs(rates).max()), 1e-300)
-        if float(np.abs(wanted - self.new[1]).max(initial=0.0)) > SAME * size:
-            raise refusal(f"the impact at t = {self.t:.6g} s goes together with other changes.", SWEEP)
+        if float(np.abs(wanted - self.new[1]).max(initial=0.0)) > SAME_SPEED * size:
+            raise refusal(f"the impact at t = {self.t:.6g} s goes together with other changes.", SWEEP_INSTEAD)
         self.rows[2], accelerations = rates, np.zeros_like(self.rows)
         accelerations[1] = jump[:f]
         self.at = Instant(self.before.compiled, self.before.parameters, self.t, self.q, self.rows, accelerations)

@@ -28,11 +28,11 @@ from mechcore.spec.loads import Prescribed
 from mechcore.spec.mechanism import Mechanism
 
 Numbers = dict[Place, Any]  # of a compiled mechanism, by where they are
-ROUNDING = 2e-14  # relative: what a map of a few operations may be off
-NODES = 9  # of the polynomial of a map that is not affine
-TAIL = 1e-12  # its last coefficients are below this part of the largest, or the interval is too wide
-NARROWER = 4.0
-TRIES = 5
+MAP_ROUNDING = 2e-14  # relative: what a map of a few operations may be off
+MAP_NODES = 9  # of the polynomial of a map that is not affine
+MAP_TAIL = 1e-12  # its last coefficients are below this part of the largest, or the interval is too wide
+NARROWING = 4.0
+MOST_TRIES = 5
 
 
 @dataclass(frozen=True)
@@ -129,12 +129,12 @@ def slopes(numbers: Callable[[float], Numbers], nominal: Numbers, parameter: Par
     through 9 Chebyshev points whose last coefficients have to vanish to rounding, in narrower and narrower intervals.
     """
     width = parameter.width
-    for _ in range(TRIES):
+    for _ in range(MOST_TRIES):
         try:
             below, above, between = (numbers(parameter.value + s * width) for s in (-1.0, 1.0, 0.375))
         except MechanismError as error:
             reason = error
-            width /= NARROWER
+            width /= NARROWING
             continue
         return _slopes(numbers, nominal, parameter, width, (below, above, between))
     fault = reason.faults[0]
@@ -155,11 +155,11 @@ def _slopes(
         if np.array_equal(low, middle) and np.array_equal(high, middle) and np.array_equal(inner, middle):
             continue
         size = max(float(np.max(np.abs(x), initial=0.0)) for x in (low, middle, high))
-        if max(float(np.max(np.abs(x - middle))) for x in (low, high, inner)) <= ROUNDING * size:
+        if max(float(np.max(np.abs(x - middle))) for x in (low, high, inner)) <= MAP_ROUNDING * size:
             continue  # as where a drive of another speed is at a frame
         line = 0.5 * (low + high), 0.5 * (high - low)
         off = max(float(np.max(np.abs(line[0] - middle))), float(np.max(np.abs(line[0] + 0.375 * line[1] - inner))))
-        if off <= ROUNDING * size:
+        if off <= MAP_ROUNDING * size:
             slopes[place] = line[1] / width
         else:
             bent.append(place)
@@ -167,21 +167,21 @@ def _slopes(
 
 
 def _by_polynomials(numbers: Callable[[float], Numbers], places: Sequence[Place], parameter: Parameter, width: float) -> Numbers:
-    nodes = np.cos(np.pi * np.arange(NODES) / (NODES - 1))
-    fit = np.linalg.inv(chebyshev.chebvander(nodes, NODES - 1))
-    odd = np.array([k * (-1.0) ** ((k - 1) // 2) if k % 2 else 0.0 for k in range(NODES)])  # derivatives of T_k at 0
-    for _ in range(TRIES):
+    nodes = np.cos(np.pi * np.arange(MAP_NODES) / (MAP_NODES - 1))
+    fit = np.linalg.inv(chebyshev.chebvander(nodes, MAP_NODES - 1))
+    odd = np.array([k * (-1.0) ** ((k - 1) // 2) if k % 2 else 0.0 for k in range(MAP_NODES)])  # derivatives of T_k at 0
+    for _ in range(MOST_TRIES):
         sampled = [numbers(parameter.value + width * float(x)) for x in nodes]
         slopes: Numbers = {}
         for place in places:
             values = np.stack([np.asarray(x[place]) for x in sampled])
             coefficients = np.tensordot(fit, values, 1)
             size = float(np.max(np.abs(coefficients)))
-            if not float(np.max(np.abs(coefficients[-2:]))) <= TAIL * size:
+            if not float(np.max(np.abs(coefficients[-2:]))) <= MAP_TAIL * size:
                 break
             slopes[place] = np.tensordot(odd, coefficients, 1) / width
         else:
             return slopes
-        width /= NARROWER
+        width /= NARROWING
     where = ".".join(map(str, places[len(slopes)]))
     raise refusal(f"{where} does not change smoothly with {parameter.name}.", "Vary something else, or sweep it.")

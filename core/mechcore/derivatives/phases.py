@@ -24,7 +24,7 @@ from mechcore.dynamics.equations.curve import Curve
 from mechcore.dynamics.equations.reduced import coordinate_scales, free_of, motion_at
 from mechcore.dynamics.integration.collocation import gauss, integrals
 from mechcore.dynamics.integration.windows import Solution
-from mechcore.dynamics.segments import STOP, Segment, stop_load
+from mechcore.dynamics.segments import STOP_CAUSE, Segment, stop_load
 from mechcore.effects.base import joint_wrench, sum_up
 from mechcore.effects.registry import totals
 from mechcore.forces.equilibrium import joint_forces
@@ -35,14 +35,14 @@ from mechcore.motion.compiled import Compiled
 from mechcore.records import dataclass
 from mechcore.spec.mechanism import Drive, Mechanism
 
-NODES = 16  # of a window
+WINDOW_NODES = 16  # of a window
 AT_ONCE = 4096  # nodes on one tape
-HALVED = 4  # times that windows are, until the changes are smooth in them
-TAIL = 1e-10  # part of the largest coefficients of a change that its last ones may be
-UNRESOLVED = 1e-6  # part from which on derivatives are refused
-NOTHING = 1e-9  # of the scales of a coordinate and its speed: what a parameter does over its width, if it is as good as nothing
-DEPENDENT = 1e-11  # of the largest singular value: efforts of what sticks that depend on each other
-SWEEP = "Sweep the parameter instead."
+MOST_HALVINGS = 4  # times that windows are, until the changes are smooth in them
+CHANGE_TAIL = 1e-10  # part of the largest coefficients of a change that its last ones may be
+UNRESOLVED_TAIL = 1e-6  # part from which on derivatives are refused
+NO_CHANGE = 1e-9  # of the scales of a coordinate and its speed: what a parameter does over its width, if it is as good as nothing
+DEPENDENT_EFFORTS = 1e-11  # of the largest singular value: efforts of what sticks that depend on each other
+SWEEP_INSTEAD = "Sweep the parameter instead."
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,12 +80,12 @@ class Phase:
     def nodes(self, *, last: bool) -> Real:
         """Gauss nodes (NODES,) of its last window, or of its first."""
         start, end = self.edges[-2:] if last else self.edges[:2]
-        return np.asarray(start + (end - start) * gauss(NODES).nodes)
+        return np.asarray(start + (end - start) * gauss(WINDOW_NODES).nodes)
 
     def at_edge(self, values: Real, *, last: bool) -> Real:
         """A number at the end of the phase, or just after its start, from those (NODES, ...) at `nodes`: laws jump at the edges."""
-        coefficients = np.tensordot(gauss(NODES).legendre, values, 1)
-        signs = np.ones(NODES) if last else (-1.0) ** np.arange(NODES)
+        coefficients = np.tensordot(gauss(WINDOW_NODES).legendre, values, 1)
+        signs = np.ones(WINDOW_NODES) if last else (-1.0) ** np.arange(WINDOW_NODES)
         return np.asarray(np.tensordot(signs, coefficients, 1))
 
     def edge(self, *, last: bool) -> tuple[Real, Real, Real]:
@@ -108,7 +108,7 @@ def carried(compiled: Compiled, original: Compiled, parameters: Sequence[Paramet
         where = next(
             r.name for r, c in zip(compiled.model.relations, compiled.model.constraints, strict=False) if c.constant is None
         )
-        raise refusal(f"other coordinates lead the motion at times, and {where} is set by the pose at the start.", SWEEP)
+        raise refusal(f"other coordinates lead the motion at times, and {where} is set by the pose at the start.", SWEEP_INSTEAD)
     names = {j.name for j in own.joints}
 
     def at(parameter: Parameter) -> Callable[[float], Mechanism]:
@@ -162,7 +162,7 @@ class PhaseDerivatives(Derivatives):
         motion = self.motion
         force, moment, formed = totals(motion)
         stops = zip(self.phase.segment.resting, self.efforts, strict=True)
-        held = [joint_wrench(motion, s.joint, x, name=stop_load(s), kind=STOP, cause=STOP) for s, x in stops]
+        held = [joint_wrench(motion, s.joint, x, name=stop_load(s), kind=STOP_CAUSE, cause=STOP_CAUSE) for s, x in stops]
         more = sum_up(held, len(motion.model.links))
         force, moment = [a + b for a, b in zip(force, more[0], strict=True)], [a + b for a, b in zip(moment, more[1], strict=True)]
         applied = [*formed(), *held]
@@ -242,8 +242,8 @@ class PhaseDerivatives(Derivatives):
         columns = np.maximum(np.abs(matrix / rows[:, :, None]).max(axis=1), 1e-300)
         scaled = matrix / rows[:, :, None] / columns[:, None, :]
         sizes = np.linalg.svd(scaled, compute_uv=False)
-        self.undetermined = bool((sizes[:, -1] <= DEPENDENT * sizes[:, 0]).any())
-        return np.asarray(np.linalg.pinv(scaled, rcond=DEPENDENT) @ (rest / rows[:, :, None]) / columns[:, :, None])
+        self.undetermined = bool((sizes[:, -1] <= DEPENDENT_EFFORTS * sizes[:, 0]).any())
+        return np.asarray(np.linalg.pinv(scaled, rcond=DEPENDENT_EFFORTS) @ (rest / rows[:, :, None]) / columns[:, :, None])
 
     def _forward(self, given: dict[int, Real], results: Sequence[Any]) -> list[Real]:
         count = len(next(iter(given.values())))
@@ -278,15 +278,15 @@ def changes_in(phase: Phase, started: Real) -> Changes:
     """The changes of the free coordinates with parameters in a phase, ``started`` (2 f, P) at its start, in windows in which they
     are smooth. Raises `MechanismError` where they cannot be followed."""
     edges = phase.edges
-    for halved in range(HALVED + 1):
+    for halved in range(MOST_HALVINGS + 1):
         changes = Changes(replace(phase, edges=edges), started)
-        rough = ~(changes.tail <= TAIL)
-        if not rough.any() or halved == HALVED:
+        rough = ~(changes.tail <= CHANGE_TAIL)
+        if not rough.any() or halved == MOST_HALVINGS:
             break
         edges = np.sort(np.concatenate([edges, 0.5 * (edges[:-1] + edges[1:])[rough]]))
-    if not changes.tail.max(initial=0.0) <= UNRESOLVED:
-        t = float(edges[int(np.argmax(~(changes.tail <= UNRESOLVED)))])
-        raise refusal(f"the motion follows its parameters too abruptly at t = {t:.6g} s.", SWEEP)
+    if not changes.tail.max(initial=0.0) <= UNRESOLVED_TAIL:
+        t = float(edges[int(np.argmax(~(changes.tail <= UNRESOLVED_TAIL)))])
+        raise refusal(f"the motion follows its parameters too abruptly at t = {t:.6g} s.", SWEEP_INSTEAD)
     return changes
 
 
@@ -295,7 +295,7 @@ class Changes:
     start. ``tail`` (W,): the last coefficients of the changes over the largest."""
 
     def __init__(self, phase: Phase, started: Real):
-        rule, edges = gauss(NODES), phase.edges
+        rule, edges = gauss(WINDOW_NODES), phase.edges
         self.phase, self.edges, self.widths = phase, edges, np.diff(edges)
         nodes = (edges[:-1, None] + self.widths[:, None] * rule.nodes).ravel()
         self.on_nodes = [PhaseDerivatives(phase, nodes[k : k + AT_ONCE]) for k in range(0, len(nodes), AT_ONCE)]
@@ -303,23 +303,23 @@ class Changes:
         lost = ~(np.isfinite(by_state).all(axis=(1, 2)) & np.isfinite(by_parameter).all(axis=(1, 2)))
         if lost.any():
             t = float(nodes[np.argmax(lost)])
-            raise refusal(f"none are known at t = {t:.6g} s, at a singular position or where a force has a kink.", SWEEP)
+            raise refusal(f"none are known at t = {t:.6g} s, at a singular position or where a force has a kink.", SWEEP_INSTEAD)
         count, (f, varied) = len(self.widths), (len(started) // 2, started.shape[1])
         h = self.widths[:, None, None, None]
-        a = by_state[:, :f].reshape(count, NODES, f, 2 * f)
+        a = by_state[:, :f].reshape(count, WINDOW_NODES, f, 2 * f)
         by_q, by_v = a[..., :f], a[..., f:]
         matrix = -np.einsum("w,wiab,ij->wiajb", self.widths**2, by_q, rule.twice)
         matrix -= np.einsum("w,wiab,ij->wiajb", self.widths, by_v, rule.once)
-        matrix = matrix.reshape(count, NODES * f, NODES * f) + np.eye(NODES * f)
+        matrix = matrix.reshape(count, WINDOW_NODES * f, WINDOW_NODES * f) + np.eye(WINDOW_NODES * f)
         right = np.concatenate(
-            [by_q, h * rule.nodes[:, None, None] * by_q + by_v, by_parameter[:, :f].reshape(count, NODES, f, varied)],
+            [by_q, h * rule.nodes[:, None, None] * by_q + by_v, by_parameter[:, :f].reshape(count, WINDOW_NODES, f, varied)],
             axis=-1,
         )
-        solved = np.linalg.solve(matrix, right.reshape(count, NODES * f, 2 * f + varied)).reshape(right.shape)
+        solved = np.linalg.solve(matrix, right.reshape(count, WINDOW_NODES * f, 2 * f + varied)).reshape(right.shape)
         series = np.einsum("kj,wjac->wkac", rule.legendre, solved)  # Legendre coefficients of the changes of the accelerations
-        first, second = (x[0] for x in integrals(NODES, np.array([1.0])))
+        first, second = (x[0] for x in integrals(WINDOW_NODES, np.array([1.0])))
         self.states = np.empty((count + 1, 2 * f, started.shape[1]))
-        self.series = np.empty((count, NODES, f, started.shape[1]))
+        self.series = np.empty((count, WINDOW_NODES, f, started.shape[1]))
         self.states[0] = started
         for w, width in enumerate(self.widths):
             known = self.states[w]
@@ -329,17 +329,17 @@ class Changes:
         _, v, _ = phase.segment.solution(nodes)
         scales = coordinate_scales(phase.compiled)
         pace = np.concatenate([scales, np.maximum(np.abs(v).max(axis=0), scales / phase.end)])
-        nothing = NOTHING * pace[:, None] / np.array([p.width for p in phase.parameters])
+        nothing = NO_CHANGE * pace[:, None] / np.array([p.width for p in phase.parameters])
         size = np.maximum(np.abs(self.states).max(axis=0), np.maximum(nothing, 1e-300))
         h, moved = self.widths[:, None, None], np.abs(self.series[:, -2:]).max(axis=1)
-        last = np.maximum(h**2 * moved / (4.0 * NODES**2) / size[:f], h * moved / (2.0 * NODES) / size[f:])
+        last = np.maximum(h**2 * moved / (4.0 * WINDOW_NODES**2) / size[:f], h * moved / (2.0 * WINDOW_NODES) / size[f:])
         self.tail = last.max(axis=(1, 2), initial=0.0)
 
     def __call__(self, times: Real) -> Real:
         """Changes (n, 2 f, P) of positions and speeds at times (n,)."""
         w, x = self._places(times)
         h = self.widths[w]
-        first, second = integrals(NODES, x)
+        first, second = integrals(WINDOW_NODES, x)
         f = self.series.shape[2]
         known, own = self.states[w], self.series[w]
         q, v = known[:, :f], known[:, f:]
@@ -354,8 +354,8 @@ class Changes:
             exact.set_states(self(exact.nominal.time))
             supplied, lost = powers_on(exact)
             rates.append(np.stack(exact.of(supplied, lost), axis=-1))  # (P, n, 2)
-        at_nodes = np.concatenate(rates, axis=1).swapaxes(0, 1).reshape(len(self.widths), NODES, -1, 2)
-        return np.asarray(np.einsum("kj,wjpc->wkpc", gauss(NODES).legendre, at_nodes) * self.widths[:, None, None, None])
+        at_nodes = np.concatenate(rates, axis=1).swapaxes(0, 1).reshape(len(self.widths), WINDOW_NODES, -1, 2)
+        return np.asarray(np.einsum("kj,wjpc->wkpc", gauss(WINDOW_NODES).legendre, at_nodes) * self.widths[:, None, None, None])
 
     def works(self, times: Real) -> Real:
         """Changes (n, P, 2) of the work of drives and process forces since the start of the phase, and of the energy dissipated
@@ -363,7 +363,7 @@ class Changes:
         series = self._works
         before = np.concatenate([np.zeros_like(series[:1, 0]), np.cumsum(series[:, 0], axis=0)])
         w, x = self._places(times)
-        return np.asarray(before[w] + np.einsum("nk,nkpc->npc", integrals(NODES, x)[0], series[w]))
+        return np.asarray(before[w] + np.einsum("nk,nkpc->npc", integrals(WINDOW_NODES, x)[0], series[w]))
 
     def _places(self, times: Real) -> tuple[Index, Real]:
         """The window of each time (n,), and where in it that is, from 0 to 1."""

@@ -20,14 +20,14 @@ from mechcore.cache import cached_file, digest
 from mechcore.design.four_bars import TURN, coupler_direction, grashof_cranks
 from mechcore.records import dataclass
 
-CURVES, ARCS = 12_000, 30_000
+CURVE_COUNT, ARC_COUNT = 12_000, 30_000
 LARGEST_RATIO = 8.0  # of a link to the crank
-FARTHEST = 1.5  # of a traced point from the middle of the coupler, over its length
-NARROWEST, WIDEST = 0.3, 5.5  # rad, of an arc
+FARTHEST_POINT = 1.5  # of a traced point from the middle of the coupler, over its length
+NARROWEST_ARC, WIDEST_ARC = 0.3, 5.5  # rad, of an arc
 HARMONICS, SHIFTS = 12, 96  # either side of the descriptors; start points that are tried along a curve
-PLACES = 20  # of an arc
-FINE = 128  # crank angles by which arc lengths are measured
-CHUNK = 4_000  # curves that are made at once
+ARC_PLACES = 20  # of an arc
+FINE_ANGLES = 128  # crank angles by which arc lengths are measured
+CURVES_AT_ONCE = 4_000  # curves that are made at once
 EDITION = 1  # of what is kept: another one is made anew
 
 
@@ -92,7 +92,7 @@ def _curves_like(atlas: Atlas, points: Complex, part: Real, count: int) -> tuple
 
 def _arcs_like(atlas: Atlas, points: Complex, part: Real, count: int) -> Index:
     """Numbers (D,) of the arcs most like points (K,) at parts of the length."""
-    own = _unit(_evenly(points, part, np.linspace(0.0, 1.0, PLACES)))[0]
+    own = _unit(_evenly(points, part, np.linspace(0.0, 1.0, ARC_PLACES)))[0]
     likeness = np.abs(np.conj(atlas.places) @ own.astype(np.complex64))
     return np.asarray(np.argsort(-likeness, kind="stable")[:count])
 
@@ -108,7 +108,19 @@ def _evenly(points: Complex, part: Real, even: Real) -> Complex:
 @lru_cache(1)
 def stored_atlas() -> Atlas:
     """The atlas from the user's cache, where it is made if it is not there."""
-    recipe = (EDITION, CURVES, ARCS, LARGEST_RATIO, FARTHEST, NARROWEST, WIDEST, HARMONICS, PLACES, FINE, np.__version__)
+    recipe = (
+        EDITION,
+        CURVE_COUNT,
+        ARC_COUNT,
+        LARGEST_RATIO,
+        FARTHEST_POINT,
+        NARROWEST_ARC,
+        WIDEST_ARC,
+        HARMONICS,
+        ARC_PLACES,
+        FINE_ANGLES,
+        np.__version__,
+    )
     names = [f.name for f in fields(Atlas)]
 
     def make(path: Path) -> None:
@@ -123,23 +135,23 @@ def stored_atlas() -> Atlas:
         return make_atlas()
 
 
-def make_atlas(seed: int = 0, curves: int = CURVES, arcs: int = ARCS) -> Atlas:
+def make_atlas(seed: int = 0, curves: int = CURVE_COUNT, arcs: int = ARC_COUNT) -> Atlas:
     """An atlas of random four-bars whose crank turns fully; the same of the same seed."""
     rng = np.random.default_rng(seed)
     whole, of_curves, parts, of_arcs = [], [], [], []
-    for first in range(0, curves, CHUNK):
-        designs = _designs(rng, min(CHUNK, curves - first))
+    for first in range(0, curves, CURVES_AT_ONCE):
+        designs = _designs(rng, min(CURVES_AT_ONCE, curves - first))
         _, points, length = _measured(designs, np.zeros(len(designs)), np.full(len(designs), TURN))
         even = _at_lengths(points, length, np.arange(4 * HARMONICS) / (4 * HARMONICS))
         whole.append(designs)
         of_curves.append(_descriptors(even))
-    for first in range(0, arcs, CHUNK):
-        designs = _designs(rng, min(CHUNK, arcs - first))
+    for first in range(0, arcs, CURVES_AT_ONCE):
+        designs = _designs(rng, min(CURVES_AT_ONCE, arcs - first))
         size = len(designs)
-        start, span = rng.uniform(0.0, TURN, size), rng.uniform(NARROWEST, WIDEST, size)
+        start, span = rng.uniform(0.0, TURN, size), rng.uniform(NARROWEST_ARC, WIDEST_ARC, size)
         _, points, length = _measured(designs, start, span)
         parts.append(np.column_stack([designs, start, span]))
-        of_arcs.append(_unit(_at_lengths(points, length, np.linspace(0.0, 1.0, PLACES))))
+        of_arcs.append(_unit(_at_lengths(points, length, np.linspace(0.0, 1.0, ARC_PLACES))))
     return Atlas(
         np.concatenate(whole).astype(np.float32),
         np.concatenate(of_curves).astype(np.complex64),
@@ -150,14 +162,14 @@ def make_atlas(seed: int = 0, curves: int = CURVES, arcs: int = ARCS) -> Atlas:
 
 def _designs(rng: np.random.Generator, count: int) -> Real:
     """Random ratios and traced points (D, 5)."""
-    radius, angle = FARTHEST * np.sqrt(rng.random(count)), rng.uniform(0.0, TURN, count)
+    radius, angle = FARTHEST_POINT * np.sqrt(rng.random(count)), rng.uniform(0.0, TURN, count)
     return np.column_stack([grashof_cranks(rng, count, LARGEST_RATIO), 0.5 + radius * np.cos(angle), radius * np.sin(angle)])
 
 
 def _measured(designs: Real, first: Real, span: Real) -> tuple[Real, Complex, Real]:
     """Crank angles (D, F), the points that are traced there (D, F) over the crank's length, and the parts of the arc length up to
     each (D, F)."""
-    theta = first[:, None] + span[:, None] * np.linspace(0.0, 1.0, FINE + 1)
+    theta = first[:, None] + span[:, None] * np.linspace(0.0, 1.0, FINE_ANGLES + 1)
     crank = np.exp(1j * theta)
     frame, coupler, rocker = (designs[:, k, None] for k in range(3))
     direction, _ = coupler_direction(frame, 1.0, coupler, rocker, crank, 1)

@@ -13,10 +13,10 @@ from mechcore.design.four_bars import Defects, judge
 from mechcore.errors import Fault, MechanismError
 from mechcore.records import dataclass
 
-LARGEST = 1e6  # pivots further away than this many times the reach of the poses are at infinity
+INFINITE_PIVOT = 1e6  # pivots further away than this many times the reach of the poses are at infinity
 ON_LINE = 1e-7  # of the reach: a point so close to a line is on it
-NEWTON = 8  # steps that polish the dyads of five positions
-REAL = 1e-7  # imaginary part over modulus, below which a root counts as real before it is polished
+NEWTON_STEPS = 8  # steps that polish the dyads of five positions
+REAL_ROOT = 1e-7  # imaginary part over modulus, below which a root counts as real before it is polished
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,7 +133,7 @@ def burmester_curve(poses: Poses, count: int = 720, *, joined: bool = False) -> 
     with np.errstate(divide="ignore", invalid="ignore"):
         summed = -0.5 * (b + np.where(b >= 0.0, 1.0, -1.0) * root)
         distances = np.stack([summed / a, c / summed])
-    distances = np.where(np.abs(distances) < LARGEST * scale, distances, np.nan)
+    distances = np.where(np.abs(distances) < INFINITE_PIVOT * scale, distances, np.nan)
     w = _sorted_pieces(origin + distances * directions, scale, joined)
     return BurmesterCurve(w, fixed_pivots(poses, w))
 
@@ -212,7 +212,7 @@ def burmester_points(poses: Poses) -> tuple[Complex, Complex]:
     found_c: list[complex] = []
     for x in _conic_points(*(basis @ form @ basis.T for form in _FORMS)):
         h, w_x, w_y, c_x, c_y, *_ = x @ basis
-        if abs(h) * LARGEST < abs(complex(w_x, w_y)) + abs(complex(c_x, c_y)):
+        if abs(h) * INFINITE_PIVOT < abs(complex(w_x, w_y)) + abs(complex(c_x, c_y)):
             continue
         w, c = _dyad(t, turn, complex(w_x, w_y) / h, complex(c_x, c_y) / h)
         if np.isfinite(w) and not any(abs(w - other) < 1e-9 * (1.0 + abs(w)) for other in found_w):
@@ -252,7 +252,7 @@ def _conic_points(first: Real, second: Real) -> list[Real]:
     resultant = poly.polysub(poly.polymul(ac, ac), poly.polymul(ab, bc))
     roots = poly.polyroots(resultant)
     points = []
-    for t in roots.real[np.abs(roots.imag) < REAL * (1.0 + np.abs(roots))]:
+    for t in roots.real[np.abs(roots.imag) < REAL_ROOT * (1.0 + np.abs(roots))]:
         below = float(poly.polyval(t, ab))
         if below != 0.0:
             points.append(np.asarray(turned @ np.array([-float(poly.polyval(t, ac)) / below, t, 1.0]), float))
@@ -261,7 +261,7 @@ def _conic_points(first: Real, second: Real) -> list[Real]:
 
 def _dyad(t: Complex, turn: Complex, w: complex, c: complex) -> tuple[complex, complex]:
     """A dyad polished by Gauss and Newton on the distances from their mean; NaN where that does not settle."""
-    for _ in range(NEWTON):
+    for _ in range(NEWTON_STEPS):
         arm = t + turn * w - c
         length = np.abs(arm)
         unit = arm / length

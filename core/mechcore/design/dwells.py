@@ -17,16 +17,18 @@ from mechcore.design.four_bars import TURN, FourBar, acute
 from mechcore.errors import Fault, MechanismError
 from mechcore.records import dataclass
 
-SAMPLES = 120  # crank angles of a turn
-SCREENED = 4000
-KEPT = 40  # designs of a round
-ROUNDS = 7  # of variation, the spread halves from one to the next
-CHILDREN = 24  # variations of a design in a round
-RADII = (0.4, 2.5)  # of the circle over the size of the curve
-COARSE = 6  # every so many samples say how far E leaves the circle
-APART = 0.5  # of the frame: M stays away from the pivots, about which points of the coupler that are pins run on circles anyway
-PLACED = 15  # designs for which a lever is looked for
-DIRECTIONS = 48  # of the lever that are tried
+SAMPLES_A_TURN = 120  # crank angles of a turn
+SCREENED_DESIGNS = 4000
+KEPT_DESIGNS = 40  # designs of a round
+VARIATION_ROUNDS = 7  # of variation, the spread halves from one to the next
+VARIATIONS_A_DESIGN = 24  # variations of a design in a round
+RADIUS_RANGE = (0.4, 2.5)  # of the circle over the size of the curve
+COARSE_STEP = 6  # every so many samples say how far E leaves the circle
+PIVOT_DISTANCE = (
+    0.5  # of the frame: M stays away from the pivots, about which points of the coupler that are pins run on circles anyway
+)
+PLACED_DESIGNS = 15  # designs for which a lever is looked for
+LEVER_DIRECTIONS = 48  # of the lever that are tried
 EXACT_SAMPLES = 1440
 TRANSMISSION = np.radians(30.0)  # least angle between link and lever, and of the four-bar
 
@@ -55,7 +57,9 @@ class DwellLinkage:
         )
 
 
-def dwell_linkages(dwell: float, swing: float, seed: int = 0, most: int = 5, screened: int = SCREENED) -> list[DwellLinkage]:
+def dwell_linkages(
+    dwell: float, swing: float, seed: int = 0, most: int = 5, screened: int = SCREENED_DESIGNS
+) -> list[DwellLinkage]:
     """Six-bars of crank one whose lever swings by an angle [rad] and rests over a crank range ``dwell`` [rad], best first.
 
     The best is that of the least drift within the dwell. The same seed gives the same ones. Raises MechanismError if none is
@@ -68,20 +72,20 @@ def dwell_linkages(dwell: float, swing: float, seed: int = 0, most: int = 5, scr
     if not 0.0 < swing < 0.5 * np.pi:
         raise MechanismError(Fault("swing", f"a swing of {np.degrees(swing):g} deg.", "Give more than 0 and less than 90 degrees."))
     rng = np.random.default_rng(seed)
-    window = max(round(dwell / TURN * SAMPLES), 4) + 1
+    window = max(round(dwell / TURN * SAMPLES_A_TURN), 4) + 1
     designs = _random(rng, screened)
     misfit = _fits(designs, window)[0]
     width = 0.3
-    for _ in range(ROUNDS):
-        best = np.argsort(misfit, kind="stable")[:KEPT]
+    for _ in range(VARIATION_ROUNDS):
+        best = np.argsort(misfit, kind="stable")[:KEPT_DESIGNS]
         designs, misfit = designs[best], misfit[best]
-        children = np.repeat(designs, CHILDREN, axis=0)
+        children = np.repeat(designs, VARIATIONS_A_DESIGN, axis=0)
         children[:, :3] *= np.exp(width * rng.normal(size=(len(children), 3)))
         children[:, 3:] += width * rng.normal(size=(len(children), 2)) * children[:, 1:2]
         designs = np.concatenate([designs, children])
         misfit = np.concatenate([misfit, _fits(children, window)[0]])
         width *= 0.5
-    best = np.argsort(misfit, kind="stable")[:PLACED]
+    best = np.argsort(misfit, kind="stable")[:PLACED_DESIGNS]
     _, start, centre, radius = _fits(designs[best], window)
     linkages: list[DwellLinkage] = []
     for k, design in enumerate(designs[best]):
@@ -115,7 +119,7 @@ def _four_bar(design: Real) -> FourBar:
 def _fits(designs: Real, window: int) -> tuple[Real, Real, Complex, Real]:
     """The best window of each curve (D,): misfit of its circle over how far E leaves it, infinite where it is of no use; the crank
     angle at which it begins, the circle's centre and radius."""
-    theta = np.arange(SAMPLES) * TURN / SAMPLES
+    theta = np.arange(SAMPLES_A_TURN) * TURN / SAMPLES_A_TURN
     frame, coupler, rocker = (designs[:, k, None] for k in range(3))
     a = np.exp(1j * theta)
     h = frame - a
@@ -143,11 +147,11 @@ def _fits(designs: Real, window: int) -> tuple[Real, Real, Complex, Real]:
         cx, cy = 0.5 * (vxr * vyy - vyr * vxy) / det, 0.5 * (vyr * vxx - vxr * vxy) / det
         radius = np.sqrt(sr - 2.0 * (cx * sx + cy * sy) + cx * cx + cy * cy)
         misfit = np.sqrt(np.maximum(vrr - 2.0 * (cx * vxr + cy * vyr), 0.0)) / (2.0 * radius)
-        away = np.abs(z[:, None, ::COARSE] - (cx + 1j * cy)[:, :, None]) - radius[:, :, None]
+        away = np.abs(z[:, None, ::COARSE_STEP] - (cx + 1j * cy)[:, :, None]) - radius[:, :, None]
         misfit /= away.max(2) - away.min(2)  # what F moves in the dwell over what it moves in the turn
     centre = middle + size * (cx + 1j * cy)
-    bad = ~(np.isfinite(misfit) & (radius > RADII[0]) & (radius < RADII[1])) | ~usable[:, None]
-    bad |= (np.abs(centre) < APART * frame) | (np.abs(centre - frame) < APART * frame)
+    bad = ~(np.isfinite(misfit) & (radius > RADIUS_RANGE[0]) & (radius < RADIUS_RANGE[1])) | ~usable[:, None]
+    bad |= (np.abs(centre) < PIVOT_DISTANCE * frame) | (np.abs(centre - frame) < PIVOT_DISTANCE * frame)
     bad |= np.sqrt(np.maximum(vxx + vyy, 0.0)) < 0.15  # the point hardly moves in the window
     misfit = np.where(bad, np.inf, misfit)
     rows: Index = np.arange(len(designs))
@@ -157,10 +161,10 @@ def _fits(designs: Real, window: int) -> tuple[Real, Real, Complex, Real]:
 
 def _with_lever(bar: FourBar, start: float, centre: complex, radius: float, dwell: float, swing: float) -> list[DwellLinkage]:
     """The lever for a swing: of those in several directions from M the one of the least drift that transmits well, if any."""
-    theta = start + np.arange(SAMPLES) * TURN / SAMPLES
+    theta = start + np.arange(SAMPLES_A_TURN) * TURN / SAMPLES_A_TURN
     e = bar.positions(theta)[2]
     away = np.abs(e - centre).max() + np.abs(e - centre).min()
-    directions = np.exp(1j * np.arange(DIRECTIONS) * TURN / DIRECTIONS)[:, None]
+    directions = np.exp(1j * np.arange(LEVER_DIRECTIONS) * TURN / LEVER_DIRECTIONS)[:, None]
     lengths = away * np.geomspace(0.15, 6.0, 12)
 
     def swings(length: Real | float, direction: Complex | complex, side: int) -> Real:

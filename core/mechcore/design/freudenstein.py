@@ -17,10 +17,10 @@ from mechcore.design.four_bars import TURN, Defects, FourBar, judge
 from mechcore.errors import Fault, MechanismError
 from mechcore.records import dataclass
 
-SAMPLES = 64  # of the resultant over a turn: it is a trigonometric polynomial of a degree of at most 16
-GRID = 361  # points between which extremes of the structural error are looked for
+RESULTANT_SAMPLES = 64  # of the resultant over a turn: it is a trigonometric polynomial of a degree of at most 16
+ERROR_GRID = 361  # points between which extremes of the structural error are looked for
 LEAST_LENGTH = 0.1  # of crank and rocker over the frame where both start angles are free: without it the fit runs off to gears
-REFINED = 1e-8  # part of an interval to which the place of an extreme is found: the extreme itself is exact to its square
+EXTREME_ACCURACY = 1e-8  # part of an interval to which the place of an extreme is found: the extreme itself is exact to its square
 
 
 def chebyshev_points(start: float, end: float, count: int) -> Real:
@@ -102,23 +102,23 @@ class FunctionGenerator:
 
     def largest_error(self, task: FunctionTask) -> tuple[float, float]:
         """The structural error of the largest magnitude over the range [rad], signed, and its x; NaN where it is not assembled."""
-        x = np.linspace(task.start, task.end, GRID)
+        x = np.linspace(task.start, task.end, ERROR_GRID)
         errors = self.structural_error(task, x)
         if np.isnan(errors).any():
             return float("nan"), float(x[np.isnan(errors)][0])
         k = int(np.abs(errors).argmax())
-        if k in (0, GRID - 1):
+        if k in (0, ERROR_GRID - 1):
             return float(errors[k]), float(x[k])
         ends = (x[k - 1], x[k + 1])
         optimum = minimize_scalar(
             lambda at: -abs(self.structural_error(task, np.array([at]))[0]), bounds=ends, method="bounded",
-            options={"xatol": REFINED * abs(task.end - task.start)},
+            options={"xatol": EXTREME_ACCURACY * abs(task.end - task.start)},
         )  # fmt: skip
         return float(self.structural_error(task, np.array([optimum.x]))[0]), float(optimum.x)
 
     def least_transmission(self, task: FunctionTask) -> float:
         """Least acute angle between coupler and rocker over the range [rad]."""
-        x = np.linspace(task.start, task.end, GRID)
+        x = np.linspace(task.start, task.end, ERROR_GRID)
         phi, _ = task.turned(x)
         angle = self.input_start + phi + (np.pi if self.crank < 0.0 else 0.0)
         return float(self.four_bar().transmission(angle).min())
@@ -263,9 +263,9 @@ def _both_starts(phi: Real, psi: Real) -> list[tuple[float, float]]:
         a2, b2, c2 = _form(phi[lasts] + start, psi[lasts])
         return float((a1 * c2 - a2 * c1) ** 2 - (a1 * b2 - a2 * b1) * (b1 * c2 - b2 * c1))
 
-    samples = np.array([resultant(at) for at in np.arange(SAMPLES) * TURN / SAMPLES])
-    harmonics = np.fft.fft(samples) / SAMPLES
-    half = SAMPLES // 2
+    samples = np.array([resultant(at) for at in np.arange(RESULTANT_SAMPLES) * TURN / RESULTANT_SAMPLES])
+    harmonics = np.fft.fft(samples) / RESULTANT_SAMPLES
+    half = RESULTANT_SAMPLES // 2
     ordered = np.concatenate([harmonics[half:], harmonics[:half]])
     kept = np.flatnonzero(np.abs(ordered) > 1e-12 * np.abs(ordered).max())
     roots = np.roots(ordered[kept[0] : kept[-1] + 1][::-1])

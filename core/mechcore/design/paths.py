@@ -23,14 +23,14 @@ from mechcore.records import dataclass
 
 ALIKE_CURVES = 400  # of the atlas, of each side and sense of rotation, that are looked at
 LARGEST_RATIO = 20.0  # of a link to the crank among the designs that are screened
-CHUNK = 4000  # designs that are screened in one array call
-ITERATIONS = 1500  # bounds and cognates make long valleys
-HINGE = 3.0  # weight of the length by which Grashof's rule is broken
-NARROWEST, WIDEST = 0.3, 5.5  # rad, crank ranges that are tried for an open path without timing
-DENSE = 20  # points without timing: of more, designs are chosen by about so many, and the best refined at all of them
+DESIGNS_AT_ONCE = 4000  # designs that are screened in one array call
+MOST_ITERATIONS = 1500  # bounds and cognates make long valleys
+GRASHOF_WEIGHT = 3.0  # weight of the length by which Grashof's rule is broken
+NARROWEST_RANGE, WIDEST_RANGE = 0.3, 5.5  # rad, crank ranges that are tried for an open path without timing
+DENSE_POINTS = 20  # points without timing: of more, designs are chosen by about so many, and the best refined at all of them
 DENSE_REFINED, DENSE_KEPT, DENSE_ITERATIONS = 40, 8, 400
-RELATED = 0.02  # relative difference below which only one of two designs is refined at all points
-ALIKE = 1e-5  # relative difference of lengths below which two designs are one
+RELATED_DESIGNS = 0.02  # relative difference below which only one of two designs is refined at all points
+SAME_DESIGN = 1e-5  # relative difference of lengths below which two designs are one
 
 X0, Y0, BETA, FRAME, CRANK, COUPLER, ROCKER, U, V, START = range(10)
 
@@ -94,20 +94,20 @@ def path_designs(task: PathTask, seed: int = 0, screened: int = 20000, refined: 
     ``screened`` designs are tried for each branch and sense of rotation, and the best of each refined. The same seed gives the same
     designs. Raises MechanismError where no start fulfils the bounds.
     """
-    if task.steps is None and len(task.points) > DENSE:
+    if task.steps is None and len(task.points) > DENSE_POINTS:
         return _dense(task, seed, screened)
-    return _sparse(task, seed, screened, refined, ITERATIONS)
+    return _sparse(task, seed, screened, refined, MOST_ITERATIONS)
 
 
 def _dense(task: PathTask, seed: int, screened: int) -> list[PathDesign]:
     """Designs for many points without timing, by way of fewer points."""
     count = len(task.points)
-    chosen: Index = np.unique(np.linspace(0, count - 1, DENSE).round().astype(int))
+    chosen: Index = np.unique(np.linspace(0, count - 1, DENSE_POINTS).round().astype(int))
     along = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(task.points)))])
     coarse = replace(task, points=task.points[chosen])
     designs: list[PathDesign] = []
     for one in _sparse(coarse, seed, screened, DENSE_REFINED, DENSE_ITERATIONS):
-        if len(designs) < DENSE_KEPT and all(relative_difference(one, other) > RELATED for other in designs):
+        if len(designs) < DENSE_KEPT and all(relative_difference(one, other) > RELATED_DESIGNS for other in designs):
             designs.append(one)
     if not designs:
         return []
@@ -165,8 +165,8 @@ def _screen(task: PathTask, rng: np.random.Generator, side: int, sense: int, cou
         candidates = nearest_linkages(task.points, task.closed, side, sense, ALIKE_CURVES)
         best.append(_best([(*_linear(task, *candidates, side, sense), candidates.steps)], kept // 2))
         kept -= kept // 2
-    for first in range(0, count, CHUNK):
-        size = min(CHUNK, count - first)
+    for first in range(0, count, DESIGNS_AT_ONCE):
+        size = min(DESIGNS_AT_ONCE, count - first)
         ratios = grashof_cranks(rng, size, most)
         start = rng.uniform(0.0, TURN, size) if task.start is None else np.full(size, task.start)
         steps = _steps(task, rng, size)
@@ -188,7 +188,7 @@ def _steps(task: PathTask, rng: np.random.Generator, count: int) -> Real:
     if task.steps is not None:
         return np.broadcast_to(task.steps, (count, len(task.points)))
     along = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(task.points)))])
-    ranges = np.full(count, TURN) if task.closed else rng.uniform(NARROWEST, WIDEST, count)
+    ranges = np.full(count, TURN) if task.closed else rng.uniform(NARROWEST_RANGE, WIDEST_RANGE, count)
     return np.asarray(ranges[:, None] * along / along[-1])
 
 
@@ -300,9 +300,9 @@ class PathProblem:
         else:
             slopes[:, :size, START], slopes[:, size:-3, START] = by_theta.real, by_theta.imag
         broken = x[:, FRAME : ROCKER + 1] @ _GRASHOF.T
-        slopes[:, -3:, FRAME : ROCKER + 1] = HINGE * _GRASHOF * (broken > 0.0)[:, :, None]
+        slopes[:, -3:, FRAME : ROCKER + 1] = GRASHOF_WEIGHT * _GRASHOF * (broken > 0.0)[:, :, None]
         slopes[:, -3:, START:] = 0.0
-        return np.concatenate([deviation.real, deviation.imag, HINGE * np.maximum(broken, 0.0)], axis=1), slopes
+        return np.concatenate([deviation.real, deviation.imag, GRASHOF_WEIGHT * np.maximum(broken, 0.0)], axis=1), slopes
 
     def designs(self, x: Real) -> list[PathDesign]:
         """The linkages found, the best first, each once; without those whose crank does not turn or meets the points out of
@@ -319,7 +319,7 @@ class PathProblem:
         taken: list[Real] = []
         for k in sorted(np.flatnonzero(usable), key=lambda k: float(squares[k].sum())):
             shape = np.array([*x[k, [FRAME, CRANK, COUPLER, ROCKER, U, V]], *x[k, :2]]) / self.task.size
-            if any(np.abs(shape - other).max() < ALIKE * np.abs(shape).max() for other in taken):
+            if any(np.abs(shape - other).max() < SAME_DESIGN * np.abs(shape).max() for other in taken):
                 continue
             taken.append(shape)
             o2 = complex(x[k, X0], x[k, Y0])

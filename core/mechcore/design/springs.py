@@ -14,12 +14,14 @@ from mechcore.errors import Fault, MechanismError
 from mechcore.numerics.newton import fit_all
 from mechcore.records import dataclass
 
-SAMPLES = 41  # angles at which the effort is compared
-STARTS = 120
-SOLID, STRETCHED = 0.5, 1.8  # least and greatest length of a spring over its free length
-HINGE = 100.0  # weight of a length beyond these, over the weight's own moment
-ALIKE = 0.2  # of the box, below which two placements are one
-STIFFEST = 10.0  # stiffness over the moment of the weight over the square of the box: stiffer ones sit at the hinge itself
+EFFORT_ANGLES = 41  # angles at which the effort is compared
+START_COUNT = 120
+SOLID_LENGTH, STRETCHED_LENGTH = 0.5, 1.8  # least and greatest length of a spring over its free length
+LENGTH_WEIGHT = 100.0  # weight of a length beyond these, over the weight's own moment
+SAME_PLACEMENT = 0.2  # of the box, below which two placements are one
+GREATEST_STIFFNESS = (
+    10.0  # stiffness over the moment of the weight over the square of the box: stiffer ones sit at the hinge itself
+)
 
 
 @dataclass(frozen=True)
@@ -77,15 +79,15 @@ def lid_springs(task: LidTask, seed: int = 0) -> list[LidSpring]:
 
     Unknowns over the box: P (2), q; then kappa, k and L0/box over the weight's own.
     """
-    theta = np.linspace(task.start, task.end, SAMPLES)
+    theta = np.linspace(task.start, task.end, EFFORT_ANGLES)
     weight = task.mass * task.gravity * task.arm
     wanted = np.cos(theta) - task.effort * task.hand / weight
     rng = np.random.default_rng(seed)
     low = np.array([-1.0, -1.0, 0.05, -np.pi, 0.0, 0.05])
-    high = np.array([1.0, 1.0, 1.0, np.pi, STIFFEST, 3.0])
+    high = np.array([1.0, 1.0, 1.0, np.pi, GREATEST_STIFFNESS, 3.0])
     first = np.array([-1.0, -1.0, 0.2, -np.pi, 0.3, 0.2])
-    starts = rng.uniform(first, np.array([1.0, 1.0, 1.0, np.pi, 8.0, 1.5]), (STARTS, 6))
-    least, most = (SOLID, 1.0) if task.pushes else (1.0, STRETCHED)
+    starts = rng.uniform(first, np.array([1.0, 1.0, 1.0, np.pi, 8.0, 1.5]), (START_COUNT, 6))
+    least, most = (SOLID_LENGTH, 1.0) if task.pushes else (1.0, STRETCHED_LENGTH)
 
     def evaluate(x: Real, _: Index) -> tuple[Real, Real]:
         p = (x[:, 0] + 1j * x[:, 1])[:, None]
@@ -110,8 +112,8 @@ def lid_springs(task: LidTask, seed: int = 0) -> list[LidSpring]:
         short, long = least * free - length, length - most * free
         rows = [
             (k * part * lever - wanted, moments),
-            (HINGE * np.maximum(short, 0.0), HINGE * (short > 0.0)[..., None] * (least * unit - slopes)),
-            (HINGE * np.maximum(long, 0.0), HINGE * (long > 0.0)[..., None] * (slopes - most * unit)),
+            (LENGTH_WEIGHT * np.maximum(short, 0.0), LENGTH_WEIGHT * (short > 0.0)[..., None] * (least * unit - slopes)),
+            (LENGTH_WEIGHT * np.maximum(long, 0.0), LENGTH_WEIGHT * (long > 0.0)[..., None] * (slopes - most * unit)),
         ]
         return np.concatenate([r for r, _ in rows], axis=1), np.concatenate([j for _, j in rows], axis=1)
 
@@ -125,7 +127,10 @@ def lid_springs(task: LidTask, seed: int = 0) -> list[LidSpring]:
         lengths = made.lengths(theta) / made.free_length
         if lengths.min() < least - 1e-3 or lengths.max() > most + 1e-3 or made.stiffness <= 0.0:
             continue
-        if any(max(abs(made.frame_point - o.frame_point), abs(made.lid_point - o.lid_point)) < ALIKE * task.box for o in springs):
+        if any(
+            max(abs(made.frame_point - o.frame_point), abs(made.lid_point - o.lid_point)) < SAME_PLACEMENT * task.box
+            for o in springs
+        ):
             continue
         error = float(np.abs(made.effort(task, theta) - task.effort).max())
         springs.append(LidSpring(made.frame_point, made.lid_point, made.stiffness, made.free_length, error))

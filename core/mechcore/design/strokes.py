@@ -14,7 +14,7 @@ from mechcore.design.four_bars import FourBar, Grashof, cross
 from mechcore.errors import Fault, MechanismError
 from mechcore.records import dataclass
 
-SCAN = 1440  # places of the crank's pivot on a circle that are tried before the best is refined
+PIVOT_PLACES = 1440  # places of the crank's pivot on a circle that are tried before the best is refined
 
 
 @dataclass(frozen=True)
@@ -100,8 +100,8 @@ def best_crank_rocker(swing: float, ratio: float, rocker: float = 1.0) -> FourBa
         made = _crank_rocker(swing, alpha, rocker, side, at)
         return 0.0 if made is None else -made.least_transmission()
 
-    angles = np.linspace(0.0, 2.0 * np.pi, SCAN, endpoint=False)
-    step = 2.0 * np.pi / SCAN
+    angles = np.linspace(0.0, 2.0 * np.pi, PIVOT_PLACES, endpoint=False)
+    step = 2.0 * np.pi / PIVOT_PLACES
     best, place, side = min((cost(float(at), side), float(at), side) for side in (-1, 1) for at in angles)
     if best == 0.0:
         raise MechanismError(
@@ -170,18 +170,18 @@ class Whitworth:
     rod: float
 
 
-ROD = 4.0  # a rod so many times the arm: the slider moves nearly as the arm's end does
+ROD_RATIO = 4.0  # a rod so many times the arm: the slider moves nearly as the arm's end does
 
 
 def whitworth(stroke: float, ratio: float, crank: float) -> Whitworth:
     """Whitworth's quick return of a stroke [m], a time ratio and a crank [m]."""
     if alpha_of(ratio) == 0.0:
         raise MechanismError(Fault("ratio", "with pivots in one place the lever turns as the crank.", "Ask for more than one."))
-    return Whitworth(crank, float(crank * np.cos(np.pi / (ratio + 1.0))), 0.5 * stroke, 0.5 * ROD * stroke)
+    return Whitworth(crank, float(crank * np.cos(np.pi / (ratio + 1.0))), 0.5 * stroke, 0.5 * ROD_RATIO * stroke)
 
 
-SAMPLES = 721
-COARSE = 4001  # points of the range over which Hoecken's proportions are chosen
+STROKE_SAMPLES = 721
+RANGE_POINTS = 4001  # points of the range over which Hoecken's proportions are chosen
 
 
 @dataclass(frozen=True)
@@ -235,7 +235,7 @@ STRAIGHT_LINES = {
 
 def straightness(line: StraightLine) -> Straightness:
     """How straight the coupler point of a linkage runs over its range, extremes to rounding."""
-    theta = np.linspace(line.start, line.end, SAMPLES)
+    theta = np.linspace(line.start, line.end, STROKE_SAMPLES)
 
     def at(angle: Real) -> tuple[Real, Real]:
         turned = line.four_bar.positions(angle)[2] * np.conj(line.direction)
@@ -245,7 +245,7 @@ def straightness(line: StraightLine) -> Straightness:
 
     def extreme(values: Real, part: int, sign: float) -> float:
         k = int((sign * values).argmax())
-        ends = theta[max(k - 1, 0)], theta[min(k + 1, SAMPLES - 1)]
+        ends = theta[max(k - 1, 0)], theta[min(k + 1, STROKE_SAMPLES - 1)]
         optimum = minimize_scalar(
             lambda x: -sign * at(np.array([x]))[part][0], bounds=ends, method="bounded", options={"xatol": 1e-10}
         )
@@ -260,7 +260,7 @@ def hoecken(straight: float) -> StraightLine:
 
     Frame and coupler (= rocker) are chosen by a simplex search for the least width over travel.
     """
-    theta = np.pi + np.linspace(-0.5, 0.5, COARSE) * straight
+    theta = np.pi + np.linspace(-0.5, 0.5, RANGE_POINTS) * straight
 
     def cost(lengths: Real) -> float:
         _, _, p = FourBar(0j, complex(lengths[0]), 1.0, lengths[1], lengths[1], 1, 2.0 * complex(lengths[1])).positions(theta)

@@ -10,7 +10,7 @@ import numpy as np
 
 from mechcore.arrays import Real
 from mechcore.branches.paths import Waypoint
-from mechcore.dynamics.contact.end_stops import LEAST_BOUNCE, TOUCH, EndStops, account_for_impact
+from mechcore.dynamics.contact.end_stops import LEAST_BOUNCE, TOUCH_DISTANCE, EndStops, account_for_impact
 from mechcore.dynamics.contact.friction_state import FrictionState
 from mechcore.dynamics.contact.separation import (
     FollowerSeparation,
@@ -19,7 +19,7 @@ from mechcore.dynamics.contact.separation import (
     pressing,
 )
 from mechcore.dynamics.equations.charts import (
-    STRAINED,
+    STRAINED_RATE,
     Chart,
     CurveChart,
     best_chart,
@@ -65,14 +65,14 @@ Method = Literal["auto", "energy", "gauss", "radau"]
 MOST_EVENTS = 100_000
 MOST_AT_ONCE = 100  # segments in a row that end where they begin
 PRESCRIBED_SAMPLES = 24  # of a window: places at which prescribed sliding is looked at
-SOON = 1e-7  # of the duration: which way prescribed sliding goes is looked up so much later
+SOON_AFTER = 1e-7  # of the duration: which way prescribed sliding goes is looked up so much later
 TOO_STRAINED = 20.0  # the same, from which on the change of coordinates loses digits: it is made before
-HALVINGS = 10  # of a window, to find where that is
-LOST = 50.0  # rate of some joint per unit rate of the coordinates, beyond which they are at a dead point
+WINDOW_HALVINGS = 10  # of a window, to find where that is
+DEAD_POINT_RATE = 50.0  # rate of some joint per unit rate of the coordinates, beyond which they are at a dead point
 CHECKED = np.linspace(0.0, 1.0, 9)  # of a window: places at which loads are asked whether their laws hold
 WAYPOINTS = np.linspace(0.25, 1.0, 4)  # of a window
 MANY = 30  # segments, after which a program is worth compiling: more are to be expected
-SHIFTED = 0.01  # of a segment: what is known of it helps where it begins no farther from there
+SEGMENT_SHIFT = 0.01  # of a segment: what is known of it helps where it begins no farther from there
 
 
 def table_tolerance(tolerance: float) -> float:
@@ -104,7 +104,7 @@ class EventIntegrator:
         self.original = compiled
         self.log = Log()
         self.stops = EndStops(stops, duration, self.log)
-        self.friction = FrictionState("friction" in compiled.mechanism.effects, SOON * duration, self.log)
+        self.friction = FrictionState("friction" in compiled.mechanism.effects, SOON_AFTER * duration, self.log)
         self.separable_cams = tuple(separable_cams)
         self.separation = FollowerSeparation(compiled, separable_cams) if separable_cams else None
         self.separated: frozenset[str] = frozenset()  # cams that their followers have left
@@ -198,7 +198,7 @@ class EventIntegrator:
             return first[0][0] if first else None
 
         def passed(windows: Sequence[Window]) -> bool:
-            calm = not self.charted or all(w.strain is not None and w.strain <= STRAINED for w in windows)
+            calm = not self.charted or all(w.strain is not None and w.strain <= STRAINED_RATE for w in windows)
             if possible or reported or not (len(q) and calm):
                 return False
             if several:
@@ -275,7 +275,7 @@ class EventIntegrator:
         if program is None or stops is None:
             return None
         by = self._integrator(self.system)
-        run = run_phases(program, by, (t, q, v), self.duration, friction, stops, SOON * self.duration)
+        run = run_phases(program, by, (t, q, v), self.duration, friction, stops, SOON_AFTER * self.duration)
         self.evaluations += run.evaluations
         if not run.phases:
             return None
@@ -367,7 +367,7 @@ class EventIntegrator:
         segments = () if self.like is None else self.like.segments[len(self.segments) : len(self.segments) + 1]
         for segment in segments:
             same = segment.independent == list(self.coordinates) and segment.separated == tuple(sorted(self.separated))
-            if same and abs(segment.start - t) <= SHIFTED * (segment.end - segment.start):
+            if same and abs(segment.start - t) <= SEGMENT_SHIFT * (segment.end - segment.start):
                 return segment.known(self.scale)
         return None
 
@@ -403,11 +403,11 @@ class EventIntegrator:
             return strained(t, q[0], v[0])
 
         largest = strained(t, *window.end()) if window.strain is None else window.strain
-        self.unwatched = 2 if largest < 0.4 * STRAINED else 0
-        if largest <= TOO_STRAINED or strained(window.start, window.q, window.v) > STRAINED:
-            return t if largest > STRAINED else None
+        self.unwatched = 2 if largest < 0.4 * STRAINED_RATE else 0
+        if largest <= TOO_STRAINED or strained(window.start, window.q, window.v) > STRAINED_RATE:
+            return t if largest > STRAINED_RATE else None
         low, high = window.start, t
-        for _ in range(HALVINGS):
+        for _ in range(WINDOW_HALVINGS):
             middle = 0.5 * (low + high)
             low, high = (middle, high) if at(middle) <= TOO_STRAINED else (low, middle)
         return low if low > window.start else t
@@ -419,7 +419,7 @@ class EventIntegrator:
             return self._tabulate(q, v)
         taken = take_over(self.compiled, q, v, t, self.charted)
         if taken is None:
-            if strain(self.compiled, q, v, t) > LOST:
+            if strain(self.compiled, q, v, t) > DEAD_POINT_RATE:
                 where = ", ".join(self.coordinates)
                 why = f"at t = {t:.6g} s {where} come to a dead point: they do not decide where the mechanism goes on."
                 raise MechanismError(Fault("dynamics", why, "Give the free start at other joints."))
@@ -486,7 +486,7 @@ class EventIntegrator:
             return out
         for name, contact in separation.contacts.items():
             away = name in self.separated
-            noise = TOUCH * (1.0 if contact.rotary else self.compiled.model.length_scale) if away else 0.0
+            noise = TOUCH_DISTANCE * (1.0 if contact.rotary else self.compiled.model.length_scale) if away else 0.0
             function = separation.overlap(name, self.separated) if away else self._parting(name)
 
             def find(window: Window, function: EventFunction = function, limit: float = noise, again: bool = away) -> float | None:

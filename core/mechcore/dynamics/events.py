@@ -20,11 +20,11 @@ from mechcore.texts import Text, as_coordinate, as_quantity
 if TYPE_CHECKING:
     from mechcore.dynamics.integration.collocation import Window
 
-SAMPLES = 25  # of a window, in which an event function is a polynomial to rounding or nearly so
-_X = np.cos(np.pi * (np.arange(SAMPLES) + 0.5) / SAMPLES)[::-1]
+WINDOW_SAMPLES = 25  # of a window, in which an event function is a polynomial to rounding or nearly so
+_X = np.cos(np.pi * (np.arange(WINDOW_SAMPLES) + 0.5) / WINDOW_SAMPLES)[::-1]
 _PLACES = np.concatenate([_X, [-1.0, 1.0]])
-_FIT = np.linalg.inv(chebyshev.chebvander(_X, SAMPLES - 1))
-POLISHED = 12  # evaluations at a zero, at most: next to a kink the polynomial is a poor guess of it
+_FIT = np.linalg.inv(chebyshev.chebvander(_X, WINDOW_SAMPLES - 1))
+MOST_EVALUATIONS = 12  # evaluations at a zero, at most: next to a kink the polynomial is a poor guess of it
 
 EventFunction = Callable[[Real, Real, Real], Real]
 """Something measured at positions (n, f), speeds (n, f), times (n,) -> (n,)."""
@@ -162,7 +162,7 @@ def first_zero(event_function: EventFunction, window: Window, after: float, risi
         q, v, _ = window(t)
         return event_function(q, v, t)
 
-    y, ends = np.split(at(_PLACES), [SAMPLES])
+    y, ends = np.split(at(_PLACES), [WINDOW_SAMPLES])
     size = float(np.abs(y).max())
     if size == 0.0 or (np.abs(np.diff(y)).sum() < abs(y[0]) and np.all(np.sign(np.append(y, ends)) == np.sign(y[0]))):
         return None  # stays away from zero: the way that it goes in the window is shorter than what is missing
@@ -194,7 +194,7 @@ def first_exceeding(event_function: EventFunction, window: Window, after: float,
         q, v, _ = window(t)
         return event_function(q, v, t)
 
-    y, ends = np.split(at(_PLACES), [SAMPLES])
+    y, ends = np.split(at(_PLACES), [WINDOW_SAMPLES])
     size = float(np.abs(y).max())
     if max(float(y.max()), *ends) <= 0.0 and np.abs(np.diff(y)).sum() < -y[0]:
         return None  # stays below zero: the way that it goes in the window is shorter than what is missing
@@ -223,7 +223,7 @@ def _polished(at: Callable[[Real], Real], x: float, slope: float, least: float) 
     """A zero of an event function, from one of its polynomial at x and the slope there: secants until steps are below
     ``least``, or no smaller than those before."""
     last, before = np.inf, None
-    for _ in range(POLISHED):
+    for _ in range(MOST_EVALUATIONS):
         y = float(at(np.array([x]))[0])
         if before is not None and x != before[0] and y != before[1]:
             secant = (y - before[1]) / (x - before[0])

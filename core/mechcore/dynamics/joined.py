@@ -11,7 +11,7 @@ import numpy as np
 
 from mechcore.arrays import Index, Real
 from mechcore.dynamics.events import EndStop
-from mechcore.dynamics.segments import STOP, stop_load
+from mechcore.dynamics.segments import STOP_CAUSE, stop_load
 from mechcore.effects.base import Wrench, power_of
 from mechcore.effects.resistance import IN_PAIRS, RUBBING, rubbing_name
 from mechcore.forces.friction.solve import FrictionResult
@@ -222,7 +222,7 @@ class JoinedForces(Forces):
                     return f.loads[name].values
                 return np.column_stack([np.zeros((f.motion.frames, 3)), f.motion.joint_position(joint)])
 
-            out[name] = LoadResult(name, STOP, STOP, (links[1], links[0]), partial(np.asarray, self._join(held)))
+            out[name] = LoadResult(name, STOP_CAUSE, STOP_CAUSE, (links[1], links[0]), partial(np.asarray, self._join(held)))
         for name, load in self._parts[0][1].loads.items():
             if name not in out and load.kind not in IN_PAIRS:
                 values = self._join(lambda f, n=name: f.loads[n].values)  # type: ignore[misc]  # bound now

@@ -9,7 +9,7 @@ import numpy as np
 from mechcore.arrays import Real
 from mechcore.compiled.collocation import HEAD
 from mechcore.constants import REST
-from mechcore.dynamics.equations.charts import STRAINED
+from mechcore.dynamics.equations.charts import STRAINED_RATE
 from mechcore.dynamics.equations.contacts import ContactProgram, Ending
 from mechcore.dynamics.integration.collocation import Window
 from mechcore.dynamics.integration.windows import Integrator, breaks_from, windows_of
@@ -67,7 +67,7 @@ def run_phases(
     if searched and not program.has_forms:
         return PhaseRun([], t, q, v, friction[1], 0)
     least = by.least(t, duration)
-    numbers = np.array([duration, least, by.longest, by.tolerance, by.small, duration, soon, REST, STRAINED])
+    numbers = np.array([duration, least, by.longest, by.tolerance, by.small, duration, soon, REST, STRAINED_RATE])
     at = np.concatenate([[t], np.zeros(HEAD - 1), q, v, np.zeros(f * (len(rule.nodes) + 1))])
     breaks = breaks_from(by.breakpoints, t, duration, MOST)
     known = program.phases(rule, at, numbers, (*friction, stops), MOST, searched, breaks)

@@ -29,11 +29,11 @@ from mechcore.motion.compiled import Compiled
 from mechcore.motion.motion import Motion
 from mechcore.records import dataclass
 
-STOP = "stop"  # kind and cause of what an end stop holds
-SAMPLES = 257  # of a segment, by which it is measured
-PLACES = 33  # of a window; a form of the law that holds for less than a thirtieth of it may be missed
-ROUNDS = 8  # 96^8 = 7e15 places in a sample; many places cost hardly more than few
-_X = (np.arange(PLACES) + 0.5) / PLACES
+STOP_CAUSE = "stop"  # kind and cause of what an end stop holds
+SEGMENT_SAMPLES = 257  # of a segment, by which it is measured
+WINDOW_PLACES = 33  # of a window; a form of the law that holds for less than a thirtieth of it may be missed
+MOST_ROUNDS = 8  # 96^8 = 7e15 places in a sample; many places cost hardly more than few
+_X = (np.arange(WINDOW_PLACES) + 0.5) / WINDOW_PLACES
 _FINE = np.linspace(0.0, 1.0, 97)
 
 
@@ -57,7 +57,7 @@ def segment_forces(motion: Motion, system: System, q: Real, v: Real, resting: Se
     inner = rows @ rows.swapaxes(1, 2)
     holding = np.linalg.solve(inner, rows @ efforts[..., None])[..., 0]
     held = [
-        joint_wrench(motion, stop.joint, effort, name=stop_load(stop), kind=STOP, cause=STOP)
+        joint_wrench(motion, stop.joint, effort, name=stop_load(stop), kind=STOP_CAUSE, cause=STOP_CAUSE)
         for stop, effort in zip(resting, holding.T, strict=True)
     ]
     if isinstance(system, DrySystem):
@@ -107,7 +107,7 @@ class Segment:
             windows = self.solution.windows
             boundaries = np.array([*(w.start for w in windows), self.solution.end])
             return Known(boundaries, np.array([w.cut for w in windows]), lambda t: self.solution(t)[2])
-        t = np.linspace(self.start, self.end, SAMPLES)
+        t = np.linspace(self.start, self.end, SEGMENT_SAMPLES)
         far = float((np.abs(self.solution(t)[1]).mean(axis=0) / scale).max()) * (self.end - self.start)
         boundaries = np.linspace(self.start, self.end, int(np.ceil(far)) + 5)
         return Known(boundaries, np.zeros(len(boundaries) - 1, bool), lambda t: self.solution(t)[2])
@@ -168,7 +168,7 @@ class Breakpoints(Programmed):
             return known
         high = high if known is None else known
         t = np.concatenate([[low], low + (high - low) * _X, [high]])
-        for _ in range(ROUNDS):
+        for _ in range(MOST_ROUNDS):
             forms = self._forms(window, t)
             changed = np.flatnonzero((forms[:, 1:] != forms[:, :-1]).any(axis=0))
             if not len(changed):

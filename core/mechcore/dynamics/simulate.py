@@ -30,7 +30,7 @@ from mechcore.dynamics.simulation import Simulation
 from mechcore.effects.registry import effects_of
 from mechcore.errors import Fault, MechanismError
 from mechcore.laws.curve import MotionCurve
-from mechcore.laws.factors import KNOCK, jumps
+from mechcore.laws.factors import VELOCITY_JUMP, jumps
 from mechcore.laws.signals import Chirp, Sine
 from mechcore.laws.timed import Free
 from mechcore.motion.compiled import Compiled
@@ -38,14 +38,14 @@ from mechcore.motion.solve import compile_mechanism
 from mechcore.spec.mechanism import Drive, Mechanism
 from mechcore.texts import as_angle, as_length
 
-BESIDE = 0.1  # how far from the start, in scales, forces are compared with
-PUSHED = 1e-4  # of the largest force in a table: what is more is not the table's own error
-BALANCED = 1e-13  # of those forces: what is left in an equilibrium by rounding
+FORCE_DISTANCE = 0.1  # how far from the start, in scales, forces are compared with
+LEAST_PUSH = 1e-4  # of the largest force in a table: what is more is not the table's own error
+BALANCE_ROUNDING = 1e-13  # of those forces: what is left in an equilibrium by rounding
 
 
 LOOKED_AT = 100  # windows, after which it is foreseen how many a motion takes
-PATIENCE = 5.0  # [s] of processor time that pass without a word
-MANY = 2_000  # windows that take so long that a warning precedes them
+QUIET_SECONDS = 5.0  # [s] of processor time that pass without a word
+MANY_WINDOWS = 2_000  # windows that take so long that a warning precedes them
 MOST_WINDOWS = 1_000_000  # of a motion: each takes about a kilobyte
 
 
@@ -198,15 +198,15 @@ def _counted(duration: float, warn: Callable[[str], None], reported: Callable[[f
             raise MechanismError(Fault("run.duration", why, f"Give at most {until:.3g} s, or a larger tolerance."))
         share, spent = until / duration, time.process_time() - begun
         worked, gained = spent - marked[0], share - marked[1]
-        if not warned and counts == LOOKED_AT and share * MANY < LOOKED_AT:
+        if not warned and counts == LOOKED_AT and share * MANY_WINDOWS < LOOKED_AT:
             warned = True
             needed = LOOKED_AT / max(share, 1e-300)
             warn(f"{LOOKED_AT:,} windows led to {until:.3g} s of {duration:.6g} s: it takes about {needed:.2g} of them in all.")
-        elif not warned and worked > PATIENCE:
+        elif not warned and worked > QUIET_SECONDS:
             # The last seconds count, as windows may have become short, but for another run through the same time
             rate = gained / worked if gained > 0.0 else max(share, 1e-300) / spent
             marked, left = (spent, share), (1.0 - share) / rate
-            warned = left > PATIENCE
+            warned = left > QUIET_SECONDS
             if warned:
                 warn(f"{spent:.0f} s of work led to {until:.3g} s of {duration:.6g} s: it goes on for about {left:.3g} s.")
         if reported is not None:
@@ -258,7 +258,7 @@ def _refuse_knocks(compiled: Compiled, q: Real, v: Real, separable_cams: Sequenc
     """Refuse cams that free coordinates (f,) move, or that followers may leave, whose law's velocity jumps: its impact is not
     computed."""
     laws = [(r, r.geometry.cam.law) for r in compiled.model.relations if r.kind == "cam"]
-    knocks = [(r, steps[0].angle) for r, law in laws if isinstance(law, MotionCurve) and (steps := jumps(law, (1,), KNOCK))]
+    knocks = [(r, steps[0].angle) for r, law in laws if isinstance(law, MotionCurve) and (steps := jumps(law, (1,), VELOCITY_JUMP))]
     units = moving(compiled, q[None], v[None], np.zeros(1))[1] if knocks and len(q) else []
     names = {each.joint for each in separable_cams}
     faults = []
@@ -282,7 +282,7 @@ def _around(compiled: Compiled, q: Real, system: Chart | Curve) -> tuple[Real, R
     program: EquationsProgram | None = system.program() if contacts is None else contacts if contacts.has_phases else None
     if program is None or not (program.everywhere or (program.followed and not program.partial)):
         return None
-    away = BESIDE * compiled.once(coordinate_scales)
+    away = FORCE_DISTANCE * compiled.once(coordinate_scales)
     places = np.vstack([beside(compiled, q), q - away, q + away])
     return program.reduced(places, np.zeros_like(places), np.zeros(len(places)))
 
@@ -330,17 +330,17 @@ def _rest(compiled: Compiled, q: Real, v: Real, system: Chart | Curve, around: t
         return None
     if isinstance(system, Curve) and not system.rest:
         largest = np.abs(system.table.coefficients[:, :, 1]).max()
-        if abs(system.table(q)[0, 1]) > PUSHED * largest:
+        if abs(system.table(q)[0, 1]) > LEAST_PUSH * largest:
             return None
     scale = compiled.once(coordinate_scales)
     if around is None:
-        near = np.array([q, q - BESIDE * scale, q + BESIDE * scale])
+        near = np.array([q, q - FORCE_DISTANCE * scale, q + FORCE_DISTANCE * scale])
         force = reduce(compiled, near, np.zeros_like(near), np.zeros(3)).force
     else:
         force = around[1][[0, -2, -1]]
     force = np.abs(force) * scale
     size = float(np.nanmax(force[1:], initial=0.0))
-    if not float(force[0].max()) <= BALANCED * size:
+    if not float(force[0].max()) <= BALANCE_ROUNDING * size:
         return None
     names = ", ".join(d.joint for d in drives)
     why = "the forces have no arm or balance here, start a little beside it to see it move" if size else "no force acts on it"

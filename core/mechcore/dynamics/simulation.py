@@ -36,7 +36,7 @@ from mechcore.records import dataclass
 from mechcore.spec.clearance import as_drawn
 from mechcore.spec.mechanism import braked
 
-NOTHING = 1e-9  # of the energies that stand by: a motion with less is as good as none
+NO_MOTION = 1e-9  # of the energies that stand by: a motion with less is as good as none
 
 
 @dataclass(frozen=True, eq=False)
@@ -224,7 +224,7 @@ class Simulation:
         that is next to nothing, to a billionth of the energies that stand by, and where a vibration was stepped over, to these."""
         t = numbers(t)
         kinetic, work = self.kinetic_energy(np.append(t, self.start)), self.work(t)
-        standing = self._standing * (1.0 if self.unseen[0] else NOTHING)
+        standing = self._standing * (1.0 if self.unseen[0] else NO_MOTION)
         size = max(float(np.abs(kinetic).max()), float(np.abs(work).max(initial=0.0)), standing, 1e-300)
         return np.asarray((kinetic[:-1] - kinetic[-1] - work) / size)
 
@@ -256,10 +256,10 @@ def _until(entries: tuple[tuple[float, float], ...], t: Real) -> Real:
     return np.asarray(np.concatenate([[0.0], np.cumsum(values)])[np.searchsorted(times, t, side="left")])
 
 
-NODES = 16
-MOST = 20_000  # instants that are evaluated at once
-_X, _W = legendre.leggauss(NODES)
-_FIT = np.linalg.inv(legendre.legvander(_X, NODES - 1))
+WINDOW_NODES = 16
+INSTANTS_AT_ONCE = 20_000  # instants that are evaluated at once
+_X, _W = legendre.leggauss(WINDOW_NODES)
+_FIT = np.linalg.inv(legendre.legvander(_X, WINDOW_NODES - 1))
 
 
 @dataclass(frozen=True, eq=False)
@@ -285,7 +285,7 @@ class WorkIntegrals:
     def _within(self, t: Real) -> Real:
         k = np.clip(np.searchsorted(self.edges, t, side="left") - 1, 0, len(self.before) - 1)
         width = self.edges[k + 1] - self.edges[k]
-        first, _ = integrals(NODES, np.clip((t - self.edges[k]) / width, 0.0, 1.0))
+        first, _ = integrals(WINDOW_NODES, np.clip((t - self.edges[k]) / width, 0.0, 1.0))
         return np.asarray(self.before[k] + width[:, None] * np.einsum("ns,nsc->nc", first, self.coefficients[k]))
 
     def followed_by(self, others: Sequence[WorkIntegrals]) -> WorkIntegrals:
@@ -305,8 +305,8 @@ def work_integrals(powers: Callable[[Real], Real], edges: Real) -> WorkIntegrals
     """Works of powers, ``powers(t)`` (n, c) [W] at times (n,); smooth between ``edges`` (p + 1,) [s]."""
     widths = np.diff(edges)
     x = (edges[:-1, None] + 0.5 * widths[:, None] * (_X + 1.0)).ravel()
-    values = np.concatenate([powers(x[k : k + MOST]) for k in range(0, len(x), MOST)])
-    values = values.reshape(len(widths), NODES, -1)
+    values = np.concatenate([powers(x[k : k + INSTANTS_AT_ONCE]) for k in range(0, len(x), INSTANTS_AT_ONCE)])
+    values = values.reshape(len(widths), WINDOW_NODES, -1)
     gained = 0.5 * widths[:, None] * np.einsum("s,psc->pc", _W, values)
     before = np.concatenate([np.zeros((1, values.shape[2])), np.cumsum(gained, axis=0)[:-1]])
     return WorkIntegrals(edges, np.einsum("ij,pjc->pic", _FIT, values), before)

@@ -145,7 +145,7 @@ def _component(law: Law, derivative: int, time: Real) -> Real:
     return law(time)[derivative]
 
 
-OVER = 1e-6  # part of the stroke by which rounding may carry the piston past its dead centres
+STROKE_ROUNDING = 1e-6  # part of the stroke by which rounding may carry the piston past its dead centres
 
 
 class CylinderGas(LoadEffect[GasPressure]):
@@ -169,7 +169,7 @@ class CylinderGas(LoadEffect[GasPressure]):
         load, x = self.load, self._from_top(at)
         low, high = float(np.nanmin(x)), float(np.nanmax(x))
         stroke = load.cycle.stroke
-        if low < -OVER * stroke or high > (1.0 + OVER) * stroke:
+        if low < -STROKE_ROUNDING * stroke or high > (1.0 + STROKE_ROUNDING) * stroke:
             sign = -1.0 if load.head == "ahead" else 1.0
             why = (
                 f"the piston leaves its stroke: the coordinate of {load.joint} runs from {as_length(load.top + sign * low)} to "

@@ -12,13 +12,13 @@ from mechcore.cams.placement.plane import PlacedCam
 from mechcore.forces.cam_rating import AnyCam, contact_force, contact_stress, drawn_lift, joint_of, placed_cams
 from mechcore.forces.kinetostatics import Forces
 from mechcore.forces.load_events import crossing
-from mechcore.laws.factors import KNOCK, jumps
+from mechcore.laws.factors import VELOCITY_JUMP, jumps
 from mechcore.motion.events import Event, at_drive, runs
 from mechcore.motion.motion import Motion
 from mechcore.spec.mechanism import CamDrawn, CamRating, Revolute
 from mechcore.texts import as_angle, as_coordinate, as_force, as_length, as_pressure
 
-NOISE = 1e-9  # pull below this part of the largest force is rounding
+PULL_ROUNDING = 1e-9  # pull below this part of the largest force is rounding
 
 
 def cam_events(motion: Motion, forces: Forces | None) -> list[Event]:
@@ -100,7 +100,7 @@ def _lost(forces: Forces, cam: AnyCam) -> Iterator[Event]:
     n, time = contact_force(forces, cam), forces.motion.time
     largest = float(np.nanmax(np.abs(n), initial=0.0))
     x = _arguments(motion, cam)
-    for first, last in runs(n < -NOISE * largest):
+    for first, last in runs(n < -PULL_ROUNDING * largest):
         least = float(np.nanmin(n[first : last + 1]))
         for k, other, what in ((first, first - 1, "lost"), (last, last + 1, "regained")):
             if not 0 <= other < len(time) or np.isnan(n[other]):  # the run ends there, or it jams
@@ -140,7 +140,7 @@ def _lacking(forces: Forces, cam: AnyCam, first: int, last: int) -> float:
 def _shocks(motion: Motion, cam: AnyCam) -> Iterator[Event]:
     """Steps of the law's velocity and acceleration, each time the cam comes by."""
     law = cam.cam.law
-    steps = [*jumps(law, (1,), KNOCK, law.repeats), *jumps(law, (2,), ends=law.repeats)]
+    steps = [*jumps(law, (1,), VELOCITY_JUMP, law.repeats), *jumps(law, (2,), ends=law.repeats)]
     if not steps:
         return
     leaps = [b.angle for b in cam.bridges]

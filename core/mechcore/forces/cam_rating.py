@@ -199,10 +199,10 @@ def drawn_rows(motion: Motion, cam: PlacedCam, construction: Graphical) -> Real:
     return np.column_stack([*values, *(v - e for v, e in zip(values, exact, strict=True))])
 
 
-FRAMES = 720  # of the cycle in which the frame that decides is looked for
-FINER = 5  # ever finer grids about it
-SETTLED = 1e-10  # relative change of a roller from one solution to the next
-ROUNDS = 60
+RATING_FRAMES = 720  # of the cycle in which the frame that decides is looked for
+FINER_GRIDS = 5  # ever finer grids about it
+SETTLED_CHANGE = 1e-10  # relative change of a roller from one solution to the next
+MOST_ROUNDS = 60
 
 
 @dataclass(frozen=True, eq=False)
@@ -231,14 +231,14 @@ def with_least_sizes(mechanism: Mechanism, solved: Callable[[Mechanism], Solved]
     """
     asked = {p.name: p.least for p in mechanism.joints if isinstance(p, CamJoint) and {"offset", "roller"} & set(p.least)}
     rollers = [name for name, least in asked.items() if "roller" in least]
-    settled = SETTLED
-    for _ in range(ROUNDS):
+    settled = SETTLED_CHANGE
+    for _ in range(MOST_ROUNDS):
         for name in [name for name, least in asked.items() if "offset" in least]:
             mechanism = _with_best_offset(mechanism, name)
         before = mechanism
         if rollers:
             run = solved(mechanism)
-            settled = max(SETTLED, run.error)
+            settled = max(SETTLED_CHANGE, run.error)
             least_radii = {name: _least_roller(run, name) for name in rollers}
             mechanism = replace(mechanism, joints=tuple(_with_roller(p, least_radii) for p in mechanism.joints))
         if all(_settled(p, q, settled) for p, q in zip(before.joints, mechanism.joints, strict=True)):
@@ -311,10 +311,10 @@ def _shifted(point: tuple[float, float], by: complex) -> tuple[float, float]:
 
 def _least_roller(run: Solved, name: str) -> tuple[float, float]:
     """The least roller [m] on the pitch curve as it is, and the argument of the law where that is decided."""
-    times = np.linspace(0.0, run.duration, FRAMES + 1)
+    times = np.linspace(0.0, run.duration, RATING_FRAMES + 1)
     step = float(times[1])
     least, greatest, where = 0.0, np.inf, 0.0
-    for _ in range(1 + FINER):  # what decides may lie between the frames, and forces jump where the law does
+    for _ in range(1 + FINER_GRIDS):  # what decides may lie between the frames, and forces jump where the law does
         forces = run.forces(times)
         cam = _placed(forces.motion.model, name)
         low, high, x = _rollers(forces, cam)

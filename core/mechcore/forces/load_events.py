@@ -20,11 +20,11 @@ from mechcore.spec.loads import Actuator, BeltTension, Factor, Force, Load, Spri
 from mechcore.spec.mechanism import Belt, Mechanism
 from mechcore.texts import as_angle, as_coordinate, as_force, as_length, as_quantity
 
-IDLE = 1e-12
+IDLE_PART = 1e-12
 """Factors below this part of a table's largest are zero."""
-ROUNDS = 4  # of searches for the moment between two frames, each to an eighth of the one before
-PARTS = 8
-MOST = 700.0
+SEARCH_ROUNDS = 4  # of searches for the moment between two frames, each to an eighth of the one before
+INTERVAL_PARTS = 8
+MOST_ARGUMENT = 700.0
 """Largest exponent: beyond it a belt of any slack tension carries what a double can hold."""
 
 
@@ -50,13 +50,13 @@ def idle_table(load: Load, rotary: bool, low: float, high: float) -> str:
     if factor is None or not isinstance(factor.function, Table):
         return ""
     table, show, what = factor.function, partial(_shown, factor, rotary), _argument_words(factor)
-    moves = high - low > IDLE * max(-low, high)
+    moves = high - low > IDLE_PART * max(-low, high)
     taken = f"{what} goes from {show(low)} to {show(high)}" if moves else f"{what} is {show(low)}"
     known = np.array([x for x in table.x if low <= x <= high])
     values = np.abs(table(np.concatenate([np.linspace(low, high, 2001), known])))
     ends = f"its table goes from {show(table.x[0])} to {show(table.x[-1])}"
     covered = ends if table.period is None else "its table is zero there"
-    if values.max() <= IDLE * np.abs(table.y).max():
+    if values.max() <= IDLE_PART * np.abs(table.y).max():
         return f"never acts: {covered}, {taken}"
     if table.period is None and (high < table.x[0] or low > table.x[-1]) and np.ptp(table.y):
         return f"is constant: {covered}, {taken}; beyond its rows the factor of the nearest one holds, {table(low):.6g}"
@@ -128,15 +128,15 @@ def crossing(forces: Forces, values: Callable[[Forces], Real], t0: float, t1: fl
     """The time [s] at which ``values`` (F,) turn from ``n0`` >= 0 at ``t0`` to ``n1`` < 0 at ``t1`` (earlier or later); where a jam
     lies between, its end next to ``t1``."""
     again = forces.motion.again
-    for _ in range(ROUNDS if again is not None else 0):
+    for _ in range(SEARCH_ROUNDS if again is not None else 0):
         assert again is not None
-        t = np.sort(np.linspace(t0, t1, PARTS + 1))
+        t = np.sort(np.linspace(t0, t1, INTERVAL_PARTS + 1))
         if not np.all(np.diff(t) > 0.0):
             break
         loads = values(solve_forces(again(t)))
         if t1 < t0:
             t, loads = t[::-1], loads[::-1]
-        k = int(np.argmax(loads < 0.0)) or PARTS
+        k = int(np.argmax(loads < 0.0)) or INTERVAL_PARTS
         t0, t1, n0, n1 = float(t[k - 1]), float(t[k]), float(loads[k - 1]), float(loads[k])
     if np.isnan(n0):
         return t1
@@ -162,7 +162,7 @@ def belt_grip(motion: Motion, load: BeltTension) -> BeltGrip:
     first = 2.0 * math.pi - 2.0 * math.acos(lean)
     wraps = (first, first if joint.crossed else 2.0 * math.pi - first)
     ratio = load.coefficient * min(wraps)
-    most = load.slack * math.expm1(ratio) if 0.0 < ratio < MOST else math.inf
+    most = load.slack * math.expm1(ratio) if 0.0 < ratio < MOST_ARGUMENT else math.inf
     return BeltGrip(load.joint, wraps, load.slack, most)
 
 

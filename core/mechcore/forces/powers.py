@@ -25,7 +25,7 @@ from mechcore.records import dataclass
 from mechcore.spec.loads import GasPressure, Load, Prescribed
 
 Role = Literal["driving", "resisting", "alternating", "idle", "unknown"]  # unknown: in a run that jams throughout
-SMALL = 1e-9  # part of the largest power of a run that counts as nothing
+SMALL_POWER = 1e-9  # part of the largest power of a run that counts as nothing
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,7 +135,7 @@ def _power_item(
     supplied, absorbed = works(power, time)
     known = power[np.isfinite(power)]
     low, high = (float(known.min()), float(known.max())) if known.size else (np.nan, np.nan)
-    small = SMALL * largest
+    small = SMALL_POWER * largest
     role: Role = "unknown" if not known.size else "idle" if max(high, -low) <= small else "alternating"
     if role == "alternating" and (low >= -small or high <= small):
         role = "driving" if low >= -small else "resisting"
@@ -176,7 +176,7 @@ def drive_shares(forces: Forces) -> tuple[DriveShare, ...]:
     if not motion.mechanism.drives:
         raise MechanismError(Fault("drives", "the mechanism has no drive.", "Add one."))
     powers = {d.joint: forces.power(d.joint) for d in motion.mechanism.drives}
-    small = SMALL * max(float(np.nanmax(np.abs(p), initial=0.0)) for p in powers.values())
+    small = SMALL_POWER * max(float(np.nanmax(np.abs(p), initial=0.0)) for p in powers.values())
     shares = []
     for joint, power in powers.items():
         supplied, absorbed = works(power, motion.time)

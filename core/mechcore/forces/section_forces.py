@@ -31,13 +31,13 @@ from mechcore.records import dataclass
 from mechcore.spec.mechanism import Mechanism, Prismatic
 from mechcore.spec.studies import CrossSection, SectionStudy
 
-GRID = 64
+SECTION_GRID = 64
 """Intervals between evenly spaced stations, beside which there are those where something acts."""
-ZOOM, ZOOMED = 4, 17
+ZOOM_ROUNDS, ZOOM_POINTS = 4, 17
 """How often the place of the largest moment is looked for closer, and at how many stations each time: to 1e-5 of the axis."""
-SAME = 1e-9
+SAME_STATION = 1e-9
 """Distance of two stations up to which they are one, relative to the axis' length."""
-PARALLEL = 1e-6
+PARALLEL_SINE = 1e-6
 """Sine of the angle up to which a guide lies along a segment of the axis."""
 
 
@@ -195,7 +195,7 @@ class _SectionLoads:
     def _snapped(self, station: Real) -> Real:
         """Stations (F,), those of a vertex of the axis up to rounding taken for it."""
         for vertex in self.axis.stations:
-            station = np.where(np.abs(station - vertex) <= SAME * self.axis.length, vertex, station)
+            station = np.where(np.abs(station - vertex) <= SAME_STATION * self.axis.length, vertex, station)
         return station
 
     def _reactions(self) -> None:
@@ -228,7 +228,7 @@ class _SectionLoads:
         load = guide_load(self.forces, joint)
         middle, direction = (load.middle - self.origin) * self.back, load.direction * self.back
         fixed = direction[int(np.argmax(np.isfinite(direction)))]  # it does not turn on either link
-        parallel = np.flatnonzero(np.abs(np.imag(fixed * np.conj(self.axis.directions))) <= PARALLEL)
+        parallel = np.flatnonzero(np.abs(np.imag(fixed * np.conj(self.axis.directions))) <= PARALLEL_SINE)
         if not len(parallel):
             return False
         away = middle[:, None] - self.axis.vertices[parallel]
@@ -244,7 +244,7 @@ class _SectionLoads:
     def cuts(self) -> Cuts:
         """Cuts (F, n) at evenly spaced stations, and on both sides of those where something acts."""
         frames, length = self.forces.motion.frames, self.axis.length
-        even = np.linspace(0.0, length, GRID + 1)[1:-1]
+        even = np.linspace(0.0, length, SECTION_GRID + 1)[1:-1]
         double = [np.tile([*self.axis.stations, *self.masses.jumps], (frames, 1)), *(p.station[:, None] for p in self.points)]
         for line in self.lines:
             half = 0.5 * line.length
@@ -281,10 +281,10 @@ class _SectionLoads:
     def largest_moment(self, cuts: Cuts, moment: Real) -> Extreme:
         """The bending moment that is largest in size at every frame: between the neighbours of the largest of (F, n) it is looked
         at closer."""
-        for _ in range(ZOOM):
+        for _ in range(ZOOM_ROUNDS):
             k = np.argmax(np.nan_to_num(np.abs(moment), nan=-1.0), axis=1)[:, None]
             low, best, high = (cuts.taken(np.clip(k + d, 0, cuts.stations.shape[1] - 1)) for d in (-1, 0, 1))
-            parts = np.linspace(0.0, 1.0, ZOOMED)
+            parts = np.linspace(0.0, 1.0, ZOOM_POINTS)
             near = [a.stations + (b.stations - a.stations) * part for a, b, part in ((low, best, parts), (best, high, parts[1:]))]
             sides = [np.ones(near[0].shape), np.ones(near[1].shape)]
             sides[0][:, -1:] = best.sides

@@ -25,9 +25,9 @@ from mechcore.errors import Fault, MechanismError
 from mechcore.records import dataclass
 from mechcore.spec.mechanism import CamJoint, Link, Mechanism
 
-STRAIGHT = 1e-9
+STRAIGHT_LINE = 1e-9
 """Distance from a line, relative to its length, up to which points lie on it."""
-NOTHING = 1e-12
+NO_MASS = 1e-12
 """Share of a link's mass below which it is rounding."""
 
 
@@ -69,7 +69,7 @@ class Axis:
 
     @cached_property
     def straight(self) -> bool:
-        return bool(np.abs(np.imag(self.directions[1:] * np.conj(self.directions[0]))).max(initial=0.0) <= STRAIGHT)
+        return bool(np.abs(np.imag(self.directions[1:] * np.conj(self.directions[0]))).max(initial=0.0) <= STRAIGHT_LINE)
 
     def segment(self, cuts: Cuts) -> Index:
         """Number of the segment that each cut goes through."""
@@ -97,7 +97,7 @@ def axis_of(mechanism: Mechanism, link: str, points: Sequence[str] = ()) -> Axis
     names = points or axis_points(mechanism, body)
     vertices = np.array([complex(*body.points[name]) for name in names])
     steps = np.abs(np.diff(vertices))
-    if len(steps) == 0 or steps.min() <= STRAIGHT * steps.sum():
+    if len(steps) == 0 or steps.min() <= STRAIGHT_LINE * steps.sum():
         k = int(np.argmin(steps)) if len(steps) else 0
         why = f"'{names[k]}' and '{names[k + 1]}' are at one place." if len(steps) else f"the axis has one point, '{names[0]}'."
         raise MechanismError(Fault(f"sections.{link}.along", why, "Name at least two points of the link, one after the other."))
@@ -131,7 +131,7 @@ def _ends(link: Link, names: Sequence[str]) -> tuple[str, ...]:
     if len(z) < 2 or not (reach := np.abs(z - z[0])).any():
         return ()
     along = (z - z[0]) * np.conj(z[np.argmax(reach)] - z[0]) / reach.max()
-    if np.abs(along.imag).max() > STRAIGHT * np.ptp(along.real):
+    if np.abs(along.imag).max() > STRAIGHT_LINE * np.ptp(along.real):
         return ()
     ends = sorted((int(np.argmin(along.real)), int(np.argmax(along.real))))
     return known[ends[0]], known[ends[1]]
@@ -218,9 +218,9 @@ def mass_line(axis: Axis, whole: Mass, known: Sequence[Mass] = ()) -> MassLine:
     """How the mass of a link is distributed along its axis. ``known``: parts of it, where they are; the rest is spread."""
     placed = [(float(axis.nearest(part.centre)), part) for part in known]
     mass = whole.mass - sum(part.mass for part in known)
-    if mass <= NOTHING * whole.mass:
+    if mass <= NO_MASS * whole.mass:
         left = whole.inertia - sum(part.inertia + part.mass * abs(part.centre - whole.centre) ** 2 for part in known)
-        if left > NOTHING * whole.inertia:  # a moment of inertia without a mass
+        if left > NO_MASS * whole.inertia:  # a moment of inertia without a mass
             placed.append((float(axis.nearest(whole.centre)), Mass(0.0, whole.centre, left)))
         return MassLine(whole.centre, (), tuple(placed), 0.0)
     centre = (whole.mass * whole.centre - sum(part.mass * part.centre for part in known)) / mass
@@ -262,7 +262,7 @@ def _straight(axis: Axis, whole: Mass) -> tuple[list[DistributedMass], list[tupl
         single = 2.0 * r / (q + np.sqrt(max(q * q - 4.0 * p * r, 0.0))) if q > 0.0 else 0.0
         double = (1.0 - second) / (1.0 - bent_second)
         share = float(np.clip(min(single, double), 0.0, 1.0))
-        if 1.0 - share > NOTHING:
+        if 1.0 - share > NO_MASS:
             at = (mean - share * bent) / (1.0 - share)
             if single <= double:
                 points = [point(at, 1.0 - share)]
@@ -271,7 +271,7 @@ def _straight(axis: Axis, whole: Mass) -> tuple[list[DistributedMass], list[tupl
     a, b = taper * a, taper * b
     start = np.array([1.0 - a + b, (a - 3.0 * b) / h, 1.5 * b / (h * h)])  # in the length from the start: x = s / h - 1
     density = share * whole.mass / axis.length * start
-    return ([DistributedMass(0.0, axis.length, aside - h * t, t, density)] if share > NOTHING else []), points, extra
+    return ([DistributedMass(0.0, axis.length, aside - h * t, t, density)] if share > NO_MASS else []), points, extra
 
 
 def _with_corners(axis: Axis, whole: Mass) -> tuple[list[DistributedMass], list[tuple[float, Mass]], float]:
@@ -288,5 +288,5 @@ def _with_corners(axis: Axis, whole: Mass) -> tuple[list[DistributedMass], list[
         for s0, s1, z, t in zip(axis.stations[:-1], axis.stations[1:], axis.vertices[:-1], axis.directions, strict=True)
     ]
     rest = (1.0 - share) * whole.mass
-    points = [(float(axis.nearest(whole.centre)), Mass(rest, whole.centre, 0.0))] if 1.0 - share > NOTHING else []
+    points = [(float(axis.nearest(whole.centre)), Mass(rest, whole.centre, 0.0))] if 1.0 - share > NO_MASS else []
     return distributed, points, extra

@@ -22,7 +22,7 @@ from mechcore.topology.graph import Angles, Loop, Tree
 from mechcore.topology.order import Order
 
 T = TypeVar("T")
-MOST = 6  # vectors of a point's sum: beyond, it is cheaper to go from link to link and share what is common
+MOST_VECTORS = 6  # vectors of a point's sum: beyond, it is cheaper to go from link to link and share what is common
 
 
 @dataclass(frozen=True)
@@ -173,7 +173,7 @@ class Model:
             if joint.slide is not None:
                 rotation_class, d = self.guides[j]
                 slides.append((j, rotation_class, d if joint.guide != side else -d))
-            if len(arms) + len(slides) > MOST:
+            if len(arms) + len(slides) > MOST_VECTORS:
                 return None
             k = p
         return vector_sum(arms, slides)

@@ -19,7 +19,7 @@ from mechcore.kinematics.state import Interpolant, Newton, State, initial_state,
 from mechcore.numerics.frames import QUIET, nothing
 from mechcore.numerics.newton import newton
 
-DETERMINED = 1e-3  # singular values below this part of the largest leave a direction to the interpolation
+DETERMINED_RATIO = 1e-3  # singular values below this part of the largest leave a direction to the interpolation
 
 
 def place_all(
@@ -204,7 +204,7 @@ def apply(model: Model, block: Block, state: State, interpolant: Interpolant, *,
     if onto and len(interpolant.frames):
         scale = np.concatenate([np.ones(len(block.angles)), np.full(len(block.slides), model.length_scale)])
         left, jacobian = equations(model, block, state, interpolant.frames)(values / scale)
-        correction = (np.linalg.pinv(np.nan_to_num(jacobian), rcond=DETERMINED) @ left[..., None])[..., 0]
+        correction = (np.linalg.pinv(np.nan_to_num(jacobian), rcond=DETERMINED_RATIO) @ left[..., None])[..., 0]
         values = values - np.where(np.isfinite(correction), correction, 0.0) * scale
     for i, g in enumerate(block.angles):
         if g in state.angle:

@@ -29,12 +29,14 @@ if TYPE_CHECKING:
     from mechcore.branches.singular_points import SingularPoint, SingularPoints
 
 
-NEAR = 4.0  # frames closer than this many steps are interpolated: accelerations lose digits with the third power of closeness
-FAR = 22
-NODES = np.concatenate([np.arange(-FAR, -7), np.arange(8, FAR + 1)]) / FAR  # where the branch is solved for that, over FAR steps
-DEGREE = 11  # of the polynomial fitted to them: more nodes than coefficients, because their rounding errors average out
-FIT = np.linalg.pinv(chebyshev.chebvander(NODES, DEGREE))
-TAIL = 1e-12  # last terms of that polynomial: below, what it leaves out is rounding
+NEAR_STEPS = 4.0  # frames closer than this many steps are interpolated: accelerations lose digits with the third power of closeness
+FAR_STEPS = 22
+FIT_NODES = (
+    np.concatenate([np.arange(-FAR_STEPS, -7), np.arange(8, FAR_STEPS + 1)]) / FAR_STEPS
+)  # where the branch is solved for that, over FAR steps
+FIT_DEGREE = 11  # of the polynomial fitted to them: more nodes than coefficients, because their rounding errors average out
+FIT = np.linalg.pinv(chebyshev.chebvander(FIT_NODES, FIT_DEGREE))
+FIT_TAIL = 1e-12  # last terms of that polynomial: below, what it leaves out is rounding
 
 
 def unknowns_of(model: Model, block: Block, state: State, at: Index) -> Real:
@@ -49,17 +51,17 @@ def smooth(model: Model, block: Block, state: State, time: Real, instant: float,
     Returns how large the polynomial's last terms still are (angles [rad], slides over the size), and the patch of the samples
     that are too near; None where the samples end.
     """
-    reach = step * FAR * (1.0 + 1e-9)
+    reach = step * FAR_STEPS * (1.0 + 1e-9)
     first, last = np.searchsorted(time, [instant - reach, instant + reach])
-    away = (time[first:last] - instant) / (step * FAR)
+    away = (time[first:last] - instant) / (step * FAR_STEPS)
     distance = np.abs(away)
-    near, fit = np.flatnonzero(distance < NEAR / FAR), np.flatnonzero(distance >= 8.0 / FAR)
+    near, fit = np.flatnonzero(distance < NEAR_STEPS / FAR_STEPS), np.flatnonzero(distance >= 8.0 / FAR_STEPS)
     if not len(near) or len(fit) < 2 or away[fit[-1]] - away[fit[0]] < 1.9:
         return 0.0, None
     values = unknowns_of(model, block, state, first + fit)
     scale = np.where(np.arange(values.shape[1]) < len(block.angles), 1.0, model.length_scale)
     with np.errstate(**QUIET):
-        terms = chebyshev.chebvander(away, DEGREE)
+        terms = chebyshev.chebvander(away, FIT_DEGREE)
         q, r = np.linalg.qr(terms[fit])
         coefficients = np.linalg.solve(r, q.T @ values)
         tail = float(np.max(np.abs(coefficients[-2:]) / scale))
@@ -87,7 +89,7 @@ class _Through:
     def fit(self, values: Real) -> Real:
         """Fit a curve to values (nodes, unknowns); returns it at the near nodes."""
         self.curves.append(FIT @ values)
-        return chebyshev.chebvander(self.away, DEGREE) @ self.curves[-1]
+        return chebyshev.chebvander(self.away, FIT_DEGREE) @ self.curves[-1]
 
     def into(self, rates: list[Any], derivative: int) -> None:
         """Fit the rates that a block has been solved for, and replace them where they are ill conditioned."""
@@ -119,8 +121,8 @@ def make_interpolants(
     state = initial_state(model, [v[0] for v in values], constants, near)
     throughs: dict[int, list[_Through]] = {}
     for c in needed:
-        beside = np.flatnonzero(_distance(singular_points, c, nodes) < NEAR * c.step)
-        away = _signed(singular_points, c, nodes[beside]) / (c.step * FAR)
+        beside = np.flatnonzero(_distance(singular_points, c, nodes) < NEAR_STEPS * c.step)
+        away = _signed(singular_points, c, nodes[beside]) / (c.step * FAR_STEPS)
         own = np.searchsorted(nodes, _nodes(c))
         throughs.setdefault(c.block, []).append(_Through(c, own, beside, away))
     with np.errstate(**QUIET):
@@ -137,7 +139,7 @@ def make_interpolants(
     for c in asked:
         (through,) = (x for x in throughs[c.block] if x.change is c)
         frames = np.flatnonzero(_frames_near(singular_points, c, time))
-        basis = chebyshev.chebvander(_signed(singular_points, c, time[frames]) / (c.step * FAR), DEGREE)
+        basis = chebyshev.chebvander(_signed(singular_points, c, time[frames]) / (c.step * FAR_STEPS), FIT_DEGREE)
         s1, s2 = (np.broadcast_to(s, time.shape)[frames, None] for s in scale)
         with np.errstate(**QUIET):
             value, rate, second = (basis @ curve for curve in through.curves)
@@ -146,7 +148,7 @@ def make_interpolants(
 
 
 def _nodes(c: SingularPoint) -> Real:
-    return c.time + c.step * FAR * NODES
+    return c.time + c.step * FAR_STEPS * FIT_NODES
 
 
 def _nodes_of(singular_points: SingularPoints, asked: Sequence[SingularPoint]) -> tuple[Real, list[SingularPoint]]:
@@ -157,7 +159,9 @@ def _nodes_of(singular_points: SingularPoints, asked: Sequence[SingularPoint]) -
         nodes = np.unique(np.concatenate([nodes, *(_nodes(c) for c in fresh)]))
         have = {id(c) for c in needed}
         fresh = [
-            c for c in singular_points.points if id(c) not in have and (_distance(singular_points, c, nodes) < NEAR * c.step).any()
+            c
+            for c in singular_points.points
+            if id(c) not in have and (_distance(singular_points, c, nodes) < NEAR_STEPS * c.step).any()
         ]
         needed = needed + fresh
     return nodes, needed
@@ -173,4 +177,4 @@ def _distance(singular_points: SingularPoints, c: SingularPoint, time: Real) -> 
 
 
 def _frames_near(singular_points: SingularPoints, c: SingularPoint, time: Real) -> Flags:
-    return _distance(singular_points, c, time) < NEAR * c.step
+    return _distance(singular_points, c, time) < NEAR_STEPS * c.step

@@ -9,7 +9,7 @@ from mechcore.laws.curve import MotionCurve, Piece
 from mechcore.records import dataclass
 from mechcore.texts import Text, as_angle
 
-KNOCK = 1e-6  # of a law's largest velocity: less may jump by what a table of its values, or a given profile, is rounded
+VELOCITY_JUMP = 1e-6  # of a law's largest velocity: less may jump by what a table of its values, or a given profile, is rounded
 ORDER_NAMES = ("position", "velocity", "acceleration", "jerk", "snap")
 
 

@@ -27,10 +27,10 @@ from mechcore.records import dataclass
 Row = dict[int, Any]
 """Coefficients by the numbers of coordinates, three of each link: numbers, or arrays over frames."""
 
-WORK = 200_000_000  # operations for the frames at which rates are checked: seconds
-DENSE = 150  # unknowns up to which all frames are solved by full matrices, together
-SPARSE = 4_000  # operations for an unknown of a sparse matrix
-RANK = 1e-12  # of the least singular value to the largest
+MOST_OPERATIONS = 200_000_000  # operations for the frames at which rates are checked: seconds
+DENSE_UNKNOWNS = 150  # unknowns up to which all frames are solved by full matrices, together
+SPARSE_OPERATIONS = 4_000  # operations for an unknown of a sparse matrix
+RANK_RATIO = 1e-12  # of the least singular value to the largest
 
 
 class Rows:
@@ -111,7 +111,7 @@ class Rows:
 def rates_at_once(motion: Motion, frames: slice) -> tuple[Real, Real, int]:
     """Velocities and accelerations (frames, links, 3) [m/s, rad/s; m/s^2, rad/s^2] of moving links, and the number of equations.
 
-    Where they do not decide all rates, at singular positions, those that are shortest; of more than ``DENSE`` unknowns NaN.
+    Where they do not decide all rates, at singular positions, those that are shortest; NaN of more unknowns than ``DENSE_UNKNOWNS``.
     """
     rows, model = Rows(motion, frames), motion.model
     scale, size = model.length_scale, 3 * len(model.links)
@@ -124,7 +124,7 @@ def rates_at_once(motion: Motion, frames: slice) -> tuple[Real, Real, int]:
     for j in model.driven:
         driven.append((len(table), j))
         table.append(rows.coordinate(j))
-    solve = (_full if size - 3 <= DENSE else _sparse)(table, count, size)
+    solve = (_full if size - 3 <= DENSE_UNKNOWNS else _sparse)(table, count, size)
 
     def solved(right: Real) -> Real:
         return np.pad(solve(right), ((0, 0), (3, 0)))
@@ -151,7 +151,7 @@ def _full(table: Sequence[Row], count: int, size: int) -> Solve:
     for r, row in enumerate(table):
         for c, value in row.items():
             matrix[:, r, c] += value
-    inverse = np.linalg.pinv(matrix[:, :, 3:], rcond=RANK)
+    inverse = np.linalg.pinv(matrix[:, :, 3:], rcond=RANK_RATIO)
     return lambda right: np.asarray((inverse @ right[..., None])[..., 0])
 
 
@@ -243,12 +243,12 @@ class Agreement:
     frames: int
 
 
-def agreement(motion: Motion, most: int = WORK) -> Agreement:
+def agreement(motion: Motion, most: int = MOST_OPERATIONS) -> Agreement:
     """The rates of a motion checked by all equations at once, at as many frames, evenly, as ``most`` operations allow, at least
     one."""
     model = motion.model
     unknowns = 3 * len(model.links) - 3
-    each = unknowns**3 if unknowns <= DENSE else SPARSE * unknowns
+    each = unknowns**3 if unknowns <= DENSE_UNKNOWNS else SPARSE_OPERATIONS * unknowns
     count = min(max(most // max(each, 1), 1), motion.frames)
     frames = slice(0, None, -(-motion.frames // count))
     regular = np.broadcast_to(motion.condition, motion.frames)[frames] <= SINGULAR
@@ -263,8 +263,8 @@ def agreement(motion: Motion, most: int = WORK) -> Agreement:
     return Agreement(equations, unknowns, differences[0], differences[1], int(regular.sum()))
 
 
-INDEPENDENT = 1e-10  # singular values below this part of the largest are zero
-NOTHING = 1e-12  # unknowns that stay below this part of the largest in all frames are zero
+INDEPENDENT_RATIO = 1e-10  # singular values below this part of the largest are zero
+ZERO_UNKNOWN = 1e-12  # unknowns that stay below this part of the largest in all frames are zero
 
 
 def least_norm(
@@ -306,12 +306,12 @@ def least_norm(
 
 def _balanced(matrix: Real, rhs: Real) -> Real:
     """The shortest unknowns (..., n) that balance loads (..., m), NaN where none do."""
-    x = (np.linalg.pinv(matrix, rcond=INDEPENDENT) @ rhs[..., None])[..., 0]
+    x = (np.linalg.pinv(matrix, rcond=INDEPENDENT_RATIO) @ rhs[..., None])[..., 0]
     left = np.abs((matrix @ x[..., None])[..., 0] - rhs).max(axis=-1)
     size = np.abs(rhs).max(initial=0.0) or 1.0
     x = np.where((left < 1e-7 * size)[..., None], x, np.nan)  # at a singular position the loads may have no equilibrium at all
     largest = np.fmax.reduce(np.abs(x), axis=-2, initial=0.0)  # of each unknown over the run
-    idle = largest <= NOTHING * np.fmax.reduce(largest, axis=-1, initial=0.0)[..., None]
+    idle = largest <= ZERO_UNKNOWN * np.fmax.reduce(largest, axis=-1, initial=0.0)[..., None]
     return np.where(idle[..., None, :] & np.isfinite(x), 0.0, x)  # or links that carry nothing would balance to rounding of others
 
 
@@ -328,7 +328,7 @@ def indeterminate(motion: Motion) -> tuple[str, ...]:
     matrix, labels = equilibrium_matrix(motion, {})
     frame = int(np.argmin(np.where(np.isfinite(motion.condition), motion.condition, np.inf)))
     _, s, vt = np.linalg.svd(matrix[frame])
-    rank = int((s > INDEPENDENT * s[0]).sum())
+    rank = int((s > INDEPENDENT_RATIO * s[0]).sum())
     loose = np.abs(vt[rank:]).max(axis=0, initial=0.0) > 1e-9
     names = [model.relations[i].name if what == "tie" else model.joints[i].name for what, i, _ in labels]
     return tuple(dict.fromkeys(name for name, free in zip(names, loose, strict=True) if free))

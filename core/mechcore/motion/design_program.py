@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from mechcore.arrays import Complex, Flags, Real
-from mechcore.branches.unwrapped import LARGEST, LinkAngles, times_of_designs
+from mechcore.branches.unwrapped import LARGEST_TURN, LinkAngles, times_of_designs
 from mechcore.compiled.kernels import Kernel
 from mechcore.compiled.motion import MOST_LINES
 from mechcore.compiled.steps import check_traceable, placed_state
@@ -26,9 +26,9 @@ from mechcore.motion.motion import Motion
 from mechcore.records import Place
 from mechcore.spec.mechanism import Mechanism, braked
 
-SOME = 200_000  # frames of all designs from which on a program that is kept from before pays for being written and loaded
-MANY = 3_000_000  # from which on compiling it pays: 0.3 s and half a millisecond a line, for 0.6 ns a line and frame
-ALONE = 20_000  # from which on both pay where numpy solves designs one by one: with dry friction, 10 ms each
+FRAMES_TO_LOAD = 200_000  # frames of all designs from which on a program that is kept from before pays for being written and loaded
+FRAMES_TO_COMPILE = 3_000_000  # from which on compiling it pays: 0.3 s and half a millisecond a line, for 0.6 ns a line and frame
+FRAMES_TO_COMPILE_FRICTION = 20_000  # from which on both pay where numpy solves designs one by one: with dry friction, 10 ms each
 Collect = Callable[[Motion], Mapping[str, Real]]
 Weights = tuple[Real, Complex, Real]  # masses (D, 1), centres of mass, moments of inertia
 Varied = Callable[[Compiled, Mapping[Any, Any], Mapping[str, Any], Mapping[Place, Any]], Model]
@@ -195,7 +195,7 @@ class DesignProgram:
             given |= {f"peak {k}": np.zeros(1) for k in range(len(self._peaks))}
             given |= {f"peak {k}": x for k, x in enumerate(self._first(count, given, len(time))[-1])}
         rows = self._kernel(count, given, len(time))
-        far = np.asarray((rows[:, -2] > LARGEST).any(axis=0))
+        far = np.asarray((rows[:, -2] > LARGEST_TURN).any(axis=0))
         if len(own) < len(time):
             rows = rows[own]
         results = {}
@@ -221,7 +221,7 @@ def design_program(
         return "as asked for"
     frames, auto = count * len(time), compiled.executor == "auto"
     rubs = "friction" in compiled.mechanism.effects and bool(braked(compiled.mechanism.joints))
-    some, many = (ALONE, ALONE) if rubs else (SOME, MANY)
+    some, many = (FRAMES_TO_COMPILE_FRICTION, FRAMES_TO_COMPILE_FRICTION) if rubs else (FRAMES_TO_LOAD, FRAMES_TO_COMPILE)
     few = f"{frames:,} frames of all designs; compiling pays from about {many:,} on"
     if auto and frames < some:
         return few

@@ -23,10 +23,10 @@ from mechcore.texts import Text, UnitSystem, as_angle, as_coordinate, as_length
 MOST_SOLVED = 100_000  # limit positions times links that are solved for again
 MOST_REPORTED = 12  # different limit positions of a joint; of more, as machines have them that draw, the outermost two
 MOST_BOUNDARIES = 10_000  # of the zones of a drive's law in a run
-POOR = 30.0
+POOR_TRANSMISSION = 30.0
 """Transmission angle [degrees] below which a linkage runs badly (textbooks say 30 to 45)."""
 
-OVERSHOOT = 0.05
+SPLINE_OVERSHOOT = 0.05
 """Part of a table's range by which a spline may pass the two rows around it: ten rows a cycle of a sine make it 0.02."""
 
 
@@ -62,7 +62,7 @@ def overshoots(mechanism: Mechanism) -> Iterator[Event]:
     for name, table in [*tables, *((drive.joint, drive.law) for drive in mechanism.drives)]:
         if isinstance(table, Table | TableLaw):
             far, row = table.overshoot
-            if far > OVERSHOOT:
+            if far > SPLINE_OVERSHOOT:
                 what = "give it more rows" if isinstance(table, TableLaw) else "smooth = true stays between them"
                 text = f"the spline leaves its rows by {far:.2g} of their whole range, between row {row + 1} and the next; {what}"
                 yield Event(0.0, "WARN", name, text, far)
@@ -266,7 +266,7 @@ def _extremes(motion: Motion) -> Iterator[Event]:
             t, flat = peak(motion, partial(_squared_cosine, joint))
             if np.isfinite(t):
                 angle = float(_there(motion, partial(_transmission_angle, joint), t))
-                level: Literal["INFO", "WARN"] = "WARN" if flat > np.cos(np.radians(POOR)) ** 2 else "INFO"
+                level: Literal["INFO", "WARN"] = "WARN" if flat > np.cos(np.radians(POOR_TRANSMISSION)) ** 2 else "INFO"
                 text = _placed(f"worst transmission angle of the run, {as_angle(angle, 4)}", motion, t)
                 yield Event(t, level, joint, text, angle)
     if "velocity_ratio" in asked or "mechanical_advantage" in asked:

@@ -28,11 +28,13 @@ CHANGE_POINT = 1e-12  # of the perimeter: below, a Grashof margin is rounding
 
 # of searches for extremes
 Metric = Callable[[Motion], Real]  # motion -> a smooth quantity (F,)
-NODES = -np.cos(np.pi * np.arange(9) / 8)  # Chebyshev points: the polynomial through them follows a smooth quantity to many digits
-FIT = np.linalg.inv(chebyshev.chebvander(NODES, 8))
-ROUNDS = 2  # the second one in a window that is narrower by
-NARROWER = 8.0
-MOST = 4  # local maxima of the frames that are looked at
+WINDOW_NODES = -np.cos(
+    np.pi * np.arange(9) / 8
+)  # Chebyshev points: the polynomial through them follows a smooth quantity to many digits
+FIT = np.linalg.inv(chebyshev.chebvander(WINDOW_NODES, 8))
+SEARCH_ROUNDS = 2  # the second one in a window that is narrower by
+NARROWING = 8.0
+MOST_MAXIMA = 4  # local maxima of the frames that are looked at
 
 
 def over_parts(compute: Callable[..., T]) -> Callable[..., T]:
@@ -234,17 +236,17 @@ def peak(motion: Motion, metric: Metric) -> tuple[float, float]:
     filled = np.where(np.isfinite(values), values, -np.inf)
     around = np.concatenate([[-np.inf], filled, [-np.inf]])
     local = np.flatnonzero((filled >= around[:-2]) & (filled >= around[2:]) & np.isfinite(filled))
-    tops = local[np.argsort(-filled[local], kind="stable")[:MOST]]
+    tops = local[np.argsort(-filled[local], kind="stable")[:MOST_MAXIMA]]
     low = motion.time[np.maximum(tops - 1, 0)]
     high = motion.time[np.minimum(tops + 1, motion.frames - 1)]
     first, last = low, high
     at = motion.time[tops]
-    for _ in range(ROUNDS):
+    for _ in range(SEARCH_ROUNDS):
         middle, half = 0.5 * (low + high), 0.5 * (high - low)
-        inner = _again(motion, metric, middle[:, None] + half[:, None] * NODES)
+        inner = _again(motion, metric, middle[:, None] + half[:, None] * WINDOW_NODES)
         where = np.array([_highest(row) for row in inner])
         at = np.where(np.isfinite(where), middle + half * where, at)
-        low, high = np.maximum(at - half / NARROWER, first), np.minimum(at + half / NARROWER, last)
+        low, high = np.maximum(at - half / NARROWING, first), np.minimum(at + half / NARROWING, last)
     refined = _again(motion, metric, at)
     top = int(np.argmax(np.where(np.isfinite(refined), refined, -np.inf)))
     return (float(at[top]), float(refined[top])) if refined[top] >= highest[1] else highest

@@ -32,10 +32,10 @@ from mechcore.numerics.newton import Residual, least_squares
 from mechcore.records import dataclass
 from mechcore.spec.mechanism import Cylinder
 
-SAMPLES, MOST_SAMPLES = 361, 2001  # of the first drive's positions, and of times
-HALVINGS = 40
-SLACK = 1e-9  # of the mechanism's size: rounding may carry a pin so far beyond an end of its slot
-INSET = 1e-6  # of an end: so far within a range is proposed, for it is shown with seven digits
+POSITION_SAMPLES, MOST_SAMPLES = 361, 2001  # of the first drive's positions, and of times
+MOST_HALVINGS = 40
+SLOT_SLACK = 1e-9  # of the mechanism's size: rounding may carry a pin so far beyond an end of its slot
+RANGE_INSET = 1e-6  # of an end: so far within a range is proposed, for it is shown with seven digits
 
 
 def reachable_ranges(compiled: Compiled, *, samples: int = 1441) -> list[tuple[float, float]]:
@@ -123,7 +123,7 @@ def range_beside(compiled: Compiled, time: Real) -> tuple[float, float] | None:
     first, *others = model.mechanism.drives
     rotary, q0 = model.rotary(first.joint), compiled.start[0]
     half = 0.5 * TURN if rotary else 5.0 * model.length_scale
-    t = np.linspace(float(np.min(time)), float(np.max(time)), int(np.clip(2 * len(time), SAMPLES, MOST_SAMPLES)))
+    t = np.linspace(float(np.min(time)), float(np.max(time)), int(np.clip(2 * len(time), POSITION_SAMPLES, MOST_SAMPLES)))
     places = [np.broadcast_to(np.asarray(d.law(t)[0], float), t.shape) for d in others]
 
     def fits(q: Real) -> Flags:
@@ -137,18 +137,18 @@ def range_beside(compiled: Compiled, time: Real) -> tuple[float, float] | None:
         ok = np.all([np.broadcast_to(np.isfinite(v), shape).all(axis=1) for v in values], axis=0)
         return np.asarray(np.all([ok, *(_least(np.broadcast_to(row, shape)) >= 0.0 for row in rows)], axis=0))
 
-    step = 2.0 * half / (SAMPLES - 1)
+    step = 2.0 * half / (POSITION_SAMPLES - 1)
     ends = []
     for sign in (-1.0, 1.0):
-        ok = fits(q0 + sign * step * np.arange(SAMPLES // 2 + 1, dtype=float))
+        ok = fits(q0 + sign * step * np.arange(POSITION_SAMPLES // 2 + 1, dtype=float))
         if not ok[0]:
             return None
         steps = len(ok) - 1 if ok.all() else int(np.argmin(ok)) - 1
         inside, outside = q0 + sign * step * steps, q0 + sign * step * (steps + 1)
-        for _ in range(0 if ok.all() else HALVINGS):
+        for _ in range(0 if ok.all() else MOST_HALVINGS):
             middle = 0.5 * (inside + outside)
             inside, outside = (middle, outside) if fits(np.array([middle]))[0] else (inside, middle)
-        ends.append(inside - sign * INSET * abs(inside))
+        ends.append(inside - sign * RANGE_INSET * abs(inside))
     low, high = ends
     return (low, high) if low < q0 < high else None
 
@@ -196,7 +196,7 @@ def room_in_slots(model: Model, state: State) -> list[Values]:
 
 def within_slots(motion: Motion) -> Flags:
     """Whether all pins and sliders are between their ends (F,)."""
-    slack = SLACK * motion.model.length_scale
+    slack = SLOT_SLACK * motion.model.length_scale
     within: Flags = np.ones(motion.frames, bool)
     for _, _, excess in _excesses(motion):
         within = within & ~(excess(motion) > slack)
@@ -205,7 +205,7 @@ def within_slots(motion: Motion) -> Flags:
 
 def slot_overruns(motion: Motion) -> list[SlotOverrun]:
     """Where a motion carries pins and sliders beyond their ends, between its frames too."""
-    slack, beyond_ends = SLACK * motion.model.length_scale, []
+    slack, beyond_ends = SLOT_SLACK * motion.model.length_scale, []
     for joint, end, excess in _excesses(motion):
         values = excess(motion)
         outside = values > slack
@@ -220,9 +220,9 @@ def slot_overruns(motion: Motion) -> list[SlotOverrun]:
 
 
 MOST_FRAMES = 25  # at which groups without a closed form are looked at, and again next to the worst of them
-STARTS = 32
-ITERATIONS = 60
-WEIGHT = 1e3  # of the closed joints against the open one: their closure errors stay below 1e-6 of its
+START_COUNT = 32
+MOST_ITERATIONS = 60
+CLOSED_WEIGHT = 1e3  # of the closed joints against the open one: their closure errors stay below 1e-6 of its
 
 
 def greatest_closure_error(assembly: Assembly, block: Block, motion: Motion, failed: Flags) -> float:
@@ -265,7 +265,7 @@ def least_closure_error(model: Model, block: Block, state: State) -> Real:
     closing = equations(model, block, state)
     n, k = len(block.angles), len(block.slides)
     frames = np.broadcast_shapes(*(np.shape(q)[:1] for q in state.drives))
-    starts = np.concatenate([rng.uniform(-np.pi, np.pi, (STARTS, n)), rng.uniform(-2.0, 2.0, (STARTS, k))], axis=-1)
+    starts = np.concatenate([rng.uniform(-np.pi, np.pi, (START_COUNT, n)), rng.uniform(-2.0, 2.0, (START_COUNT, k))], axis=-1)
     least: Real = np.full(frames, np.inf)
     for signs in _openings(model, block):
         x = np.broadcast_to(starts, (*frames, *starts.shape))
@@ -303,7 +303,7 @@ def _opened(equations: Residual, signs: Index, x: Real) -> tuple[Real, Real]:
         if c != first:
             mix[2 * c : 2 * c + 2, 2 * first : 2 * first + 2] -= signs[c] * signs[first] * np.eye(2)
     closed = np.delete(np.arange(r.shape[-1]), [2 * first, 2 * first + 1])
-    mix[closed] *= WEIGHT
+    mix[closed] *= CLOSED_WEIGHT
     mix = mix[[2 * first, 2 * first + 1, *closed]]
     return r @ mix.T, mix @ jacobian
 
@@ -311,7 +311,7 @@ def _opened(equations: Residual, signs: Index, x: Real) -> tuple[Real, Real]:
 def _minimised(function: Residual, x: Real) -> Real:
     """Length (...) of the first two of the values (..., m) of a function where their sum of squares is least, from starts
     (..., n); infinite where the others are not closed there."""
-    r = least_squares(function, x, iterations=ITERATIONS)
+    r = least_squares(function, x, iterations=MOST_ITERATIONS)
     open_ = np.hypot(r[..., 0], r[..., 1])
-    left = np.abs(r[..., 2:]).max(axis=-1, initial=0.0) / WEIGHT
+    left = np.abs(r[..., 2:]).max(axis=-1, initial=0.0) / CLOSED_WEIGHT
     return np.where(left <= 1e-4 * open_ + 1e-9, open_, np.inf)

@@ -24,7 +24,9 @@ from mechcore.spec.mechanism import braked
 from mechcore.topology.graph import vector_loops
 
 CHUNK_OF_C = 2**21  # numbers that a program fills in at once
-CHUNK = 16384  # numbers in an array that is worked on: small enough to stay in the cache, and large enough to pay for the calls
+NUMBERS_AT_ONCE = (
+    16384  # numbers in an array that is worked on: small enough to stay in the cache, and large enough to pay for the calls
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,7 +95,7 @@ def sweep(
     if rubs and isinstance(program, str):
         why = f"numpy solves dry friction of one design at a time, and C none of these ({program})."
         raise MechanismError(Fault("sweep", why, "Loop over designs."))
-    chunk = max(1, (CHUNK if isinstance(program, str) else CHUNK_OF_C // program.rows) // len(time))
+    chunk = max(1, (NUMBERS_AT_ONCE if isinstance(program, str) else CHUNK_OF_C // program.rows) // len(time))
     parts: list[Mapping[str, Real]] = []
     assembled = np.empty(count, bool)
     for start in range(0, count, chunk):

@@ -13,11 +13,13 @@ from numpy.polynomial import chebyshev
 from mechcore.arrays import Index, Real
 from mechcore.records import dataclass
 
-NODES = 16  # of a panel
-NOISE = 1e-9  # tails below this that stay where they are come from rounding
-MANY = 48  # arguments, from which on the recurrence of the polynomials is quicker than their cosines
-_X = -np.cos(np.pi * (np.arange(NODES) + 0.5) / NODES)  # first kind: no node on a boundary, where assembly modes may meet
-_FIT = np.linalg.inv(chebyshev.chebvander(_X, NODES - 1))
+PANEL_NODES = 16  # of a panel
+TAIL_NOISE = 1e-9  # tails below this that stay where they are come from rounding
+MANY_ARGUMENTS = 48  # arguments, from which on the recurrence of the polynomials is quicker than their cosines
+_X = -np.cos(
+    np.pi * (np.arange(PANEL_NODES) + 0.5) / PANEL_NODES
+)  # first kind: no node on a boundary, where assembly modes may meet
+_FIT = np.linalg.inv(chebyshev.chebvander(_X, PANEL_NODES - 1))
 
 
 @lru_cache
@@ -45,12 +47,12 @@ def _unit(k: int) -> Real:
     return out
 
 
-_INT = _integral_matrix(NODES)
+_INT = _integral_matrix(PANEL_NODES)
 
 
 def _polynomials(z: Real, n: int) -> Real:
     """Chebyshev polynomials T_0 .. T_(n-1) at z (m,), within [-1, 1]: (m, n)."""
-    if len(z) < MANY:
+    if len(z) < MANY_ARGUMENTS:
         return np.asarray(np.cos(np.multiply.outer(np.arccos(z), np.arange(n))))
     out = np.empty((n, len(z)))
     out[0], out[1] = 1.0, z
@@ -217,10 +219,10 @@ def fit_panels(
         width = (high - low) / count
         values = function(nodes_of(low, high, count)) if known is None else known
         known = None
-        coefficients = _FIT @ values.reshape(count, NODES, -1)
+        coefficients = _FIT @ values.reshape(count, PANEL_NODES, -1)
         panels = Panels(low, width, coefficients, periodic)
         tail = float(panels.tail().max())
-        if previous < NOISE and tail > 0.3 * previous:  # what is left is rounding, which smaller panels do not mend
+        if previous < TAIL_NOISE and tail > 0.3 * previous:  # what is left is rounding, which smaller panels do not mend
             return coarser if previous < tail else panels
         if tail <= tolerance or 2 * count > most:
             return panels
@@ -234,7 +236,7 @@ def fit_where_needed(
     tolerance: float,
     most: int = 4096,
     periodic: bool = False,
-    noise: float = NOISE,
+    noise: float = TAIL_NOISE,
 ) -> tuple[Panels, float]:
     """Panels of ``function(x) -> (n, c)``, each of which is halved until its last coefficients are below ``tolerance`` of the
     largest of all, or only rounding, which is less than ``noise``; and what the last coefficients are that are left."""
@@ -247,7 +249,7 @@ def fit_where_needed(
     while True:
         low, width = edges[:, 0], edges[:, 1] - edges[:, 0]
         nodes = (low + 0.5 * width)[:, None] + 0.5 * width[:, None] * _X
-        coefficients = _FIT @ function(nodes.ravel()).reshape(len(edges), NODES, -1)
+        coefficients = _FIT @ function(nodes.ravel()).reshape(len(edges), PANEL_NODES, -1)
         sizes = np.abs(coefficients)
         largest = np.maximum(largest, sizes.max(axis=(0, 1)))
         tail = (sizes[:, -3:].max(axis=1) / np.where(largest > 0, largest, 1.0)).max(axis=1)

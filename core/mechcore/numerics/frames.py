@@ -133,13 +133,13 @@ def rotation_of(angle: Values) -> Complex:
     return out
 
 
-LARGEST = 2**25  # glibc adapts up to blocks of 32 MiB, and then keeps twice as much
+LARGEST_BLOCK = 2**25  # glibc adapts up to blocks of 32 MiB, and then keeps twice as much
 
 
 @cache
 def keep_freed_memory() -> None:
     """Let the C library keep up to 64 MiB of freed memory for the next arrays; once per process."""
-    np.empty(LARGEST - 2**16, np.uint8)
+    np.empty(LARGEST_BLOCK - 2**16, np.uint8)
 
 
 def give_back_memory() -> None:

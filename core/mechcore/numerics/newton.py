@@ -75,8 +75,8 @@ def least_squares(residual: Residual, x: Real, *, iterations: int) -> Real:
 
 FIRST_DAMPING = 1e-3
 LEAST_DAMPING, MOST_DAMPING = 1e-15, 1e10
-SETTLED = 1e-14  # relative gain of the sum of squares that is no gain any more
-PATIENCE = 8  # steps in a row without a gain of that size
+SETTLED_GAIN = 1e-14  # relative gain of the sum of squares that is no gain any more
+IDLE_STEPS = 8  # steps in a row without a gain of that size
 
 Evaluate = Callable[[Real, Index], tuple[Real, Real]]
 """Residuals (D, M) and their derivatives (D, M, N) of problems at (D, N); the second argument says which problems they are.
@@ -127,11 +127,11 @@ def fit_all(evaluate: Evaluate, x: Real, lower: Real, upper: Real, iterations: i
         new_cost = _cost(new_residual)
         better = new_cost < cost[at]
         gain = np.where(better, cost[at] - new_cost, 0.0)
-        idle[at] = np.where(gain > SETTLED * cost[at], 0, idle[at] + 1)
+        idle[at] = np.where(gain > SETTLED_GAIN * cost[at], 0, idle[at] + 1)
         won = at[better]
         x[won], residual[won], slopes[won], cost[won] = tried[better], new_residual[better], new_slopes[better], new_cost[better]
         damping[at] = np.clip(np.where(better, damping[at] / 5.0, damping[at] * 4.0), LEAST_DAMPING, MOST_DAMPING)
-        done[at] = (idle[at] >= PATIENCE) | (cost[at] == 0.0)
+        done[at] = (idle[at] >= IDLE_STEPS) | (cost[at] == 0.0)
     return Fits(x, cost, done & np.isfinite(cost))
 
 

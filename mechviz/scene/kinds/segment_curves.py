@@ -14,7 +14,7 @@ from mechcore.errors import MechanismError
 from mechcore.laws.boundary_conditions import Condition, measured_table
 from mechcore.laws.catalogue import rise
 from mechcore.laws.curve import MotionCurve
-from mechcore.laws.factors import KNOCK, jumps
+from mechcore.laws.factors import VELOCITY_JUMP, jumps
 from mechcore.laws.program import Segment, program
 from mechcore.laws.segment_laws import (
     Dwell,
@@ -119,7 +119,7 @@ def note_corners(
 
     ``rotary``: the follower swings.
     """
-    falls = [j for j in jumps(curve, (1,), KNOCK) if j.size < 0.0]
+    falls = [j for j in jumps(curve, (1,), VELOCITY_JUMP) if j.size < 0.0]
     ends = np.concatenate([[0.0], np.cumsum([axes.place(s.over, path) for s in segments])])
     near = _SAME_RANGE * float(ends[-1])
     for (k, segment), row, jump in product(enumerate(segments), ("first", "last"), falls):

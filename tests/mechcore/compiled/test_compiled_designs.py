@@ -84,7 +84,7 @@ def test_designs_that_do_not_go_together_are_the_same(monkeypatch: pytest.Monkey
     compiled = compile_mechanism(load("crank-rocker").mechanism)
     time, lengths = default_times(compiled.mechanism, 24), np.linspace(0.03, 0.4, 1000)
     points = {("crank", "B"): np.column_stack([lengths, np.zeros(1000)])}
-    monkeypatch.setattr(kernels, "LEAST", 64)  # two threads, whose shares meet within the designs
+    monkeypatch.setattr(kernels, "LEAST_A_THREAD", 64)  # two threads, whose shares meet within the designs
     monkeypatch.setattr(kernels, "cores", lambda: 2)
 
     def collected(motion: Motion) -> Mapping[str, Real]:

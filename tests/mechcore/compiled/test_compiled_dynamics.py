@@ -121,7 +121,7 @@ def test_motions_are_the_same(made, duration: float) -> None:
 
 @pytest.mark.parametrize(
     ("made", "most"),
-    [(partial(chain, 3), 0), (partial(slider_crank_of, 0.1, 0.4), curve.EQUAL + 1)],
+    [(partial(chain, 3), 0), (partial(slider_crank_of, 0.1, 0.4), curve.EQUAL_PANELS + 1)],
     ids=["through flat positions", "nowhere flat"],
 )
 def test_tables_of_a_turn_are_the_same(made: Callable[[], Mechanism], most: int, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -264,6 +264,6 @@ def test_auto_goes_on_in_c_where_many_windows_are_left(monkeypatch: pytest.Monke
     monkeypatch.setattr("mechcore.dynamics.equations.program.compiled_program", lambda c: asked.append(c))
     simulate(compiled, 2.0)
     assert not asked
-    monkeypatch.setattr(windows, "MANY", 3)
+    monkeypatch.setattr(windows, "MANY_WINDOWS", 3)
     simulate(compiled, 2.0)
     assert len(asked) == 1

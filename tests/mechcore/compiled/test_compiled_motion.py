@@ -23,7 +23,7 @@ from mechviz.scene.scene import load
 
 pytestmark = pytest.mark.skipif(compiler() is None, reason="no C compiler")
 
-OPTIMISED = toolchain.OPTIONS  # as users have it
+OPTIMISED = toolchain.COMPILER_OPTIONS  # as users have it
 SCENES = (
     "jansen-leg",
     "shaper-quick-return",
@@ -121,7 +121,7 @@ def test_mechanisms_of_one_structure_share_a_program() -> None:
 def test_auto_compiles_long_motions_only(monkeypatch: pytest.MonkeyPatch) -> None:
     model = compile_mechanism(crank_rocker()).model
     assert motion_program(model, "auto", 361) is None
-    monkeypatch.setattr(compiled_motion, "PAYS", 361)
+    monkeypatch.setattr(compiled_motion, "LEAST_FRAMES_TO_COMPILE", 361)
     assert motion_program(model, "auto", 361) is not None
     assert motion_program(model, "numpy", 10**9) is None
 
@@ -137,7 +137,7 @@ def test_no_bit_depends_on_optimising(name: str, monkeypatch: pytest.MonkeyPatch
     assert "-O2" in OPTIMISED
     found = []
     for options in (("-O0", *OPTIMISED[1:]), OPTIMISED):
-        monkeypatch.setattr(toolchain, "OPTIONS", options)
+        monkeypatch.setattr(toolchain, "COMPILER_OPTIONS", options)
         library.cache_clear()
         compiled = compile_mechanism(load(name).mechanism, executor="c")
         if name.startswith("swinging"):

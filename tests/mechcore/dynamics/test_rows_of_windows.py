@@ -73,7 +73,7 @@ def test_what_else_happens_between_corners_is_met_as_before(monkeypatch, beside)
     elif beside == "radau":
         method = "radau"
     simulation = simulate(body, 1.0, tolerance=1e-10, stops=stops, method=method)
-    monkeypatch.setattr(windows, "FEW", 10**9)
+    monkeypatch.setattr(windows, "FEW_WINDOWS", 10**9)
     alone = simulate(body, 1.0, tolerance=1e-10, stops=stops, method=method)
     t = np.linspace(0.0, 1.0, 41)
     assert np.abs(np.array(simulation(t)[:2]) - np.array(alone(t)[:2])).max() < 1e-8

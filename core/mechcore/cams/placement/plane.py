@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from mechcore.laws.curve import MotionCurve
     from mechcore.motion.motion import Motion
 
-SAME = 1e-12  # arguments closer to a knot of the law than this part of its length are on it
+KNOT_DISTANCE = 1e-12  # arguments closer to a knot of the law than this part of its length are on it
 
 
 def on_knots(law: MotionCurve, x: Real) -> Real:
@@ -39,7 +39,7 @@ def on_knots(law: MotionCurve, x: Real) -> Real:
     k = np.clip(np.searchsorted(knots, local, side="right"), 1, len(knots) - 1)
     below, above = (knots[i] if isinstance(i, np.ndarray | np.integer) else i.among(knots) for i in (k - 1, k))  # or of a symbol
     near = np.where(local - below < above - local, below, above)
-    close = np.abs(near - local) < SAME * law.length
+    close = np.abs(near - local) < KNOT_DISTANCE * law.length
     if law.repeats:
         near = np.where(near >= knots[-1], knots[0], near)
     return np.where(close, near, x)

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from mechcore.motion.motion import Motion
     from mechcore.spec.mechanism import SpatialBlank
 
-RIB = 0.05  # of the distance of two rollers: what a rib between them needs
+RIB_WIDTH = 0.05  # of the distance of two rollers: what a rib between them needs
 
 
 def room_of_rollers(blank: SpatialBlank, arm: float, inner: float) -> float:
@@ -30,7 +30,7 @@ def room_of_rollers(blank: SpatialBlank, arm: float, inner: float) -> float:
     """
     if not blank.rollers:
         return np.inf
-    return (1.0 - RIB) * (inner if blank.kind == "globoid" else arm) * float(np.sin(np.pi / blank.rollers))
+    return (1.0 - RIB_WIDTH) * (inner if blank.kind == "globoid" else arm) * float(np.sin(np.pi / blank.rollers))
 
 
 @dataclass(frozen=True, eq=False)

@@ -29,12 +29,14 @@ from mechcore.motion.compiled import Compiled
 from mechcore.records import dataclass
 from mechcore.texts import as_coordinate, as_quantity
 
-TOUCH = 1e-11  # of the scale of a coordinate: nearer a stop is touched; so slow that it goes as far in the duration, it is at rest
-HELD = 1e-11  # rate, in scales, per unit rate of every coordinate, below which prescribed drives or other stops lead a joint
-PULLS = 1e-9  # part of the largest force beyond which a stop's pull, or what moves something onto it, is more than rounding
+TOUCH_DISTANCE = (
+    1e-11  # of the scale of a coordinate: nearer a stop is touched; so slow that it goes as far in the duration, it is at rest
+)
+HELD_RATE = 1e-11  # rate, in scales, per unit rate of every coordinate, below which prescribed drives or other stops lead a joint
+LEAST_PULL = 1e-9  # part of the largest force beyond which a stop's pull, or what moves something onto it, is more than rounding
 LEAST_BOUNCE = 1e-6  # of the duration: a bounce that is over sooner ends in contact
-DIRECTION = 1e-200  # [rad/s or m/s] at rest on stops: nothing moves by it, but its sign says where it came from
-SOON = 1e-6  # of the duration: what begins to press so much later does it now
+DIRECTION_RATE = 1e-200  # [rad/s or m/s] at rest on stops: nothing moves by it, but its sign says where it came from
+SOON_AFTER = 1e-6  # of the duration: what begins to press so much later does it now
 
 Equations = Callable[[tuple[str, ...], Real], System]
 """Equations of motion at an instant, of joints that rest on stops and rates (f,)."""
@@ -71,7 +73,7 @@ class _Touched:
     def independent(self) -> bool:
         """Whether none of the stops is led by the others."""
         scale = np.sqrt(np.diag(self.mobility))
-        return not len(scale) or float(np.linalg.eigvalsh(self.mobility / np.outer(scale, scale))[0]) > HELD
+        return not len(scale) or float(np.linalg.eigvalsh(self.mobility / np.outer(scale, scale))[0]) > HELD_RATE
 
     def stilled(self, v: Real) -> Real:
         """Rates (f,) without what rounding has left of the rates of the gaps; they have to be independent."""
@@ -122,7 +124,7 @@ class EndStops:
         """Raise `MechanismError` where a motion begins at q, v (f,) beyond a stop."""
         for k, stop in enumerate(self.stops):
             beyond = -float(self.gap(k, q[None], v[None], np.zeros(1))[0])
-            if beyond > TOUCH * self._scales[k]:
+            if beyond > TOUCH_DISTANCE * self._scales[k]:
                 shown = partial(as_coordinate, rotary=self._rotary(stop.joint))
                 why = f"the motion starts {shown(beyond)} {'above' if stop.side == 'upper' else 'below'} the {stop.side} stop"
                 why += f" '{stop.name}' at {shown(stop.at)}."
@@ -138,7 +140,7 @@ class EndStops:
                 out.append((partial(self._pull, k, system), self._pulls[k], k))
             else:  # a joint that rested may have drifted beyond its stop by what integration leaves
                 beyond = min(float(self.gap(k, q[None], v[None], np.array([t]))[0]), 0.0)
-                out.append((partial(self._beyond, k, beyond), TOUCH * float(self._scales[k]), k))
+                out.append((partial(self._beyond, k, beyond), TOUCH_DISTANCE * float(self._scales[k]), k))
         return out
 
     def _beyond(self, k: int, least: float, q: Real, v: Real, t: Real) -> Real:
@@ -242,7 +244,7 @@ class EndStops:
         if not len(slow.which) == len(self._free) == len(self.compiled.mechanism.drives) or not slow.independent():
             return after
         fastest = np.abs(v[: len(self._free)]).max()
-        return np.concatenate([v[: len(self._free)] * (DIRECTION / fastest if fastest else 0.0), after[len(self._free) :]])
+        return np.concatenate([v[: len(self._free)] * (DIRECTION_RATE / fastest if fastest else 0.0), after[len(self._free) :]])
 
     def _touched(self, q: Real, v: Real, t: float) -> _Touched | None:
         """The stops that are touched, in the order of their names; None where there are none."""
@@ -253,7 +255,7 @@ class EndStops:
             return None
         near.sort(key=lambda k: self.stops[k].name)
         signs, scales, joints = self._signs[near], self._scales[near], [self.stops[k].joint for k in near]
-        soon = SOON * self._duration  # a load may begin at zero
+        soon = SOON_AFTER * self._duration  # a load may begin at zero
         motion, units = moving(self.compiled, np.array([q, q + soon * v]), np.array([v, v]), np.array([t, t + soon]))
         r, f = reduced_equations(motion, units), len(units)
         rows, second = jacobian_of(motion, units, joints)
@@ -261,15 +263,15 @@ class EndStops:
         rates = [v[self._free.index(p)] if p in self._free else motion.coordinate(p)[0, 1] for p in joints]
         share = signs * rates - jacobian @ v[:f]
         self._fastest = np.maximum(self._fastest, np.abs(v[:f]))
-        least = TOUCH * (np.abs(jacobian) @ self._fastest + np.abs(share) + scales / self._duration)
+        least = TOUCH_DISTANCE * (np.abs(jacobian) @ self._fastest + np.abs(share) + scales / self._duration)
         responses = np.linalg.solve(r.inertia[0], jacobian.T)
-        noise = PULLS * ((np.abs(r.force) + np.abs(r.bias)).max(axis=0) @ np.abs(responses) + np.abs(second[0]))
-        prescribed = (np.abs(jacobian) * self._free_scales / scales[:, None]).max(axis=1, initial=0.0) <= HELD
+        noise = LEAST_PULL * ((np.abs(r.force) + np.abs(r.bias)).max(axis=0) @ np.abs(responses) + np.abs(second[0]))
+        prescribed = (np.abs(jacobian) * self._free_scales / scales[:, None]).max(axis=1, initial=0.0) <= HELD_RATE
         self._pulls = dict(zip(near, noise / np.maximum(np.diag(jacobian @ responses), 1e-300), strict=True))
         return _Touched(tuple(near), jacobian, share, least, responses, noise, prescribed)
 
     def _touches(self, k: int, q: Real, v: Real, t: Real) -> bool:
-        return abs(float(self.gap(k, q, v, t)[0])) <= TOUCH * float(self._scales[k])
+        return abs(float(self.gap(k, q, v, t)[0])) <= TOUCH_DISTANCE * float(self._scales[k])
 
     def _pressed(self, touched: _Touched, q: Real, v: Real, t: float, equations: Equations) -> tuple[set[int], Real]:
         """The stops that stay closed, and second rates (c,) of all gaps then: one stop after the other is closed that is pressed,
@@ -300,7 +302,7 @@ class EndStops:
         """Whether what touches a stop without speed presses on it, or will as soon as a load grows."""
         if abs(second[j]) > touched.noise[j]:
             return bool(second[j] < 0.0)
-        soon, a = SOON * self._duration, np.asarray(system(q[None], v[None], np.array([t])))[0]
+        soon, a = SOON_AFTER * self._duration, np.asarray(system(q[None], v[None], np.array([t])))[0]
         later = self._second_rates(touched, q + soon * v, v + soon * a, t + soon, system)
         return bool(later[j] < -touched.noise[j])
 
@@ -332,9 +334,9 @@ class EndStops:
         self._log.add(SimulationEvent(t, kind, stop.name, f"{stop.joint} {what}"))
 
 
-ROUNDING = 1e-12  # of the largest rate, of the work of an impact: what is left by rounding
-DEPENDENT = 1e-11  # smallest eigenvalue of W with a unit diagonal, below which contacts depend on each other
-PIVOTS = 20  # for each contact, at most
+IMPACT_ROUNDING = 1e-12  # of the largest rate, of the work of an impact: what is left by rounding
+DEPENDENT_CONTACTS = 1e-11  # smallest eigenvalue of W with a unit diagonal, below which contacts depend on each other
+MOST_PIVOTS = 20  # for each contact, at most
 
 
 def impact(mobility: Real, rates: Real, restitution: Real, flat: Flags) -> tuple[Real, float] | None:
@@ -352,7 +354,7 @@ def impact(mobility: Real, rates: Real, restitution: Real, flat: Flags) -> tuple
         impulses = _impulses(mobility, rates, e * np.maximum(-rates, 0.0), flat)
         if impulses is not None:
             lost = -0.5 * float(impulses @ (2.0 * rates + mobility @ impulses))
-            if lost >= -ROUNDING * float(np.abs(impulses) @ np.abs(rates)) or not e.any():
+            if lost >= -IMPACT_ROUNDING * float(np.abs(impulses) @ np.abs(rates)) or not e.any():
                 return impulses, lost
     return None
 
@@ -360,7 +362,7 @@ def impact(mobility: Real, rates: Real, restitution: Real, flat: Flags) -> tuple
 def _impulses(mobility: Real, rates: Real, least: Real, flat: Flags) -> Real | None:
     """Impulses (c,) after which gaps open at the rates ``least`` (c,) or more, and those that are flat not at all."""
     loose = ~flat
-    closing = -np.linalg.pinv(mobility[np.ix_(flat, flat)], rcond=DEPENDENT, hermitian=True)
+    closing = -np.linalg.pinv(mobility[np.ix_(flat, flat)], rcond=DEPENDENT_CONTACTS, hermitian=True)
     reduced = mobility[np.ix_(loose, loose)] + mobility[np.ix_(loose, flat)] @ closing @ mobility[np.ix_(flat, loose)]
     free = rates[loose] + mobility[np.ix_(loose, flat)] @ closing @ rates[flat] - least[loose]
     scale = 1.0 / np.sqrt(np.maximum(np.diag(reduced), 1e-300))
@@ -380,15 +382,15 @@ def complementary(matrix: Real, free: Real) -> Real | None:
     loses what would have to pull (C. L. Lawson and R. J. Hanson, Solving least squares problems, 1974, chapter 23).
     """
     p, active = np.zeros(len(free)), np.zeros(len(free), bool)
-    least = ROUNDING * float(np.abs(free).max(initial=0.0))
-    for _ in range(PIVOTS * len(free) + 1):
+    least = IMPACT_ROUNDING * float(np.abs(free).max(initial=0.0))
+    for _ in range(MOST_PIVOTS * len(free) + 1):
         missing = np.where(active, np.inf, matrix @ p + free)
         if not missing.min(initial=np.inf) < -least:
             return p
         active[np.argmin(missing)] = True
         while active.any():
             values, vectors = np.linalg.eigh(matrix[np.ix_(active, active)])
-            if values[0] > DEPENDENT:
+            if values[0] > DEPENDENT_CONTACTS:
                 step = vectors @ ((vectors.T @ -free[active]) / values) - p[active]
                 most = 1.0
             else:  # along a null vector pushes only change places: until one of them is nothing

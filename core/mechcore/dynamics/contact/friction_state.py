@@ -34,7 +34,7 @@ from mechcore.motion.compiled import Compiled
 from mechcore.motion.motion import Motion
 from mechcore.spec.mechanism import braked
 
-BACK = 10.0  # windows shorter than so many times `soon` are those of prescribed drives that turn back
+TURN_BACK_WINDOWS = 10.0  # windows shorter than so many times `soon` are those of prescribed drives that turn back
 
 
 class FrictionState:
@@ -115,7 +115,7 @@ class FrictionState:
             return
         middle = np.array([window.start + 0.5 * window.length])
         motion = motion_at(compiled, *window(middle)[:2], middle)
-        turning = window.length < BACK * self._soon  # there it is at rest for nothing but an instant
+        turning = window.length < TURN_BACK_WINDOWS * self._soon  # there it is at rest for nothing but an instant
         for key, sign in zip(keys_of(elements_of(motion)), senses(motion)[0], strict=True):
             if sign != self._sliding.get(key, 0.0) and not (turning and sign == 0.0):
                 self._log_event(window.start, key[0], int(sign))
@@ -134,8 +134,8 @@ Key = tuple[str, str, str]
 Here = tuple[Motion, list[Motion], list[Element], ReducedEquations]
 """At one state: the motion with q'' = 0, its tangents, the elements of friction, and the equations of motion without it."""
 NO_EFFECT = 1e-12  # part of what a force on an element would move, if it did, that is rounding
-LOOSE = 1e-10  # of the limit of sticking: what exceeds it by less is rounding
-BEGUN = 1e-12  # rate of what just begins to move
+STICKING_ROUNDING = 1e-10  # of the limit of sticking: what exceeds it by less is rounding
+STARTING_RATE = 1e-12  # rate of what just begins to move
 SOON_MOVED = 1e-16  # of its scale: what moves by less soon is at rest as well
 
 
@@ -289,11 +289,11 @@ class Phases:
         if not len(stuck):
             return []
         if not np.any(self.signs) and self.alone and not self.rests:
-            noise = LOOSE * sum(abs(float(self._free(sense, *row)[0])) for sense in (1.0, -1.0))
+            noise = STICKING_ROUNDING * sum(abs(float(self._free(sense, *row)[0])) for sense in (1.0, -1.0))
             return [(partial(self._free, sense), noise, (0, sense)) for sense in (1.0, -1.0)]
         system = self.system()
         friction = system.solve(*row)
-        noise = LOOSE * (friction.limit[0] + np.abs(friction.value[0]))
+        noise = STICKING_ROUNDING * (friction.limit[0] + np.abs(friction.value[0]))
         return [(partial(_excess, system, int(i)), float(noise[i]), (int(i), 0.0)) for i in stuck]
 
     def independent_event_functions(self) -> list[EventFunction]:
@@ -313,7 +313,7 @@ class Phases:
         """Acceleration (n,) in the sense ``sense`` of what rests, if it began to move that way: forces that depend on the sense of
         the motion (gas in a cylinder) are those of that sense."""
         signs = self.directions((q, v, t), sense)
-        begun = np.column_stack([np.full(len(v), sense * BEGUN), v[:, 1:]])
+        begun = np.column_stack([np.full(len(v), sense * STARTING_RATE), v[:, 1:]])
         return np.asarray(sense * DrySystem(self.compiled, signs, breaking=True)(q, begun, t)[:, 0])
 
 

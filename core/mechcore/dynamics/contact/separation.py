@@ -33,11 +33,11 @@ from mechcore.records import dataclass
 from mechcore.spec.mechanism import Drive
 from mechcore.texts import as_coordinate
 
-SAMPLES = 48  # for an eighth of a turn of the cam
-SHARE = TURN / 8.0  # of the cam's turn in a window in which nothing has to be integrated
-ROUNDS = 10
-CLOSE, NEARLY = 3, 0.02  # looks at a peak that is by less than this part of the event function's range below the limit
-PARTS = 17
+EIGHTH_TURN_SAMPLES = 48  # for an eighth of a turn of the cam
+WINDOW_TURN = TURN / 8.0  # of the cam's turn in a window in which nothing has to be integrated
+MOST_ROUNDS = 10
+PEAK_LOOKS, NEAR_LIMIT = 3, 0.02  # looks at a peak that is by less than this part of the event function's range below the limit
+INTERVAL_PARTS = 17
 
 
 @dataclass(frozen=True, eq=False)
@@ -216,11 +216,11 @@ class FollowerSeparation:
         """How many places of a window contacts are looked at."""
         q, v, _ = window(np.array([window.start]))
         turned = self.pace(compiled, q[0], v[0], window.start) * window.length
-        return int(min(SAMPLES * max(1.0, np.ceil(turned / SHARE)), 20_000))
+        return int(min(EIGHTH_TURN_SAMPLES * max(1.0, np.ceil(turned / WINDOW_TURN)), 20_000))
 
     def window_length(self, compiled: Compiled, q: Real, v: Real, t: float, duration: float) -> float:
         """Length of a window from ``t`` on in which all is prescribed [s], of a motion of a ``duration`` [s]."""
-        return float(np.clip(SHARE / max(self.pace(compiled, q, v, t), 1e-300), duration / 20_000, duration / 8.0))
+        return float(np.clip(WINDOW_TURN / max(self.pace(compiled, q, v, t), 1e-300), duration / 20_000, duration / 8.0))
 
 
 def pressing(motion: Motion, forces: Forces, name: str) -> Real:
@@ -267,13 +267,13 @@ def first_beyond(
         return None
     t = low + (high - low) * np.arange(count + 1) / count
     last, close = high, 0
-    for _ in range(ROUNDS + CLOSE):
+    for _ in range(MOST_ROUNDS + PEAK_LOOKS):
         q, v, _ = window(t)
         value = event_function(q, v, t)
         beyond = value > limit
-        if not beyond.any() and close < CLOSE and float(value.max()) > limit - NEARLY * float(np.ptp(value)):
+        if not beyond.any() and close < PEAK_LOOKS and float(value.max()) > limit - NEAR_LIMIT * float(np.ptp(value)):
             k = int(np.argmax(value))  # it nearly does: look closer there
-            t = np.linspace(t[max(k - 1, 0)], t[min(k + 1, len(t) - 1)], 2 * PARTS + 1)
+            t = np.linspace(t[max(k - 1, 0)], t[min(k + 1, len(t) - 1)], 2 * INTERVAL_PARTS + 1)
             close += 1
             continue
         if again and beyond.all():
@@ -287,7 +287,7 @@ def first_beyond(
         last = float(t[k])
         if t[k] - t[k - 1] <= 4.0 * np.spacing(t[k]):
             break
-        t = t[k - 1] + (t[k] - t[k - 1]) * np.linspace(0.0, 1.0, PARTS + 1)
+        t = t[k - 1] + (t[k] - t[k - 1]) * np.linspace(0.0, 1.0, INTERVAL_PARTS + 1)
         t[-1] = last
     return last
 

@@ -46,10 +46,10 @@ from mechcore.spec.mechanism import Drive, Mechanism
 from mechcore.texts import as_coordinate
 
 WORTH_LINES = 10  # evaluations after which it pays to write the equations down: that costs as much as about five
-STRAINED = 6.0  # rate of some joint per unit rate of the leading coordinates, from which on others take over
-EASED = 0.5  # of that, at most, with those others
-MANY = 500  # sets of joints, all of which are looked at
-SAME = 1e-9  # of positions and energies: the mechanism is where it was
+STRAINED_RATE = 6.0  # rate of some joint per unit rate of the leading coordinates, from which on others take over
+EASED_RATE = 0.5  # of that, at most, with those others
+MANY_SETS = 500  # sets of joints, all of which are looked at
+SAME_PLACE = 1e-9  # of positions and energies: the mechanism is where it was
 
 
 def jacobian_of(motion: Motion, units: Sequence[Motion], joints: Sequence[str]) -> tuple[Real, Real]:
@@ -185,7 +185,7 @@ def take_over(compiled: Compiled, q: Real, v: Real, t: float, known: Sequence[Co
     fine = np.abs(np.linalg.det(chosen)) > 1e-6
     eased = np.full(len(sets), np.inf)
     eased[fine] = np.abs(rows @ np.linalg.inv(chosen[fine])).max(axis=(1, 2))
-    if not eased.min() <= EASED * np.abs(rows).max():
+    if not eased.min() <= EASED_RATE * np.abs(rows).max():
         return None
     joints = [names[k] for k in sets[int(np.argmin(eased))]]
     coordinates = np.array([motion.coordinate(joint)[0] for joint in joints])
@@ -204,7 +204,7 @@ def take_over(compiled: Compiled, q: Real, v: Real, t: float, known: Sequence[Co
 def _sets(rows: Real) -> list[tuple[int, ...]]:
     """Sets of joints that could lead; where there are very many, only the one of a pivoted QR decomposition of their rates."""
     p, f = rows.shape
-    if comb(p, f) <= MANY:
+    if comb(p, f) <= MANY_SETS:
         return list(combinations(range(p), f))
 
     from scipy.linalg import qr
@@ -235,23 +235,26 @@ def _same(motion: Motion, other: Compiled, q: Real, v: Real, t: float) -> bool:
     if not _same_poses(motion, there):
         return False
     energies = [np.array([kinetic_energy(m)[0], np.ravel(potential(m))[0]]) for m in (motion, there)]
-    return bool(np.abs(energies[0] - energies[1]).max() <= 1e3 * SAME * max(1e-300, np.abs(energies[0]).max()))
+    return bool(np.abs(energies[0] - energies[1]).max() <= 1e3 * SAME_PLACE * max(1e-300, np.abs(energies[0]).max()))
 
 
 def _same_poses(motion: Motion, other: Motion) -> bool:
     """Whether two motions have all links at the same place in their first frames, but for whole turns."""
     for link in motion.model.links[1:]:
         a, b = motion.pose(link)[0], other.pose(link)[0]
-        if not np.abs(a[:2] - b[:2]).max() <= SAME * motion.model.length_scale or not abs(np.exp(1j * (a[2] - b[2])) - 1.0) <= SAME:
+        if (
+            not np.abs(a[:2] - b[:2]).max() <= SAME_PLACE * motion.model.length_scale
+            or not abs(np.exp(1j * (a[2] - b[2])) - 1.0) <= SAME_PLACE
+        ):
             return False
     return True
 
 
-POOR = 0.05  # share of the motion that a chart's own coordinate must do, at least
-DEAD = 1e-4  # share of the motion below which a joint's start says nothing of it: four digits of its speed would be lost
-FAIR = 0.2  # below this another joint takes over, well before it gets poor
-SAMPLES = 721  # of the curve on either side of where a chart begins
-ROOM = 1e-6  # of the range of a chart: one that ends sooner does not take over
+POOR_SHARE = 0.05  # share of the motion that a chart's own coordinate must do, at least
+DEAD_SHARE = 1e-4  # share of the motion below which a joint's start says nothing of it: four digits of its speed would be lost
+FAIR_SHARE = 0.2  # below this another joint takes over, well before it gets poor
+CURVE_SAMPLES = 721  # of the curve on either side of where a chart begins
+LEAST_ROOM = 1e-6  # of the range of a chart: one that ends sooner does not take over
 
 
 @dataclass(frozen=True, eq=False)
@@ -273,16 +276,16 @@ def curve_around(compiled: Compiled, q: float, tolerance: float) -> tuple[Curve 
     model = compiled.model
     rotary = _rotary(compiled)
     if rotary:
-        turn = whole_turn(compiled, q, tolerance=tolerance, usable=_leads_well, most_strain=1.0 / POOR)
+        turn = whole_turn(compiled, q, tolerance=tolerance, usable=_leads_well, most_strain=1.0 / POOR_SHARE)
         if turn is not None:
             return turn, None
     reach = TURN if rotary else 4.0 * model.length_scale
-    x = beside_singular(compiled, q + reach * np.linspace(-1.0, 1.0, 2 * SAMPLES - 1))
+    x = beside_singular(compiled, q + reach * np.linspace(-1.0, 1.0, 2 * CURVE_SAMPLES - 1))
     share = _share(compiled, x)
     here = int(np.searchsorted(x, q))
-    if DEAD < share[here] <= POOR:
+    if DEAD_SHARE < share[here] <= POOR_SHARE:
         return Chart(compiled), (q, q)
-    if not share[here] > POOR:
+    if not share[here] > POOR_SHARE:
         raise MechanismError(
             Fault(
                 f"joints.{compiled.mechanism.drives[0].joint}",
@@ -291,7 +294,7 @@ def curve_around(compiled: Compiled, q: float, tolerance: float) -> tuple[Curve 
                 "Give the free start at another joint, or start next to the dead point.",
             )
         )
-    good = share >= POOR
+    good = share >= POOR_SHARE
     low, high = here, here
     while low > 0 and good[low - 1]:
         low -= 1
@@ -299,9 +302,9 @@ def curve_around(compiled: Compiled, q: float, tolerance: float) -> tuple[Curve 
         high += 1
     ends = float(x[low]), float(x[high])
     low, high = low + 1, high - 1  # what ends a chart lies within its table
-    while low < here and share[low] < FAIR:
+    while low < here and share[low] < FAIR_SHARE:
         low += 1
-    while high > here and share[high] < FAIR:
+    while high > here and share[high] < FAIR_SHARE:
         high -= 1
     if not low < here < high:
         return Chart(compiled), (q, q)
@@ -316,7 +319,7 @@ def _share(compiled: Compiled, q: Real) -> Real:
 
 def _leads_well(unit: Motion) -> bool:
     """Whether the chart's own coordinate has enough of the motion at a unit rate everywhere."""
-    return bool(np.all(_own_share(unit) >= POOR))
+    return bool(np.all(_own_share(unit) >= POOR_SHARE))
 
 
 def _own_share(motion: Motion) -> Real:
@@ -385,7 +388,7 @@ def _place_on(chart: CurveChart, coordinate: float, rate: float) -> float | None
     if chart.valid_range is None:
         return coordinate
     low, high = chart.valid_range
-    ahead = coordinate + float(np.copysign(ROOM * (high - low), rate))
+    ahead = coordinate + float(np.copysign(LEAST_ROOM * (high - low), rate))
     turns = TURN * float(np.floor((ahead - low) / TURN)) if _rotary(chart.compiled) else 0.0
     return coordinate - turns if low <= min(coordinate, ahead) - turns and max(coordinate, ahead) - turns <= high else None
 

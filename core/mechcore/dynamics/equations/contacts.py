@@ -36,7 +36,7 @@ from mechcore.effects.base import rate
 from mechcore.effects.registry import totals
 from mechcore.forces.equilibrium import joint_forces
 from mechcore.forces.friction.elements import elements_of, relative_rate, scales_of
-from mechcore.forces.friction.normal_loads import TOLERANCE
+from mechcore.forces.friction.normal_loads import RESIDUAL_TOLERANCE
 from mechcore.kinematics.dyads import cross
 from mechcore.motion.compiled import Compiled
 from mechcore.motion.motion import Motion
@@ -262,7 +262,16 @@ class _ContactWriter(EquationsWriter):
         bias = [relative_rate(loaded, loaded.accelerations, e.what, e.index, e.links) for e in elements]
         coupling = [[_product(row, a) for a, _ in responses] for row in tau]
         pairs = (pair[axis] for row in by for axis in (0, 1) for pair in row)
-        given = [TOLERANCE, *signs, *braking, *map(float, scales_of(self.model, elements)), *bias, *chain(*coupling), *own, *pairs]
+        given = [
+            RESIDUAL_TOLERANCE,
+            *signs,
+            *braking,
+            *map(float, scales_of(self.model, elements)),
+            *bias,
+            *chain(*coupling),
+            *own,
+            *pairs,
+        ]
         shape = [count, *(int(e.euclidean) for e in elements)]
         *solved, factor = code.filled("dry", 2 * count + 1, shape, given)
         value, size = [x / factor for x in solved[:count]], solved[count:]

@@ -25,19 +25,22 @@ from mechcore.effects.registry import effects_of
 from mechcore.errors import MechanismError
 from mechcore.motion.compiled import Compiled, reached
 from mechcore.motion.motion import Motion
-from mechcore.numerics.chebyshev import NOISE, Panels, fit_panels, fit_where_needed, nodes_of
+from mechcore.numerics.chebyshev import TAIL_NOISE, Panels, fit_panels, fit_where_needed, nodes_of
 from mechcore.records import dataclass
 
-FIRST = 8  # panels of the first try
-EQUAL = 64  # panels of a table, beside the shorter ones next to singular positions
-SHORT = 0.1  # of the width of an equal panel: features that are less wide need shorter ones
-DEEPEST, CLOSE = 24, 0.3  # halvings next to a singular position; conditions beyond the inverse of that are looked at
+FIRST_PANELS = 8  # panels of the first try
+EQUAL_PANELS = 64  # panels of a table, beside the shorter ones next to singular positions
+SHORT_PANEL = 0.1  # of the width of an equal panel: features that are less wide need shorter ones
+MOST_HALVINGS, CLOSE_CONDITION = (
+    24,
+    0.3,
+)  # halvings next to a singular position; conditions beyond the inverse of that are looked at
 MOST_TIMES = 16  # as many positions: they gather at singular places, and are everywhere only where rounding decides
-ROUGH = 1e-4  # next to a singular position rounding is that much at most
-MOST_BENDS, ROUNDS = 64, 16  # of cams that a table's panels end at; 32^16 are more than there are numbers between two places
-SAME = 1e-3  # of an energy: two ways to find it differ by less
-REPEATED = 1e-9  # of the largest value: what differs by less a turn later is the same
-LITTLE = 1e-3  # of the work from one end of a table: kinetic energies below that are no differences of work
+SINGULAR_ROUNDING = 1e-4  # next to a singular position rounding is that much at most
+MOST_BENDS, SEARCH_ROUNDS = 64, 16  # of cams that a table's panels end at; 32^16 are more than there are numbers between two places
+SAME_ENERGY = 1e-3  # of an energy: two ways to find it differ by less
+REPEATED_VALUE = 1e-9  # of the largest value: what differs by less a turn later is the same
+LITTLE_ENERGY = 1e-3  # of the work from one end of a table: kinetic energies below that are no differences of work
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,14 +92,14 @@ class Curve(Programmed):
         ``before``: this keeps the digits that speeds next to a dead point lose. Where it is little beside that work, it would lose
         digits itself."""
         plain = 0.5 * self.inertia(q) * v * v
-        if not self.conservative or plain < LITTLE * self._most_work:
+        if not self.conservative or plain < LITTLE_ENERGY * self._most_work:
             return plain
         places = np.array([before[0], q])
         low, high = self.table.low, self.table.high
         turns = np.floor((places - low) / (high - low)) if self.table.periodic else np.zeros(2)
         done = self._work(places - turns * (high - low))[:, 1] + turns * self._work(np.array([high]))[0, 1]
         exact = 0.5 * self.inertia(before[0]) * before[1] ** 2 + float(done[1] - done[0])
-        return exact if abs(exact - plain) < SAME * plain else plain
+        return exact if abs(exact - plain) < SAME_ENERGY * plain else plain
 
     def kept(self, before: tuple[float, float], q: Real, v: Real) -> Real:
         """The speed (1,) at q (1,) at which `kinetic_energy` is what it says."""
@@ -143,11 +146,11 @@ def beside_singular(compiled: Compiled, x: Real, at_x: Motion | None = None) -> 
         return np.where(reached(compiled, q), inverse, np.nan)
 
     near, most = distances(x, _unit(compiled, x) if at_x is None else at_x), MOST_TIMES * len(x)
-    for _ in range(DEEPEST):
+    for _ in range(MOST_HALVINGS):
         widths, least = np.diff(x), np.minimum(near[:-1], near[1:])
         slopes = np.nan_to_num(np.abs(np.diff(near)) / widths)
         slopes = np.maximum.reduce([slopes, np.append(0.0, slopes[:-1]), np.append(slopes[1:], 0.0)])
-        at = np.flatnonzero((least < slopes * widths) & (least < CLOSE))
+        at = np.flatnonzero((least < slopes * widths) & (least < CLOSE_CONDITION))
         if not len(at) or len(x) + len(at) > most:
             break
         middle = 0.5 * (x[at] + x[at + 1])
@@ -157,7 +160,7 @@ def beside_singular(compiled: Compiled, x: Real, at_x: Motion | None = None) -> 
 
 def tabulate(compiled: Compiled, low: float, high: float, *, tolerance: float = 1e-13) -> Curve:
     """Reduce the mechanism to its free coordinate between ``low`` and ``high``."""
-    fixed, rest = _parted(compiled, lambda: _unit(compiled, nodes_of(low, high, FIRST)))
+    fixed, rest = _parted(compiled, lambda: _unit(compiled, nodes_of(low, high, FIRST_PANELS)))
     return _curve(compiled, *_fitted(compiled, _values(compiled, fixed), low, high, periodic=False, tolerance=tolerance), rest)
 
 
@@ -174,19 +177,19 @@ def _fitted(
 ) -> tuple[Panels, bool]:
     """A table of values: equal panels, or panels that end where cams change their form, and shorter ones where a group comes close
     to a singular position; and whether one does. ``unit``: a motion at a unit rate whose last frames are those ends of panels."""
-    boundaries = np.linspace(low, high, EQUAL + 1)
+    boundaries = np.linspace(low, high, EQUAL_PANELS + 1)
     if compiled.singular_points is None or not compiled.singular_points.points:
         boundaries = beside_singular(compiled, boundaries, unit)
-    plain = bool(np.diff(boundaries).min() > SHORT * (high - low) / EQUAL)
+    plain = bool(np.diff(boundaries).min() > SHORT_PANEL * (high - low) / EQUAL_PANELS)
     bends = _bends(compiled, low, high)
     if plain and not len(bends):
-        return fit_panels(values, low, high, periodic=periodic, tolerance=tolerance, first=FIRST, known=known), False
+        return fit_panels(values, low, high, periodic=periodic, tolerance=tolerance, first=FIRST_PANELS, known=known), False
     if len(bends):
-        boundaries = np.linspace(low, high, FIRST + 1) if plain else boundaries
-        apart = np.abs(boundaries[:, None] - bends).min(axis=1) > SHORT * (high - low) / EQUAL
+        boundaries = np.linspace(low, high, FIRST_PANELS + 1) if plain else boundaries
+        apart = np.abs(boundaries[:, None] - bends).min(axis=1) > SHORT_PANEL * (high - low) / EQUAL_PANELS
         apart[[0, -1]] = True
         boundaries = np.unique(np.concatenate([boundaries[apart] if plain else boundaries, bends]))
-    noise = NOISE if plain else ROUGH
+    noise = TAIL_NOISE if plain else SINGULAR_ROUNDING
     return fit_where_needed(values, boundaries, tolerance=tolerance, periodic=periodic, noise=noise)[0].joined(), not plain
 
 
@@ -202,7 +205,7 @@ def _bends(compiled: Compiled, low: float, high: float) -> Real:
         return np.stack(np.nonzero((forms[:, :, 1:] != forms[:, :, :-1]).any(axis=0)))
 
     edges = np.linspace(low, high, MOST_BENDS * 4 + 1)[None]
-    for _ in range(ROUNDS):
+    for _ in range(SEARCH_ROUNDS):
         row, k = changes(edges)
         if not 0 < len(k) <= MOST_BENDS:
             return np.zeros(0)
@@ -232,23 +235,23 @@ def whole_turn(
     if singular_points is not None and singular_points.unreachable:
         return None
     low = q if singular_points is None or not singular_points.by_drive else _clear_of(singular_points, compiled.start[0], q)
-    x = nodes_of(low, low + TURN, FIRST)
+    x = nodes_of(low, low + TURN, FIRST_PANELS)
     again = np.arange(5, len(x), 13)
     once, twice = again, len(x) + np.arange(len(again))
     by_program = _by_program(compiled, usable, most_strain)
     if by_program is not None:
         known = by_program(np.append(x, x[again] + TURN))
-        if (np.abs(known[twice] - known[once]).max(axis=0) <= REPEATED * np.abs(known).max(axis=0)).all():
+        if (np.abs(known[twice] - known[once]).max(axis=0) <= REPEATED_VALUE * np.abs(known).max(axis=0)).all():
             fitted = _fitted(compiled, by_program, low, low + TURN, periodic=True, tolerance=tolerance, known=known[: len(x)])
             return _curve(compiled, *fitted, ()) if np.isfinite(fitted[0].coefficients).all() else None
     through = singular_points is not None and bool(singular_points.points)
-    ends = x[:0] if through else np.linspace(low, low + TURN, EQUAL + 1)  # next to singular points positions cost more
+    ends = x[:0] if through else np.linspace(low, low + TURN, EQUAL_PANELS + 1)  # next to singular points positions cost more
     unit = _unit(compiled, np.concatenate([x, x[again] + TURN, ends]))
     if not usable(unit) or not repeats(unit.model, unit.state, once, twice):
         return None
     fixed, rest = _parted(compiled, lambda: unit)
     forces = {e: np.broadcast_to(_force(e, unit), unit.shape) for e in fixed}
-    repeating = [e for e, f in forces.items() if np.abs(f[twice] - f[once]).max() <= REPEATED * np.abs(f).max()]
+    repeating = [e for e, f in forces.items() if np.abs(f[twice] - f[once]).max() <= REPEATED_VALUE * np.abs(f).max()]
     rest += [e for e in fixed if e not in repeating]  # torsion springs, and tables over an angle that goes on
     known = _columns(unit, {e: forces[e] for e in repeating})[: len(x)]
     values = _values(compiled, repeating, usable)
@@ -341,8 +344,8 @@ def _clear_of(singular_points: SingularPoints, start: float, q: float) -> float:
     places = np.unique(np.round([start + c.time for c in singular_points.points], 9))
     if not len(places):
         return q
-    shifts = TURN / FIRST * np.arange(32) / 32
-    x = nodes_of(q, q + TURN, FIRST)
+    shifts = TURN / FIRST_PANELS * np.arange(32) / 32
+    x = nodes_of(q, q + TURN, FIRST_PANELS)
     away = shifts[:, None, None] + x[:, None] - places
     away = np.abs(away - TURN * np.round(away / TURN))
     return q + float(shifts[np.argmax(away.min(axis=(1, 2)))])

@@ -16,14 +16,14 @@ from mechcore.arrays import Real, numbers
 from mechcore.constants import MOST_TURNS
 from mechcore.dynamics.equations.curve import Curve
 from mechcore.errors import Fault, MechanismError
-from mechcore.numerics.chebyshev import NODES, Panels, fit_where_needed
+from mechcore.numerics.chebyshev import PANEL_NODES, Panels, fit_where_needed
 from mechcore.records import dataclass
 
 _X, _W = np.polynomial.legendre.leggauss(12)
 _GAUSS = 0.5 * (_X + 1.0), 0.5 * _W
-SAMPLES = 24  # of a panel, at which it is seen whether the motion turns back
-_SAMPLED = chebvander(np.linspace(-1.0, 1.0, SAMPLES), NODES)
-_ALTERNATING = (-1.0) ** np.arange(NODES + 1)[:, None]
+PANEL_SAMPLES = 24  # of a panel, at which it is seen whether the motion turns back
+_SAMPLED = chebvander(np.linspace(-1.0, 1.0, PANEL_SAMPLES), PANEL_NODES)
+_ALTERNATING = (-1.0) ** np.arange(PANEL_NODES + 1)[:, None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +75,7 @@ class Leg:
             new = np.where((new >= low) & (new <= high), new, 0.5 * (low + high))
             change = np.abs(new - u).max(initial=0.0)
             u = new
-            if change < CLOSE:
+            if change < LAST_STEP:
                 break
         f, _, slope = _displacement(u, self.ends)
         return self.start + self.length * f, self.length * slope / self.clock(u)[:, 0]
@@ -147,11 +147,13 @@ class EnergyMotion:
         return np.asarray(times[(times >= 0.0) & (times < end)])
 
 
-SMALL = 1e-10  # of the largest energy: below, its last digits decide how far a swing goes, and its table would be fitted in vain
-BESIDE = 1e-9  # of a leg: bends that are so close to each other are one
-FIRST = 16  # panels of a leg's clock, at least: so few cost no more than one
+SMALL_ENERGY = (
+    1e-10  # of the largest energy: below, its last digits decide how far a swing goes, and its table would be fitted in vain
+)
+SAME_BEND = 1e-9  # of a leg: bends that are so close to each other are one
+FIRST_PANELS = 16  # panels of a leg's clock, at least: so few cost no more than one
 NO_GAIN = 1e-13  # of the largest energy: what a turn brings less than that is the table's rounding
-CLOSE = 1e-10  # a last step of Newton's method that is shorter leaves an error of its square
+LAST_STEP = 1e-10  # a last step of Newton's method that is shorter leaves an error of its square
 
 
 def by_energy(
@@ -173,7 +175,9 @@ def by_energy(
     inertia, force, _, slope, _ = (float(x) for x in curve.both(np.array([q0]))[0])
     kinetic = 0.5 * inertia * v0 * v0
     size = max(work.largest, kinetic, 1e-300)
-    if kinetic * abs(slope) + 0.5 * force * force < SMALL * size * abs(slope) and _swings(curve, q0, force, slope, 2.0 * kinetic):
+    if kinetic * abs(slope) + 0.5 * force * force < SMALL_ENERGY * size * abs(slope) and _swings(
+        curve, q0, force, slope, 2.0 * kinetic
+    ):
         return None
     sign = float(np.sign(v0 if v0 else force))
     if sign == 0.0:
@@ -299,12 +303,12 @@ def _travel_to_turn(work: _Work, q: float, kinetic: float, sign: float, reach: f
         return None
     if work.never_turns(q, kinetic, sign):
         return float("inf")
-    per = SAMPLES * table.count * max(1, round(span / (table.high - table.low)))
+    per = PANEL_SAMPLES * table.count * max(1, round(span / (table.high - table.low)))
     travels = span * (np.arange(1, per + 1) / per)
     left = kinetic + work(q + sign * travels)[1] - work(np.array([q]))[1]
     out = np.flatnonzero(left <= 0.0)
     if len(out) and out[0] == 0:  # a short way, or rounding next to a start at rest
-        short = travels[0] * 2.0 ** np.arange(-SHORTEST, 1.0)
+        short = travels[0] * 2.0 ** np.arange(-MOST_HALVINGS, 1.0)
         out_near = np.flatnonzero(kinetic + work.near(q, sign * short) <= 0.0)
         if len(out_near) and (out_near[0] or kinetic):
             k = out_near[0]
@@ -315,7 +319,7 @@ def _travel_to_turn(work: _Work, q: float, kinetic: float, sign: float, reach: f
     return _turn(work, q, kinetic, sign, travels[out[0] - 1], travels[out[0]])
 
 
-SHORTEST = 40  # halvings of the first sample: a displacement of 1e-12 of it still differs from none
+MOST_HALVINGS = 40  # halvings of the first sample: a displacement of 1e-12 of it still differs from none
 
 
 def _turn(work: _Work, q: float, kinetic: float, sign: float, low: float, high: float) -> float | None:
@@ -372,9 +376,9 @@ def _clock(work: _Work, start: float, length: float, ends: tuple[bool, bool], ki
 def _edges(table: Panels, start: float, length: float, ends: tuple[bool, bool]) -> Real:
     """Values of `_displacement`'s parameter between which a leg's time is one smooth function; unequal panels end at bends."""
     if table.boundaries is None:
-        return np.linspace(0.0, 1.0, max(FIRST, round(abs(length) / table.width)) + 1)
+        return np.linspace(0.0, 1.0, max(FIRST_PANELS, round(abs(length) / table.width)) + 1)
     f = np.sort((table.between(min(start, start + length), max(start, start + length)) - start) / length)
     u = {(True, True): np.arctan2(np.sqrt(f), np.sqrt(1.0 - f)) / (0.5 * np.pi), (True, False): np.sqrt(f)}.get(ends)
     u = u if u is not None else 1.0 - np.sqrt(1.0 - f) if ends[1] else f
-    u = u[(u > BESIDE) & (u < 1.0 - BESIDE)]
-    return np.concatenate([[0.0], u[np.diff(u, prepend=0.0) > BESIDE], [1.0]])
+    u = u[(u > SAME_BEND) & (u < 1.0 - SAME_BEND)]
+    return np.concatenate([[0.0], u[np.diff(u, prepend=0.0) > SAME_BEND], [1.0]])

@@ -23,7 +23,20 @@ from mechcore.numerics.frames import QUIET
 
 MOST_LINES = 4000  # beyond them numpy's calls on whole lists of links are no more
 CHOICE = re.compile(r"= (\S+) != 0\.0 \? (\S+) : (\S+);")
-SAME = ("cos", "sin", "tan", "tanh", "sqrt", "exp", "log", "log1p", "expm1", "floor", "rint", "sign")  # names in C and numpy
+NUMPY_FUNCTIONS = (
+    "cos",
+    "sin",
+    "tan",
+    "tanh",
+    "sqrt",
+    "exp",
+    "log",
+    "log1p",
+    "expm1",
+    "floor",
+    "rint",
+    "sign",
+)  # names in C and numpy
 FUNCTIONS: dict[str, Callable[..., Any]] = {
     "fabs": np.abs,
     "pow": np.power,
@@ -37,7 +50,7 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     "chosen": np.where,
     "four_areas": lambda a, b, d, _: four_areas(a, b, d),
     "leg": lambda r, y, _: leg(r, y),
-    **{name: getattr(np, name) for name in SAME},
+    **{name: getattr(np, name) for name in NUMPY_FUNCTIONS},
 }
 """Functions that lines of C may call, by their names there: the others read tables, in the way of C."""
 

@@ -30,13 +30,13 @@ from mechcore.dynamics.equations.reduced import (
     rates_of_joints,
     reduced_terms,
 )
-from mechcore.dynamics.integration.windows import MARGIN
+from mechcore.dynamics.integration.windows import TAIL_MARGIN
 from mechcore.errors import MechanismError
 from mechcore.kinematics.columns import all_columns, all_vectors
 from mechcore.kinematics.model import Model
 from mechcore.kinematics.program import Unknown
 from mechcore.kinematics.rates import accelerations, velocities
-from mechcore.kinematics.singular_interpolation import NEAR
+from mechcore.kinematics.singular_interpolation import NEAR_STEPS
 from mechcore.kinematics.state import State
 from mechcore.laws.time_curves import numbers_of_time
 from mechcore.laws.timed import Free
@@ -118,7 +118,7 @@ class EquationsProgram:
         if self._singular is not None:
             points, period = self._singular.points, self._singular.period
             far = away - np.array([[c.time] for c in points])
-            if (np.abs(far - period * np.round(far / period)) < NEAR * np.array([[c.step] for c in points])).any():
+            if (np.abs(far - period * np.round(far / period)) < NEAR_STEPS * np.array([[c.step] for c in points])).any():
                 return None
             for i, row in enumerate(modes):
                 row *= self._singular.signs(i, away)
@@ -177,7 +177,7 @@ class EquationsProgram:
         away, period = float(q[0] - self.compiled.start[0]), self._singular.period
         modes = [m * float(self._singular.signs(i, np.asarray(away))) for i, m in enumerate(self.compiled.assembly.modes)]
         self._equations.modes[: len(modes)] = modes
-        near = NEAR * max(point.step for point in self._singular.points)
+        near = NEAR_STEPS * max(point.step for point in self._singular.points)
         ahead = min((point.time - away) % period for point in self._singular.points)
         behind = min((away - point.time) % period for point in self._singular.points)
         return float(q[0]) - behind + near, float(q[0]) + ahead - near
@@ -185,7 +185,7 @@ class EquationsProgram:
     def _clear(self, q: Real) -> bool:
         """Whether no singular point is near the way over positions (n,) of the only drive."""
         assert self._singular is not None
-        reach = NEAR * max(point.step for point in self._singular.points)
+        reach = NEAR_STEPS * max(point.step for point in self._singular.points)
         away = q - self.compiled.start[0]
         return not self._singular.within(float(away.min()) - reach, float(away.max()) + reach)
 
@@ -236,7 +236,7 @@ def written(compiled: Compiled, traced: Callable[[Compiled], TracedEquations], k
     if key not in known:
         try:
             equations = traced(compiled)
-            program = WrittenEquations(*equations[:5], MARGIN)
+            program = WrittenEquations(*equations[:5], TAIL_MARGIN)
             long = program.lines > MOST_LINES
             known[key] = f"the program would have {program.lines:,} lines" if long else (program, equations.followed)
         except Untraceable as reason:

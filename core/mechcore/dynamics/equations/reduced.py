@@ -25,7 +25,7 @@ from mechcore.motion.solve import solve_motion
 from mechcore.records import dataclass
 from mechcore.spec.mechanism import Planar, Prismatic, Revolute, coordinates_of
 
-STEP = 1e-7  # of a finite difference; slopes only steer Newton's method
+DIFFERENCE_STEP = 1e-7  # of a finite difference; slopes only steer Newton's method
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,7 +101,9 @@ def steps_of_differences(compiled: Compiled, q: Real, v: Real, a: Real) -> tuple
     f = len(scales)
     pace = max(float((np.abs(v[:, :f]) / scales).max()), float(np.sqrt((np.abs(a[:, :f]) / scales).max()))) or 1.0
     scales = np.append(scales, np.ones(q.shape[1] - f))
-    return STEP * np.maximum(scales, np.abs(q).max(axis=0)), STEP * np.maximum(pace * scales, np.abs(v).max(axis=0))
+    return DIFFERENCE_STEP * np.maximum(scales, np.abs(q).max(axis=0)), DIFFERENCE_STEP * np.maximum(
+        pace * scales, np.abs(v).max(axis=0)
+    )
 
 
 def forms_of(motion: Motion) -> list[Values]:

@@ -16,12 +16,12 @@ from mechcore.dynamics.integration.collocation import Rule, System, Window, inte
 from mechcore.errors import MechanismError
 from mechcore.records import dataclass
 
-MOST = 4096  # nodes that are solved together
-HALVINGS = 8  # of windows, before they are too many
-LINEAR = 1e-5  # of the scale: what a correction of this size leaves is of the order of its square
-LEFT = 1e-2  # of the tolerance: what that square may be
-STEPS = 6  # of Newton's method
-SHRINKS = 0.3  # part of a correction that the next one may have
+MOST_NODES = 4096  # nodes that are solved together
+MOST_HALVINGS = 8  # of windows, before they are too many
+LINEAR_CORRECTION = 1e-5  # of the scale: what a correction of this size leaves is of the order of its square
+SQUARE_LEFT = 1e-2  # of the tolerance: what that square may be
+NEWTON_STEPS = 6  # of Newton's method
+CORRECTION_RATIO = 0.3  # part of a correction that the next one may have
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,12 +66,12 @@ class ParallelShooting:
 
     def __init__(self, system: System, rule: Rule, tolerance: float, scale: Real | float):
         self.system, self.rule, self.tolerance, self.scale = system, rule, tolerance, scale
-        self.linear = min(LINEAR, float(np.sqrt(LEFT * tolerance)))
+        self.linear = min(LINEAR_CORRECTION, float(np.sqrt(SQUARE_LEFT * tolerance)))
         self.evaluations = 0
         self.longest = 0.0
 
     def solve(
-        self, boundaries: Real, q: Real, v: Real, guess: Callable[[Real], Real], halvings: int = HALVINGS
+        self, boundaries: Real, q: Real, v: Real, guess: Callable[[Real], Real], halvings: int = MOST_HALVINGS
     ) -> Trajectory | None:
         """Windows between ``boundaries``, halved where the guess is too rough; None where Newton's method does not converge."""
         try:
@@ -97,7 +97,7 @@ class ParallelShooting:
                 return trajectory, force
             middle = 0.5 * (boundaries[1:] + boundaries[:-1])[rough > 4.0]
             boundaries = np.sort(np.concatenate([boundaries, middle]))
-            if len(boundaries) * len(self.rule.nodes) > 4 * MOST:
+            if len(boundaries) * len(self.rule.nodes) > 4 * MOST_NODES:
                 return None
         return None
 
@@ -122,12 +122,12 @@ class ParallelShooting:
 
     def _newton(self, trajectory: Trajectory, force: Real) -> Trajectory | None:
         last = np.inf
-        for _ in range(STEPS):
+        for _ in range(NEWTON_STEPS):
             better = self._corrected(trajectory, force)
             size = max(
                 float((np.abs(x - y) / self.scale).max()) for x, y in ((better.q, trajectory.q), (better.at[0], trajectory.at[0]))
             )
-            if not size <= SHRINKS * last:
+            if not size <= CORRECTION_RATIO * last:
                 return None
             trajectory, last = better, size
             if size <= self.linear:

@@ -18,13 +18,13 @@ import numpy as np
 
 from mechcore.arrays import Flags, Real
 from mechcore.dynamics.integration.collocation import Window
-from mechcore.dynamics.integration.parallel_shooting import MOST, ParallelShooting
+from mechcore.dynamics.integration.parallel_shooting import MOST_NODES, ParallelShooting
 from mechcore.dynamics.integration.windows import BreakpointFinder, Integrator, Solution
 from mechcore.records import dataclass
 
-MORE = 3  # nodes beyond those of the tolerance: the windows are at first those of a looser one
-NEAR = 1e-10  # of a window: a breakpoint so near to its end is there
-SLIVER = 0.05  # of the window after it: what a breakpoint has left of one goes with that
+MORE_NODES = 3  # nodes beyond those of the tolerance: the windows are at first those of a looser one
+WINDOW_END = 1e-10  # of a window: a breakpoint so near to its end is there
+LEAST_WINDOW = 0.05  # of the window after it: what a breakpoint has left of one goes with that
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +43,7 @@ def _acceleration(window: Window, t: Real) -> Real:
 
 def refine(by: Integrator, q: Real, v: Real, t0: float, t1: float, known: Known) -> Solution:
     """The solution of `Integrator.run`, found by what is ``known``; it raises the same."""
-    rule, breakpoints = by.rule(MORE), by.breakpoints
+    rule, breakpoints = by.rule(MORE_NODES), by.breakpoints
     solver = ParallelShooting(by.system, rule, by.tolerance, by.scale)
     solution = Solution()
     t, q, v = t0, np.asarray(q, float), np.asarray(v, float)
@@ -54,7 +54,7 @@ def refine(by: Integrator, q: Real, v: Real, t0: float, t1: float, known: Known)
         ends, cut = ends[:0], cut[:0]
     if breakpoints is not None:  # what a law states in time is where it was
         cut = cut & np.array([abs(breakpoints.stated(end - 20.0 * least) - end) > 20.0 * least for end in ends], bool)
-    block = max(1, MOST // len(rule.nodes))
+    block = max(1, MOST_NODES // len(rule.nodes))
     bent = 0
     while len(ends) and bent <= 2 * len(known.cut):
         count = int(np.argmax(cut[:block])) + 1 if breakpoints is not None and cut[:block].any() else min(block, len(ends))
@@ -67,7 +67,11 @@ def refine(by: Integrator, q: Real, v: Real, t0: float, t1: float, known: Known)
         ends, cut = ends[count:], cut[count:]
         for window in trajectory.windows(rule):
             break_time = None if breakpoints is None else breakpoints(window, window.start + 10.0 * least)
-            if breakpoints is not None and break_time is not None and break_time < window.start + window.length * (1.0 - NEAR):
+            if (
+                breakpoints is not None
+                and break_time is not None
+                and break_time < window.start + window.length * (1.0 - WINDOW_END)
+            ):
                 window = _until(solver, window, break_time, breakpoints, least)
                 bent += 1
             else:
@@ -80,7 +84,7 @@ def refine(by: Integrator, q: Real, v: Real, t0: float, t1: float, known: Known)
             if break_time is not None:
                 later = trajectory.boundaries[trajectory.boundaries > t + 20.0 * least]
                 ends, cut = np.concatenate([later, ends]), np.concatenate([np.zeros(len(later), bool), cut])
-                if len(ends) > 1 and ends[0] - t < SLIVER * (ends[1] - ends[0]):
+                if len(ends) > 1 and ends[0] - t < LEAST_WINDOW * (ends[1] - ends[0]):
                     ends, cut = ends[1:], cut[1:]
                 break
         end_q, end_v, _ = solution.windows[-1](np.array([t]))
@@ -103,7 +107,7 @@ def _until(solver: ParallelShooting, window: Window, break_time: float, breakpoi
             return Window(window.start, break_time - window.start, window.q, window.v, part, True)
         (window,) = trajectory.windows(solver.rule)
         again = breakpoints(window, window.start + 10.0 * least)
-        if again is None or again >= break_time - NEAR * window.length:
+        if again is None or again >= break_time - WINDOW_END * window.length:
             break
         break_time = again
     return Window(window.start, window.length, window.q, window.v, window.a, True)

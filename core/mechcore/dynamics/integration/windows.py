@@ -21,17 +21,29 @@ from mechcore.dynamics.integration.collocation import (
     solve_window,
     tails,
 )
-from mechcore.dynamics.integration.parallel_shooting import MOST, ParallelShooting
+from mechcore.dynamics.integration.parallel_shooting import MOST_NODES, ParallelShooting
 from mechcore.errors import Fault, MechanismError
 from mechcore.records import dataclass
 
-MARGIN = 4.0  # times the tolerance: a tail of high order may be as large, a little shorter a window meets it; none of low order may
-ROUNDED = 1e-15  # of the scale: no window is solved to more digits
-FEW = 3  # windows in a row that end at stated breakpoints: so many, or more, are solved together
-FARTHER, NEARER, RECOVERED = 2.0, 0.3, 1.2  # how far the next ones reach: where the last were solved, were not, or one of them was
-CHATTER, MOST_CUT = 1e-5, 400  # windows shorter than this part of the longest; so many in a row, cut at breakpoints, get nowhere
-SETTLED, MANY = 8, 250  # windows after which their length gives the number of those left; so many are worth compiling
-BATCH = 64  # windows that a compiled program solves before anybody looks at them
+TAIL_MARGIN = (
+    4.0  # times the tolerance: a tail of high order may be as large, a little shorter a window meets it; none of low order may
+)
+SCALE_ROUNDING = 1e-15  # of the scale: no window is solved to more digits
+FEW_WINDOWS = 3  # windows in a row that end at stated breakpoints: so many, or more, are solved together
+FARTHER_REACH, NEARER_REACH, RECOVERED_REACH = (
+    2.0,
+    0.3,
+    1.2,
+)  # how far the next ones reach: where the last were solved, were not, or one of them was
+CHATTER_LENGTH, MOST_CUT = (
+    1e-5,
+    400,
+)  # windows shorter than this part of the longest; so many in a row, cut at breakpoints, get nowhere
+SETTLED_WINDOWS, MANY_WINDOWS = (
+    8,
+    250,
+)  # windows after which their length gives the number of those left; so many are worth compiling
+BATCH_WINDOWS = 64  # windows that a compiled program solves before anybody looks at them
 
 
 class WindowProgram(Protocol):
@@ -159,7 +171,7 @@ class Integrator:
     @property
     def small(self) -> float:
         """Error of positions that Newton's method leaves, in units of q."""
-        return max(1e-3 * self.tolerance, ROUNDED) * float(np.min(self.scale))
+        return max(1e-3 * self.tolerance, SCALE_ROUNDING) * float(np.min(self.scale))
 
     @property
     def longest(self) -> float:
@@ -210,9 +222,9 @@ class _Integration:
 
     def _advance(self) -> bool:
         """One step: many windows by a compiled program, a row of them together, or a trial of one. False: the end is here."""
-        if not self.settled and len(self.solution.windows) >= SETTLED:
+        if not self.settled and len(self.solution.windows) >= SETTLED_WINDOWS:
             self.settled = True
-            if self.program is None and self.t1 - self.t > MANY * self.h:
+            if self.program is None and self.t1 - self.t > MANY_WINDOWS * self.h:
                 self.program = self.offered(long=True)
         program, breakpoints = self.program, self.by.breakpoints
         in_program = program is not None and (breakpoints is None or not breakpoints.searched or program.has_forms)
@@ -242,7 +254,9 @@ class _Integration:
         bounds = self.t1, self.least, self.by.longest, self.by.tolerance, self.by.small
         breakpoints = self.by.breakpoints
         searched = breakpoints is not None and breakpoints.searched
-        batch = program.windows(self.rule, at, bounds, BATCH, searched, breaks_from(breakpoints, self.t, self.t1, BATCH))
+        batch = program.windows(
+            self.rule, at, bounds, BATCH_WINDOWS, searched, breaks_from(breakpoints, self.t, self.t1, BATCH_WINDOWS)
+        )
         solution.evaluations, solution.rejected = solution.evaluations + int(at[3]), solution.rejected + int(at[4])
         windows = windows_of(batch)
         if self.by.passed is not None and self.by.passed(windows):
@@ -285,7 +299,7 @@ class _Integration:
             self.guess = window(t + self.h * nodes)[2]
             return True
         worst, order = self._error(window)
-        return self._shorten(worst, order) if worst > MARGIN else self._go_on(window, worst, order)
+        return self._shorten(worst, order) if worst > TAIL_MARGIN else self._go_on(window, worst, order)
 
     def _fit(self) -> None:
         """The window's length within what is left, the longest that is wanted, and the next breakpoint that is stated."""
@@ -311,11 +325,11 @@ class _Integration:
         allowed = self.by.tolerance * self.by.scale
         left, rough, power = tails(window.a, np.array(self.h), np.array(max(self.longest, self.h)))
         worst, order = float(np.max(left / allowed)), float(len(self.rule.nodes) + 1)
-        neglected = MARGIN * float(np.max(rough / allowed)) if self.starts or self.cuts else 0.0
+        neglected = TAIL_MARGIN * float(np.max(rough / allowed)) if self.starts or self.cuts else 0.0
         if neglected > worst:
             worst, order = neglected, float(power)
-        if worst > MARGIN and self.h < 1e4 * self.least:
-            worst = MARGIN  # the equations jump here without saying so; as near to the jump as times are resolved
+        if worst > TAIL_MARGIN and self.h < 1e4 * self.least:
+            worst = TAIL_MARGIN  # the equations jump here without saying so; as near to the jump as times are resolved
         return worst, order
 
     def _shorten(self, worst: float, order: float) -> bool:
@@ -331,7 +345,7 @@ class _Integration:
     def _go_on(self, window: Window, worst: float, order: float) -> bool:
         """Accept a window; the length and the guess of the next one."""
         self.longest = max(self.longest, self.h)
-        self.chatter = self.chatter + 1 if self.by.breakpoints is not None and self.h < CHATTER * self.longest else 0
+        self.chatter = self.chatter + 1 if self.by.breakpoints is not None and self.h < CHATTER_LENGTH * self.longest else 0
         self._still()
         if not self._accept(window):
             return False
@@ -344,7 +358,7 @@ class _Integration:
             self.guess = _extrapolated(window, self.t + longer * nodes, self.end_a)
         self.h = max(longer, 0.5 * self.uncut)
         if self.rows is not None:
-            self.rows.reach, self.rows.natural = max(self.h, RECOVERED * self.rows.reach if self.cuts else 0.0), self.h
+            self.rows.reach, self.rows.natural = max(self.h, RECOVERED_REACH * self.rows.reach if self.cuts else 0.0), self.h
         self.starts, self.cuts, self.uncut = self.cuts > 0, 0, 0.0
         return True
 
@@ -377,24 +391,24 @@ class _Rows:
         ``q``, ``v`` (f,) and ``a`` (1, f) are those at the start, ``longest`` [s] is the longest window so far.
         """
         boundaries, shooting = self._boundaries(t, min(t + self.reach, t1)), self.shooting
-        if len(boundaries) <= FEW:
+        if len(boundaries) <= FEW_WINDOWS:
             return []
         shooting.longest = longest
         trajectory = shooting.solve(boundaries, q, v, lambda t: np.repeat(a, len(t), axis=0), halvings=0)
-        good = [] if trajectory is None else trajectory.windows(shooting.rule)[: shooting.resolved_windows(trajectory, MARGIN)]
+        good = [] if trajectory is None else trajectory.windows(shooting.rule)[: shooting.resolved_windows(trajectory, TAIL_MARGIN)]
         for k, window in enumerate(good):
             end = window.start + window.length
             other = self.breakpoints(window, window.start + 10.0 * self.least)
             if other is not None and other < end - max(20.0 * self.least, 1e-10 * window.length):
                 good = good[:k]
                 break
-        self.reach = (FARTHER if len(good) == len(boundaries) - 1 else NEARER) * float(boundaries[-1] - t)
+        self.reach = (FARTHER_REACH if len(good) == len(boundaries) - 1 else NEARER_REACH) * float(boundaries[-1] - t)
         return good
 
     def _boundaries(self, t: float, end: float) -> Real:
         """The time and the breakpoints after it, as many as can be solved together, none too far from the one before."""
         boundaries, longest = [t], min(self.natural, self.most)
-        while len(boundaries) <= MOST // len(self.shooting.rule.nodes):
+        while len(boundaries) <= MOST_NODES // len(self.shooting.rule.nodes):
             stated = self.breakpoints.stated(boundaries[-1] + 20.0 * self.least)
             if not stated < min(end, boundaries[-1] + longest):
                 break

@@ -33,11 +33,11 @@ from mechcore.spec.mechanism import Mechanism
 from mechcore.texts import Text, as_coordinate, as_quantity
 
 Seek = Literal["stable", "nearest"]
-STEP = 4e-3  # of a difference, relative to the scale: its error is the sixth power of this
-LONGEST = 0.3  # step, relative to the scale
-MOST = 300  # steps
+DIFFERENCE_STEP = 4e-3  # of a difference, relative to the scale: its error is the sixth power of this
+LONGEST_STEP = 0.3  # step, relative to the scale
+MOST_STEPS = 300  # steps
 NODES = np.array([-3.0, -2.0, -1.0, 1.0, 2.0, 3.0])
-WEIGHTS = np.array([-1.0, 9.0, -45.0, 45.0, -9.0, 1.0]) / 60.0  # central difference of sixth order
+DIFFERENCE_WEIGHTS = np.array([-1.0, 9.0, -45.0, 45.0, -9.0, 1.0]) / 60.0  # central difference of sixth order
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,8 +122,8 @@ def slopes_at_rest(compiled: Compiled, q: Real) -> tuple[Real, Real, Real]:
     from one set of positions, central differences of sixth order."""
     scale, f = compiled.once(coordinate_scales), len(q)
     shifts = (np.eye(f)[:, None, :] * NODES[None, :, None]).reshape(-1, f)
-    force, size = _forces(compiled, np.vstack([q[None], q + STEP * scale * shifts]))
-    by_q = np.einsum("knj,n->jk", force[1:].reshape(f, len(NODES), f), WEIGHTS) / (STEP * scale)
+    force, size = _forces(compiled, np.vstack([q[None], q + DIFFERENCE_STEP * scale * shifts]))
+    by_q = np.einsum("knj,n->jk", force[1:].reshape(f, len(NODES), f), DIFFERENCE_WEIGHTS) / (DIFFERENCE_STEP * scale)
     return force[0], by_q, size.max(axis=0)
 
 
@@ -144,7 +144,7 @@ def find_equilibrium(mechanism: Mechanism | Compiled, *, seek: Seek = "stable", 
         raise MechanismError(Fault(f"joints.{loose}.clearance", why, "Leave out the clearance."))
     q = np.array([float(d.law(0.0)[0]) for d in compiled.mechanism.drives if isinstance(d.law, Free)])
     changed = 0
-    for count in range(1, MOST + 1):
+    for count in range(1, MOST_STEPS + 1):
         scale = compiled.once(coordinate_scales)
         force, by_q, size = slopes_at_rest(compiled, q)
         if not np.isfinite(by_q).all():
@@ -168,8 +168,8 @@ def find_equilibrium(mechanism: Mechanism | Compiled, *, seek: Seek = "stable", 
     raise MechanismError(
         Fault(
             "dynamics.equilibrium",
-            f"none found from the start in {MOST} steps: at {as_coordinate(q[k], rotary=rotary)} the loads still push {joint} with "
-            f"{as_quantity(force[k], 'torque' if rotary else 'force')}.",
+            f"none found from the start in {MOST_STEPS} steps: at {as_coordinate(q[k], rotary=rotary)} the loads still push "
+            f"{joint} with {as_quantity(force[k], 'torque' if rotary else 'force')}.",
             "A load that always pushes the same way has no equilibrium: leave it out, or add what holds against it.",
         )
     )
@@ -192,7 +192,7 @@ def _step(compiled: Compiled, q: Real, force: Real, step: Real, seek: Seek, larg
     """The position after a step: shortened until it stays within reach and, going downhill, until the forces do work along it."""
     scale = compiled.once(coordinate_scales)
     length = float(np.abs(step / scale).max())
-    step = step * min(1.0, LONGEST / length) if length else step
+    step = step * min(1.0, LONGEST_STEP / length) if length else step
     for _ in range(40):
         middle, end = force_at_rest(compiled, np.array([q + 0.5 * step, q + step]))
         if np.isfinite(end).all() and np.isfinite(middle).all():
@@ -232,8 +232,8 @@ def _within(equilibrium: Equilibrium, stops: Sequence[EndStop]) -> None:
 
 
 MANY_PERIODS = 1_000  # periods in a run, from which on it is said before the work begins
-DECAYED = 35.0  # exponent of decay, after which nothing is left of a vibration
-SLOW = 1e-3  # of the vibration's own speed at an amplitude of one: the rate at which damping is looked up
+DECAY_EXPONENT = 35.0  # exponent of decay, after which nothing is left of a vibration
+SLOW_RATE = 1e-3  # of the vibration's own speed at an amplitude of one: the rate at which damping is looked up
 
 
 @dataclass(frozen=True)
@@ -254,7 +254,7 @@ class Fastest:
 
     def periods(self, duration: float) -> float:
         """How many periods a run has to follow until its end or until they have died away."""
-        return self.frequency * min(duration, DECAYED / max(TURN * self.frequency * self.damping, 1e-300))
+        return self.frequency * min(duration, DECAY_EXPONENT / max(TURN * self.frequency * self.damping, 1e-300))
 
     def steps_over(self, duration: float, tolerance: float) -> bool:
         """Whether a run does well not to follow it, because nothing of it is seen, or because it has soon died away."""
@@ -280,14 +280,14 @@ class Fastest:
 def beside(compiled: Compiled, q: Real) -> Real:
     """A place (f,), and places beside it (n, f) from which slopes by the free coordinates follow."""
     shifts = (np.eye(len(q))[:, None, :] * NODES[None, :, None]).reshape(-1, len(q))
-    return np.vstack([q[None], q + STEP * compiled.once(coordinate_scales) * shifts])
+    return np.vstack([q[None], q + DIFFERENCE_STEP * compiled.once(coordinate_scales) * shifts])
 
 
 def vibrations(compiled: Compiled, forces: Real, inertia: Real) -> tuple[Real, Real, Real] | None:
     """Squares of the frequencies (f,) [rad^2/s^2] in order, shapes (f, f) in sizes of the coordinates, and the stiffness (c, f, f)
     of each of the ``forces`` (c, n, f) at places `beside` one; the last of them counts. None where they are not known."""
     scale, f = compiled.once(coordinate_scales), forces.shape[-1]
-    by_q = np.einsum("cknj,n->cjk", forces[:, 1:].reshape(-1, f, len(NODES), f), WEIGHTS) / (STEP * scale)
+    by_q = np.einsum("cknj,n->cjk", forces[:, 1:].reshape(-1, f, len(NODES), f), DIFFERENCE_WEIGHTS) / (DIFFERENCE_STEP * scale)
     stiffness = -0.5 * (by_q + by_q.swapaxes(1, 2))
     both = scale[:, None] * scale
     if not (np.isfinite(stiffness).all() and np.isfinite(inertia).all()):
@@ -328,10 +328,10 @@ def fastest_vibration(compiled: Compiled, q: Real, v: Real) -> Fastest | None:
     spring = springs[int(np.argmax(shares))]
     if not shares.max() > 0.5 * squares[-1]:
         return None  # weights, or springs that hold each other
-    rates = SLOW * omega * np.array([shape, -shape])
+    rates = SLOW_RATE * omega * np.array([shape, -shape])
     passing = motion_at(compiled, np.repeat(q[None], 2, axis=0), rates, np.zeros(2))
     braking = reduced_equations(passing, tangents(passing, free_of(compiled)))
-    brake = -float(shape @ (braking.force[0] - braking.force[1])) / (2.0 * SLOW * omega)
+    brake = -float(shape @ (braking.force[0] - braking.force[1])) / (2.0 * SLOW_RATE * omega)
     modal = np.hypot(float(shape @ forces[-1, 0]) / omega**2, float(shape @ inertia @ v) / omega)
     most = int(np.argmax(np.abs(shapes[:, -1])))
     amplitude = float(modal * np.abs(shapes[most, -1]))

@@ -32,13 +32,13 @@ from mechcore.records import dataclass
 from mechcore.spec.mechanism import Link, Mechanism
 from mechcore.texts import as_angle, as_quantity, as_torque
 
-NODES = 12
-FIRST = 16  # panels a turn
-MOST = 4096
-RULE = gauss(NODES)
+PANEL_NODES = 12
+FIRST_PANELS = 16  # panels a turn
+MOST_PANELS = 4096
+RULE = gauss(PANEL_NODES)
 WEIGHTS = RULE.legendre[0]
-STEP = 1e-6
-SAMPLES = 192  # places a turn at which breakpoints of forces are looked for
+DIFFERENCE_STEP = 1e-6
+SAMPLES_A_TURN = 192  # places a turn at which breakpoints of forces are looked for
 SPEEDS = np.geomspace(1e-2, 1e4, 49)  # [rad/s] at which a mean balance is looked for
 
 
@@ -82,7 +82,7 @@ class SteadyRun:
         at: Real = np.mod(numbers(x), self.edges[-1])
         k = np.clip(np.searchsorted(self.edges, at, side="right") - 1, 0, len(self.w) - 1)
         h = np.diff(self.edges)[k]
-        first, _ = integrals(NODES, (at - self.edges[k]) / h)
+        first, _ = integrals(PANEL_NODES, (at - self.edges[k]) / h)
         return np.asarray(np.sqrt(2.0 * (self.w[k] + h * np.einsum("ns,ns->n", first, self.slopes[k]))))
 
 
@@ -101,8 +101,8 @@ def steady_run(mechanism: Mechanism | Compiled, *, turns: int = 1, tolerance: fl
         solve_motion(compiled, x, drives={joint: (start + sense * x, np.full_like(x, sense), np.zeros_like(x))})
     machine = _Machine(compiled, start, sense)
     level = _balance(machine, span, abs(speed))
-    edges = _cut(np.linspace(0.0, span, FIRST * turns + 1), machine, lambda x: np.full(len(x), level))
-    w: Real = np.full((len(edges) - 1, NODES), 0.5 * level**2)
+    edges = _cut(np.linspace(0.0, span, FIRST_PANELS * turns + 1), machine, lambda x: np.full(len(x), level))
+    w: Real = np.full((len(edges) - 1, PANEL_NODES), 0.5 * level**2)
     for again in range(12):
         begins, w, slopes, multiplier = _solve(machine, edges, w, level)
         coefficients = slopes @ RULE.legendre.T
@@ -110,7 +110,7 @@ def steady_run(mechanism: Mechanism | Compiled, *, turns: int = 1, tolerance: fl
         poor = h * np.abs(coefficients[:, -2:]).max(axis=1) > tolerance * begins.max()
         run = _run(compiled, joint, start, sense, turns, edges, begins, coefficients, w, multiplier)
         more = edges if again else _cut(edges, machine, run)
-        if (again and not poor.any()) or len(edges) > MOST:
+        if (again and not poor.any()) or len(edges) > MOST_PANELS:
             return run
         edges = np.unique(np.concatenate([more, 0.5 * (edges[:-1] + edges[1:])[poor]]))
         x = edges[:-1, None] + np.diff(edges)[:, None] * RULE.nodes
@@ -173,7 +173,7 @@ class _Machine:
     def linear(self, x: Real, w: Real) -> tuple[Real, Real]:
         """dw/dx (n,) and its derivative by w."""
         v = np.sqrt(2.0 * w)
-        step = STEP * float(v.max())
+        step = DIFFERENCE_STEP * float(v.max())
         slopes = self.slope(np.concatenate([x, x, x]), np.concatenate([v, v + step, v - step])).reshape(3, -1)
         return slopes[0], (slopes[1] - slopes[2]) / (2.0 * step * v)
 
@@ -232,7 +232,7 @@ def _cut(edges: Real, machine: _Machine, speed: Callable[[Real], Real]) -> Real:
     if not machine.piecewise and not machine.rubs:
         return edges
     span = float(edges[-1])
-    x = span * (np.arange(int(SAMPLES * span / TURN) + 1)) / int(SAMPLES * span / TURN)
+    x = span * (np.arange(int(SAMPLES_A_TURN * span / TURN) + 1)) / int(SAMPLES_A_TURN * span / TURN)
     forms = machine.forms(x, speed(x))
     k = np.flatnonzero((forms[:, 1:] != forms[:, :-1]).any(axis=0))
     low, high = x[k], x[k + 1]
@@ -256,7 +256,7 @@ def _solve(machine: _Machine, edges: Real, w: Real, level: float) -> tuple[Real,
     """w at the panels' begins (p,), at the nodes (p, s), dw/dx at the nodes, and the multiplier."""
     h = np.diff(edges)
     x = edges[:-1, None] + h[:, None] * RULE.nodes
-    identity = np.eye(NODES)
+    identity = np.eye(PANEL_NODES)
     for _ in range(40):
         f, by_w = (y.reshape(x.shape) for y in machine.linear(x.ravel(), w.ravel()))
         matrix = identity - h[:, None, None] * by_w[:, :, None] * RULE.once
@@ -312,7 +312,7 @@ def _run(
 
 def _standstills(edges: Real, coefficients: Real) -> list[Real]:
     """Places inside the panels at which dw/dx vanishes."""
-    z = np.linspace(-1.0, 1.0, 2 * NODES + 1)
+    z = np.linspace(-1.0, 1.0, 2 * PANEL_NODES + 1)
     values = legendre.legval(z, coefficients.T)
     out = []
     for k, j in zip(*np.nonzero(values[:, :-1] * values[:, 1:] < 0.0), strict=True):

@@ -16,7 +16,7 @@ from mechcore.arrays import Real
 from mechcore.constants import TURN
 from mechcore.dynamics.equations.reduced import coordinate_scales, reduce
 from mechcore.dynamics.events import EndStop
-from mechcore.dynamics.rest.equilibrium import STEP, Equilibrium, Seek, find_equilibrium, force_at_rest
+from mechcore.dynamics.rest.equilibrium import DIFFERENCE_STEP, Equilibrium, Seek, find_equilibrium, force_at_rest
 from mechcore.errors import Fault, MechanismError
 from mechcore.laws.timed import Free
 from mechcore.motion.compiled import Compiled
@@ -24,7 +24,7 @@ from mechcore.records import dataclass
 from mechcore.spec.loads import Servo
 from mechcore.spec.mechanism import Mechanism, braked
 
-NEUTRAL = 1e-9  # of the largest stiffness: below this a mode has none
+NEUTRAL_STIFFNESS = 1e-9  # of the largest stiffness: below this a mode has none
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,7 +142,7 @@ def _damping(compiled: Compiled, q: Real) -> Real:
     Raises `MechanismError` where a force jumps as the motion turns round.
     """
     scale, f = coordinate_scales(compiled), len(q)
-    steps = STEP * 0.5 ** np.arange(3)
+    steps = DIFFERENCE_STEP * 0.5 ** np.arange(3)
     rates = np.concatenate([sign * h * np.diag(scale) for h in steps for sign in (1.0, -1.0)])
     force = force_at_rest(compiled, np.tile(q, (len(rates), 1)), rates, only="velocities").reshape(3, 2, f, f)
     c = -(force[:, 0] - force[:, 1]) / (2.0 * steps[:, None, None] * scale[:, None])
@@ -180,7 +180,7 @@ def _modes(inertia: Real, damping: Real, stiffness: Real, scale: Real) -> tuple[
     both = scale[:, None] * scale
     symmetric = 0.5 * (stiffness + stiffness.T)
     squares, shapes = eigh(symmetric * both, inertia * both)
-    squares = np.where(np.abs(squares) <= NEUTRAL * np.abs(squares).max(initial=0.0), 0.0, squares)
+    squares = np.where(np.abs(squares) <= NEUTRAL_STIFFNESS * np.abs(squares).max(initial=0.0), 0.0, squares)
     largest = np.argmax(np.abs(shapes) > 0.999 * np.abs(shapes).max(axis=0), axis=0)  # the first of equal ones
     shapes = shapes * np.sign(shapes[largest, np.arange(len(squares))])
     shapes = shapes * scale[:, None]

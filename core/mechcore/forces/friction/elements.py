@@ -51,7 +51,7 @@ from mechcore.spec.mechanism import (
 Movement = Literal["turn", "slide"]
 Kind = Literal["pin", "guide", "normal", "contact", "brake", "drive"]
 
-NOISE = 1e-12  # relative speeds below this part of the largest of the whole mechanism: joints that never move
+RESTING_SPEED = 1e-12  # relative speeds below this part of the largest of the whole mechanism: joints that never move
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,7 +137,7 @@ def elements_of(motion: Motion, flanks: Mapping[int, Values] | None = None, sign
     peak = motion.peak or _peak
     turning = reduce(np.maximum, map(peak, motion.speeds.angular), 0.0)
     moving = reduce(np.maximum, map(peak, motion.speeds.slide.values()), turning * motion.model.length_scale)
-    least: dict[Movement, float] = {"turn": NOISE * turning, "slide": NOISE * moving}
+    least: dict[Movement, float] = {"turn": RESTING_SPEED * turning, "slide": RESTING_SPEED * moving}
     return _elements(motion, lambda rate, what: _sign(rate, least[what], peak), flanks)
 
 

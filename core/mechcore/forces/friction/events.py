@@ -15,10 +15,10 @@ from mechcore.motion.metrics import zeros
 from mechcore.motion.motion import Motion
 from mechcore.records import dataclass
 
-PARTS = 16  # into which an interval is divided at every round of the search for an edge
-ROUNDS = 7  # 16^7 = 3e8 places between two frames
-NEAR = 0.7  # stability below which a minimum between frames is looked at
-CANDIDATES = 24
+INTERVAL_PARTS = 16  # into which an interval is divided at every round of the search for an edge
+SEARCH_ROUNDS = 7  # 16^7 = 3e8 places between two frames
+NEAR_STABILITY = 0.7  # stability below which a minimum between frames is looked at
+MOST_CANDIDATES = 24
 
 
 @dataclass(frozen=True)
@@ -90,13 +90,13 @@ def _again(forces: Forces) -> Callable[[Real], FrictionResult] | None:
 
 def _edge(again: Callable[[Real], FrictionResult], free: float, jammed: float, near: float) -> float:
     """The time at which a jam begins or ends, between one where it moves and one where it jams, to ``near`` [s]."""
-    for _ in range(ROUNDS):
-        t = np.linspace(free, jammed, PARTS + 1)
+    for _ in range(SEARCH_ROUNDS):
+        t = np.linspace(free, jammed, INTERVAL_PARTS + 1)
         if not np.all(np.diff(np.sort(t)) > 0.0) or abs(jammed - free) <= near:
             break
         state = again(np.sort(t)).jammed
         state = state if jammed > free else state[::-1]
-        k = int(np.argmax(state)) or PARTS
+        k = int(np.argmax(state)) or INTERVAL_PARTS
         free, jammed = float(t[k - 1]), float(t[k])
     return jammed
 
@@ -105,11 +105,11 @@ def _hidden(again: Callable[[Real], FrictionResult], friction: FrictionResult, t
     """Jams between frames: the stability has a low minimum there, which the neighbourhood of its lowest frame is searched for."""
     s = np.where(friction.jammed, np.nan, friction.stability)
     with np.errstate(invalid="ignore"):
-        low = np.flatnonzero((s[1:-1] <= s[:-2]) & (s[1:-1] <= s[2:]) & (s[1:-1] < NEAR)) + 1
-    for k in sorted(low[np.argsort(s[low])][:CANDIDATES]):
+        low = np.flatnonzero((s[1:-1] <= s[:-2]) & (s[1:-1] <= s[2:]) & (s[1:-1] < NEAR_STABILITY)) + 1
+    for k in sorted(low[np.argsort(s[low])][:MOST_CANDIDATES]):
         left, right = float(time[k - 1]), float(time[k + 1])
         for _ in range(4):
-            t = np.linspace(left, right, 4 * PARTS + 1)
+            t = np.linspace(left, right, 4 * INTERVAL_PARTS + 1)
             if not np.all(np.diff(t) > 0.0):
                 break
             fine = again(t)

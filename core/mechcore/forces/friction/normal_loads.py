@@ -17,16 +17,18 @@ import numpy as np
 from mechcore.arrays import Flags, Real
 from mechcore.records import dataclass
 
-TOLERANCE = 1e-13  # residual, of the terms of its equation: a joint that carries a billionth of another's load counts as much
-SETTLED = 1e-11  # the same: as close as rounding lets Newton's method come
-SHORTEST = 1e-13  # step of the coefficients' proportion at which a branch ends
-STARTS = 24  # from which other solutions are looked for
+RESIDUAL_TOLERANCE = (
+    1e-13  # residual, of the terms of its equation: a joint that carries a billionth of another's load counts as much
+)
+SETTLED_RESIDUAL = 1e-11  # the same: as close as rounding lets Newton's method come
+SHORTEST_STEP = 1e-13  # step of the coefficients' proportion at which a branch ends
+START_COUNT = 24  # from which other solutions are looked for
 AT_ONCE = 60_000  # frames times couplings that are solved together: what stays near the processor
-BOUNDS = 8  # vectors that are tried for the simple bound
-AWAY = 0.05  # of the terms of its equation, or of the largest load: a step that ends farther off may have left the branch
-BEYOND = 1e-6  # of the coefficients: gradients just past the end of a branch, which may end where a norm changes its side
+BOUND_VECTORS = 8  # vectors that are tried for the simple bound
+OFF_BRANCH = 0.05  # of the terms of its equation, or of the largest load: a step that ends farther off may have left the branch
+BEYOND_BRANCH = 1e-6  # of the coefficients: gradients just past the end of a branch, which may end where a norm changes its side
 MOST_STEPS = 2000  # along a branch: some fifty do
-CLOSE = 0.9  # part of the proportion up to which the map contracts
+CONTRACTION_PART = 0.9  # part of the proportion up to which the map contracts
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +47,7 @@ class NormalLoads:
     iterations: int
 
 
-def solve_normal_loads(a: Real, k: Real, euclidean: Flags, tolerance: float = TOLERANCE) -> NormalLoads:
+def solve_normal_loads(a: Real, k: Real, euclidean: Flags, tolerance: float = RESIDUAL_TOLERANCE) -> NormalLoads:
     """Solve ``g = |a + K g|``: ``a`` (F, n, 2), ``k`` (F, n, 2, n); ``euclidean`` (n,): length of two numbers, else the larger one.
 
     Frames with numbers that are not finite stay NaN and do not count as jammed. ``tolerance``: of the terms of its equation.
@@ -94,7 +96,7 @@ def _contract(a: Real, k: Real, euclidean: Flags, radius: Real, *, dominant: boo
     hardly come closer: such frames are followed from smaller coefficients, as beyond.
     """
     loads, residual, steps = _newton(a, k, euclidean, None, dominant=dominant, tolerance=tolerance)
-    slow = np.flatnonzero(residual > max(SETTLED, tolerance))
+    slow = np.flatnonzero(residual > max(SETTLED_RESIDUAL, tolerance))
     if len(slow):
         new, _, _, left = _follow(a[slow], k[slow], euclidean, radius[slow])
         nearer = left < residual[slow]
@@ -124,7 +126,7 @@ def has_several_solutions(a: Real, k: Real, euclidean: Flags, loads: Real) -> Fl
     aa, kk, own = a[rows], k[rows], loads[rows]
     largest = own.max(axis=1, keepdims=True)
     rng = np.random.default_rng(5)
-    for _ in range(STARTS):
+    for _ in range(START_COUNT):
         start = largest * np.exp(rng.uniform(-2.0, 4.0)) * rng.uniform(0.0, 1.0, own.shape)
         new, ok, _ = _arrive(aa, kk, euclidean, start)
         many[rows] |= ok & (np.abs(new - own).max(axis=1) > 1e-6 * np.maximum(largest[:, 0], np.abs(new).max(axis=1)))
@@ -138,7 +140,7 @@ def _simple_bound(m: Real) -> Real:
     """
     x = np.ones(m.shape[:2])
     bound = np.full(len(m), np.inf)
-    for _ in range(BOUNDS):
+    for _ in range(BOUND_VECTORS):
         y = np.einsum("fij,fj->fi", m, x)
         bound = np.minimum(bound, (y / x).max(axis=1))
         if (bound < 1.0).all() or not np.isfinite(bound).any():
@@ -204,7 +206,7 @@ def _newton(
     *,
     most: int = 200,
     dominant: bool = False,
-    tolerance: float = TOLERANCE,
+    tolerance: float = RESIDUAL_TOLERANCE,
 ) -> tuple[Real, Real, int]:
     """Loads (F, n), relative residuals (F,) and the number of steps, from ``start`` or from the frictionless loads.
 
@@ -230,7 +232,7 @@ def _newton(
         f_new, slope_new = _jacobian_last(aw, kw, kinds, step)
         largest_new = _largest_residual_last(f_new, own, norms, step)
         worse = ~(largest_new < 0.7 * largest)
-        stay = ~going | (worse & (largest <= SETTLED))  # there, or as close as rounding lets it come
+        stay = ~going | (worse & (largest <= SETTLED_RESIDUAL))  # there, or as close as rounding lets it come
         if (worse & ~stay).any():
             step = np.where(worse & ~stay, here - f, step)
             f_new, slope_new = _jacobian_last(aw, kw, kinds, step)
@@ -295,7 +297,7 @@ def _follow(a: Real, k: Real, euclidean: Flags, radius: Real) -> tuple[Real, Rea
 
     The proportion p of the coefficients goes from 0 to 1; up to ``CLOSE / radius`` the map contracts.
     """
-    p = np.minimum(CLOSE / radius, 1.0)
+    p = np.minimum(CONTRACTION_PART / radius, 1.0)
     g, residual, _ = _newton(a, k * p[:, None, None, None], euclidean, None)
     step = 0.1 * p
     jammed = np.zeros(len(a), bool)
@@ -316,18 +318,18 @@ def _follow(a: Real, k: Real, euclidean: Flags, radius: Real) -> tuple[Real, Rea
         to = np.where(h >= 1.0 - at, 1.0, at + h)
         guess = here + (to - at)[:, None] * slope
         new, ok = _correct(aa, ka * to[:, None, None, None], euclidean, guess)
-        away = (np.abs(new - guess) > AWAY * size).any(axis=1)
+        away = (np.abs(new - guess) > OFF_BRANCH * size).any(axis=1)
         ok &= ~away
         done = active[ok]
         g[done], p[done] = new[ok], to[ok]
         step[done] = 2.0 * h[ok]
         step[active[~ok]] = 0.25 * h[~ok]
-        ended = (to <= at) | (h < SHORTEST) & ~ok  # the branch runs to infinity, or turns back
+        ended = (to <= at) | (h < SHORTEST_STEP) & ~ok  # the branch runs to infinity, or turns back
         jammed[active[ended]] = True
         active = active[~ended & (p[active] < 1.0)]
     jammed[active] = True  # it never settled
     share = np.zeros_like(g)
-    past = p[jammed] * (1.0 + BEYOND)
+    past = p[jammed] * (1.0 + BEYOND_BRANCH)
     share[jammed] = _share(a[jammed], k[jammed] * past[:, None, None, None], euclidean, g[jammed])
     if not jammed.all():
         g[~jammed], residual[~jammed], _ = _newton(a[~jammed], k[~jammed], euclidean, g[~jammed], most=8)

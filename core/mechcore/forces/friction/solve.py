@@ -32,7 +32,7 @@ from mechcore.spec.mechanism import Revolute, braked, friction_of
 Transmitted = tuple[list[tuple[Plane, Values]], dict[str, tuple[Plane, Plane]], dict[int, Values]]
 """Of each joint force and couple on its second link, of each relation place and force, and its multiplier: see `transmit`."""
 
-FLANKS = 8  # rounds in which the flanks of gears may change sides
+FLANK_ROUNDS = 8  # rounds in which the flanks of gears may change sides
 LEAST_SHARE = 0.1  # of the largest share in a jam: joints below it are not named
 AT_ONCE = 400_000  # elements times frames that are solved in one call
 
@@ -48,7 +48,7 @@ def solve_friction(
     check_friction(motion)
     flanks = transmit(motion, force, moment)[2] if two_sided(motion) else None
     elements = elements_of(motion, flanks)
-    for _ in range(FLANKS):
+    for _ in range(FLANK_ROUNDS):
         response = respond(motion, elements, force, moment, flanks)
         before = response.base[2] if flanks is None else flanks
         solution = solve_normal_loads(*system(motion, elements, response), motion.accuracy.friction)
