@@ -192,7 +192,7 @@ def _drag(chromium: Any, free: bool) -> None:
 
 def dense(viewer: Viewer) -> None:
     """Play so fast that each picture shows another frame."""
-    moments = viewer.inspector.show.time
+    moments = viewer.inspector.view_model.time
     viewer.player.set_rate(DENSE * float(moments[-1] - moments[0]) / (len(moments) - 1))
 
 

@@ -18,7 +18,7 @@ from mechviz.outputs.inspection import format_inspection, inspect
 from mechviz.outputs.page.page import make_page
 from mechviz.outputs.presentation import presentation_in
 from mechviz.outputs.rerun.reader import Recording
-from mechviz.outputs.viewer.show import show_of_recording
+from mechviz.outputs.viewer.build import view_model_of_recording
 
 PROPERTIES = "/__properties/mechviz"
 JUNK: tuple[Any, ...] = (None, -1, 0, 1e400, float("nan"), 10**30, "", "x", "../../evil", [], [1], {}, {"a": 1}, True)
@@ -205,7 +205,7 @@ def read_all(path: Path) -> tuple[Callable[[], Any], ...]:
     """What the commands do with a recording: inspect, share, draw, view, solve its scene again."""
 
     def view() -> None:
-        shown = show_of_recording(Recording(path))
+        shown = view_model_of_recording(Recording(path))
         for part in (shown.drawings, shown.charts, shown.centrodes):
             part()
         for quantity in shown.catalogue.quantities:

@@ -18,6 +18,7 @@ import numpy as np
 from mechviz.editor.worker import left_over
 from mechviz.outputs.rerun.reader import Recording
 from mechviz.outputs.viewer.browser import prepare_page
+from mechviz.outputs.viewer.build import build, view_model_of_recording, view_model_of_run
 from mechviz.outputs.viewer.growth import Computing, Growth, Stopped
 from mechviz.outputs.viewer.inspector import Inspector, theme
 from mechviz.outputs.viewer.panels.plots import Plots
@@ -27,7 +28,6 @@ from mechviz.outputs.viewer.playback import BrowserPlayback
 from mechviz.outputs.viewer.player import Player
 from mechviz.outputs.viewer.server import HOST, Changes, ViewerError, report, safely, start_server, stop_server
 from mechviz.outputs.viewer.session import EditSession
-from mechviz.outputs.viewer.show import build, show_of_recording, show_of_run
 from mechviz.outputs.viewer.view_model import ViewModel
 from mechviz.outputs.viewer.world.scene import Scene3D
 from mechviz.runs import Run, run_scene
@@ -69,9 +69,9 @@ class Viewer:
         self._growth: Growth | None = None
         self.opening: threading.Thread | None = None
         self._folder = folder or (shown.path.resolve().parent if isinstance(shown, Recording) else Path.cwd())
-        show = show_of_recording(shown) if isinstance(shown, Recording) else None
+        view_model = view_model_of_recording(shown) if isinstance(shown, Recording) else None
         self._beside = {
-            name: show_of_recording(other) if isinstance(other, Recording) else show_of_run(other, build(other))
+            name: view_model_of_recording(other) if isinstance(other, Recording) else view_model_of_run(other, build(other))
             for name, other in (beside or {}).items()
         }
         self.server, self.guard = start_server(port, "mechviz")
@@ -80,21 +80,21 @@ class Viewer:
         self.server.on_client_disconnect(lambda _: left_over())
         try:
             if isinstance(shown, Recording):
-                assert show is not None
-                self._play_recording(shown, show)
+                assert view_model is not None
+                self._play_recording(shown, view_model)
             elif growing:
                 self._growth = Growth(self.server, shown)
-                self._build(self._growth.show, "", None)
+                self._build(self._growth.view_model, "", None)
             else:
                 self._edit(shown, "")
         except BaseException:
             self.close()
             raise
 
-    def _play_recording(self, recording: Recording, show: ViewModel) -> None:
+    def _play_recording(self, recording: Recording, view_model: ViewModel) -> None:
         """Show a recording as it is."""
         note = f"A recording, played as it is: {recording.path.name}. {recording.note}".rstrip()
-        self._build(show, note, (lambda: self._open_scene(recording)) if recording.scene_text else None)
+        self._build(view_model, note, (lambda: self._open_scene(recording)) if recording.scene_text else None)
 
     def _open_scene(self, recording: Recording) -> None:
         """Solve the scene that a recording carries, and show that in its place, ready to be edited."""
@@ -130,10 +130,10 @@ class Viewer:
 
     def grow(self, run: Run, duration: float) -> None:
         """Take more frames of a growing run, which lasts ``duration`` [s] in the end. Who looks at its last frame goes along."""
-        newest = not self.playing and self.frame == self.inspector.show.frames - 1
+        newest = not self.playing and self.frame == self.inspector.view_model.frames - 1
         self.inspector.present(self.growth.take(run, duration))
         if newest:
-            self.set_frame(self.inspector.show.frames - 1)
+            self.set_frame(self.inspector.view_model.frames - 1)
 
     def fail(self, error: Exception) -> None:
         """Say that a growing run ends here, and why."""
@@ -148,35 +148,35 @@ class Viewer:
         """Show a run that can be edited."""
         self._session = EditSession(
             run,
-            present=lambda show: self.inspector.present(show),
+            present=lambda view_model: self.inspector.present(view_model),
             report=lambda status: self.inspector.show_status(status),
             contributed=lambda contributions: self.inspector.weighed(contributions),
             settled=lambda: self.inspector.settle(),
             failed=lambda error: report(self.server, "Editing", error),
         )
-        self._build(self._session.show, note, None)
+        self._build(self._session.view_model, note, None)
         self._session.weigh()
 
-    def _build(self, show: ViewModel, note: str, edit: Callable[[], None] | None) -> None:
+    def _build(self, view_model: ViewModel, note: str, edit: Callable[[], None] | None) -> None:
         server = self.server
 
         def callback(what: str, action: Callable[[Any], None]) -> Callable[[Any], Any]:
             return safely(server, self.changes, what, action)
 
         theme(server, dark=False)
-        prepare_page(server, f"{show.title} · mechviz")
+        prepare_page(server, f"{view_model.title} · mechviz")
         playback = BrowserPlayback(server, lambda: self.inspector.tracks(), lambda frame: self.inspector.show_remotely(frame))
         self.player = Player(
-            show.time,
+            view_model.time,
             self._draw,
             self._undraw,
             remote=playback,
         )
         self.inspector = Inspector(
-            server, show, self.player, self._session, self._folder, callback, playback, note, edit, self._beside, self._study
+            server, view_model, self.player, self._session, self._folder, callback, playback, note, edit, self._beside, self._study
         )
         self.player.start()
-        self.set_frame(show.opening)
+        self.set_frame(view_model.opening)
 
     def _draw(self, frame: int, playing: bool) -> None:
         changes = self.changes.open()
@@ -274,7 +274,7 @@ def serve(
     """Serve a run or a recording until Ctrl-C or SIGTERM, with other designs ``beside`` it, or those of a ``study`` to choose from.
     Raises `ViewerError` if the port cannot be had."""
     with _until_stopped() as stopped, Viewer(shown, port, folder, beside=beside, study=study) as viewer:
-        print(f"{viewer.inspector.show.title}: {viewer.url}", flush=True)
+        print(f"{viewer.inspector.view_model.title}: {viewer.url}", flush=True)
         print("Open this address in a browser on this machine. Ctrl-C stops the viewer.", flush=True)
         if open_browser:
             webbrowser.open(viewer.url)

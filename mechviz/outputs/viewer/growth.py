@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import viser
 
-from mechviz.outputs.viewer.show import build, show_of_run
+from mechviz.outputs.viewer.build import build, view_model_of_run
 from mechviz.outputs.viewer.view_model import ViewModel
 from mechviz.runs import Run, Running
 
@@ -26,13 +26,13 @@ REBUILT = 4.0  # solids are made anew when the run is so many times as long as t
 
 
 class Growth:
-    """The shown part of a growing run: ``show`` at first, then what `take` gives."""
+    """The shown part of a growing run: ``view_model`` at first, then what `take` gives."""
 
     def __init__(self, server: viser.ViserServer, run: Run):
         self._built = build(run)
         self._for = run.motion.frames
-        first = show_of_run(run, self._built)
-        self.show = replace(first, opens_at=first.frames - 1, notes=NOTES)
+        first = view_model_of_run(run, self._built)
+        self.view_model = replace(first, opens_at=first.frames - 1, notes=NOTES)
         self.words = ""
         self._bar = server.gui.add_html("", order=-1.0)
 
@@ -42,10 +42,10 @@ class Growth:
         reshaped = run.motion.frames >= REBUILT * self._for
         if reshaped:
             self._built, self._for = build(run), run.motion.frames
-        self.show = replace(show_of_run(run, self._built, self.show), exact=reshaped, notes=NOTES)
+        self.view_model = replace(view_model_of_run(run, self._built, self.view_model), exact=reshaped, notes=NOTES)
         reached = float(run.motion.time[-1])
         self._say(f"Computing: {reached:.4g} s of {duration:.4g} s", reached / duration, "#225ca0")
-        return self.show
+        return self.view_model
 
     def fail(self, error: Exception) -> None:
         """Say why there is no more."""

@@ -55,7 +55,7 @@ class Inspector:
     def __init__(
         self,
         server: viser.ViserServer,
-        show: ViewModel,
+        view_model: ViewModel,
         player: Player,
         session: EditSession | None,
         folder: Path,
@@ -70,8 +70,8 @@ class Inspector:
         self._lock = threading.RLock()
         self._tracing = self._closed = False
         self.compare: dict[str, viser.GuiCheckboxHandle] = {}
-        self._slow, self._followed = 0.0, show
-        self._drew, self._plotted = 0.0, show
+        self._slow, self._followed = 0.0, view_model
+        self._drew, self._plotted = 0.0, view_model
         self.playback = playback
         gui = server.gui
         lay_out(server)
@@ -84,9 +84,9 @@ class Inspector:
         gui.main_panel.set_width(LEFT_WIDTH)
         self._designs = {**({OPENED: session.opened} if session is not None else {}), **(beside or {})}
         clicked = self._guarded("Looking closer", self._clicked_link), self._guarded("Looking closer", self._clicked_joints)
-        self.scene = Scene3D(server, show, *clicked, self._designs)
+        self.scene = Scene3D(server, view_model, *clicked, self._designs)
         self._note = words.hint(note) if note else ""
-        self._heading = gui.add_html(words.heading(show.title, show.teaches) + self._note)
+        self._heading = gui.add_html(words.heading(view_model.title, view_model.teaches) + self._note)
         if edit is not None:
             self.edit = gui.add_button("Edit this scene", icon=viser.Icon.EDIT, hint="solve the recorded scene, and change it")
             self.edit.on_click(callback("Opening the scene", lambda _: edit()))
@@ -118,7 +118,7 @@ class Inspector:
         self.switches = Switches(server, view, self.scene, player, drawn, self._changed, self._darken)
         if session is None:
             with tabs.add_tab("About", viser.Icon.INFO_CIRCLE):
-                gui.add_html(show.notes)
+                gui.add_html(view_model.notes)
         with view, gui.add_folder("Legend"):
             self._legend = gui.add_html("")
         with view:
@@ -126,13 +126,13 @@ class Inspector:
         self.screen.on_update(callback("Fitting the drawings", self._fit))
         tell_size(server, uuid_of(self.screen))
         right = gui.add_panel()
-        self.plots = Plots(server, right.add_tab("Plots", viser.Icon.CHART_LINE), show, callback)
-        self.detail = DetailPanel(server, right.add_tab(CLOSER, viser.Icon.ZOOM_IN), show, drawn, self._picked)
+        self.plots = Plots(server, right.add_tab("Plots", viser.Icon.CHART_LINE), view_model, callback)
+        self.detail = DetailPanel(server, right.add_tab(CLOSER, viser.Icon.ZOOM_IN), view_model, drawn, self._picked)
         if session is not None:
             with self.detail.tab:
                 self.trace = gui.add_checkbox("Trace the point that I click", False, hint="adds a point to the link, and its path")
             self.trace.on_update(callback("Tracing", lambda _: self._trace(bool(self.trace.value))))
-        self.diagrams = Diagrams(server, right.add_tab("Diagrams", viser.Icon.VECTOR), show, callback, session)
+        self.diagrams = Diagrams(server, right.add_tab("Diagrams", viser.Icon.VECTOR), view_model, callback, session)
         sought = session is not None and session.run.scene.document.goal is not None
         if session is not None and (sought or study is not None):
             with right.add_tab("Designs", viser.Icon.TARGET):
@@ -144,8 +144,8 @@ class Inspector:
             self.synthesis = Synthesis(server, right.add_tab("Synthesis"), session, callback, self.scene.cameras.release)
         right.dock_right()
         right.set_width(RIGHT_WIDTH)
-        self.timeline = Timeline(server, show, player, callback)
-        self.hover = HoverNames(server, show)
+        self.timeline = Timeline(server, view_model, player, callback)
+        self.hover = HoverNames(server, view_model)
         self.plots.changed = self._changed
         server.on_client_connect(self._greet)
         server.on_client_disconnect(playback.forget)
@@ -158,66 +158,66 @@ class Inspector:
         self._explain()
 
     @property
-    def show(self) -> ViewModel:
+    def view_model(self) -> ViewModel:
         """The view model shown now."""
         return self.scene.current
 
     def draw(self, frame: int, playing: bool) -> None:
         """Bring the picture, the plots and the timeline to a frame. Runs in the player's thread."""
         with self._lock:
-            frame = min(frame, self.show.frames - 1)
+            frame = min(frame, self.view_model.frames - 1)
             with self._server.atomic():
                 self.scene.show(frame)
                 self._panels(frame, playing)
             self._server.flush()
 
-    def present(self, show: ViewModel) -> None:
+    def present(self, view_model: ViewModel) -> None:
         """Take another run of the same scene. The picture changes in one step and is sent first; plots and numbers come right
         after it, or with the next run where that waits already."""
         with self._lock:
             self.playback.hold(True)
-            self._player.retime(show.time)
-            frame = min(self._player.frame, show.frames - 1)
+            self._player.retime(view_model.time)
+            frame = min(self._player.frame, view_model.frames - 1)
             with self._server.atomic():
-                self.scene.update(show)
+                self.scene.update(view_model)
                 if self.pivots is not None:
-                    self.pivots.update(show)
+                    self.pivots.update(view_model)
                 if self.synthesis is not None:
-                    self.synthesis.update(show)
+                    self.synthesis.update(view_model)
                 self.scene.show(frame)
-            if show.exact:
+            if view_model.exact:
                 self.scene.refit()
             send_now(self._server, PATIENCE)
-            hurried = self._session is not None and self._session.overtaken and show.frames == self._plotted.frames
+            hurried = self._session is not None and self._session.overtaken and view_model.frames == self._plotted.frames
             if not hurried or time.perf_counter() - self._drew > PLOTS:
                 with self._server.atomic():
-                    self._plot(show, frame)
-                    if time.perf_counter() - self._slow > SLOW or show.frames != self._followed.frames:
-                        self._follow(show, frame)
+                    self._plot(view_model, frame)
+                    if time.perf_counter() - self._slow > SLOW or view_model.frames != self._followed.frames:
+                        self._follow(view_model, frame)
                     self._explain()
                 self._server.flush()
             if self._player.aside:
                 self._player.refresh()
 
-    def _plot(self, show: ViewModel, frame: int) -> None:
+    def _plot(self, view_model: ViewModel, frame: int) -> None:
         """Bring along plots and numbers."""
-        self._drew, self._plotted = time.perf_counter(), show
-        self.plots.update(show, frame)
-        self.timeline.place(show, frame)
+        self._drew, self._plotted = time.perf_counter(), view_model
+        self.plots.update(view_model, frame)
+        self.timeline.place(view_model, frame)
 
-    def _follow(self, show: ViewModel, frame: int) -> None:
+    def _follow(self, view_model: ViewModel, frame: int) -> None:
         """Bring along what need not follow every move of a slider: a closer look, diagrams, health and events, switches."""
         self._slow = time.perf_counter()
-        self._followed = show
-        self.detail.update(show, frame)
+        self._followed = view_model
+        self.detail.update(view_model, frame)
         self.detail.show(frame, False)
-        self.diagrams.update(show, frame)
+        self.diagrams.update(view_model, frame)
         self.diagrams.show(frame, False)
-        self.timeline.update(show)
-        self.switches.update(show)
-        self.hover.update(show)
+        self.timeline.update(view_model)
+        self.switches.update(view_model)
+        self.hover.update(view_model)
         if self.effects is not None:
-            self.effects.update(show)
+            self.effects.update(view_model)
 
     def tracks(self) -> Tracks | None:
         """All that moves while the run is played; None where only the server can draw it."""
@@ -227,7 +227,7 @@ class Inspector:
                 return None
             others = [*self.timeline.tracks(), *self.plots.tracks(), *self.detail.tracks()]
             return Tracks(
-                self.show.time,
+                self.view_model.time,
                 uuid_of(self.timeline.slider),
                 *scene,
                 tuple(t for t in others if isinstance(t, NumberTrack)),
@@ -239,7 +239,7 @@ class Inspector:
         """The browsers play by themselves and are at a frame now: what only the server can draw follows, if there is any."""
         if self.diagrams.watched:
             with self._lock:
-                self.diagrams.show(min(frame, self.show.frames - 1), True)
+                self.diagrams.show(min(frame, self.view_model.frames - 1), True)
 
     def show_status(self, status: Status) -> None:
         """Say how an edit went."""
@@ -252,9 +252,9 @@ class Inspector:
 
     def _refuse(self, status: Status) -> None:
         """A refused switch goes back; the reason is shown in any tab."""
-        self.diagrams.mirror(self.show)
+        self.diagrams.mirror(self.view_model)
         if self.effects is not None:
-            self.effects.update(self.show)
+            self.effects.update(self.view_model)
         why = f"{status.fault[:1].upper()}{status.fault[1:]}"
         for client in self._server.get_clients().values():
             client.add_notification("Not possible", why, color="red", auto_close_seconds=12.0)
@@ -262,21 +262,21 @@ class Inspector:
     def settle(self) -> None:
         """Nothing has been edited for a while."""
         with self._lock:
-            frame = min(self._player.frame, self.show.frames - 1)
+            frame = min(self._player.frame, self.view_model.frames - 1)
             with self._server.atomic():
-                if self._plotted is not self.show:
-                    self._plot(self.show, frame)
-                if self._followed is not self.show:
-                    self._follow(self.show, frame)
-            self.plots.settle(self.show)
+                if self._plotted is not self.view_model:
+                    self._plot(self.view_model, frame)
+                if self._followed is not self.view_model:
+                    self._follow(self.view_model, frame)
+            self.plots.settle(self.view_model)
             if self.accuracy is not None:
                 self.accuracy.update()  # its estimates take longer than the run itself
             if self.controls is not None:
                 self.controls.settle()
             if self.pivots is not None:
-                self.pivots.update(self.show)
+                self.pivots.update(self.view_model)
             if self.synthesis is not None:
-                self.synthesis.update(self.show)
+                self.synthesis.update(self.view_model)
             self.playback.hold(False)
         self._server.flush()
         if self._player.playing:
@@ -328,16 +328,18 @@ class Inspector:
         self._player.refresh()
 
     def _explain(self) -> None:
-        arrows, show = self.scene.arrows, self.show
-        heading = words.heading(show.title, show.teaches) + self._note
+        arrows, view_model = self.scene.arrows, self.view_model
+        heading = words.heading(view_model.title, view_model.teaches) + self._note
         if heading != self._heading.content:  # synthesis has made another scene of it
             self._heading.content = heading
         shown = [f for f in arrows.families if arrows.is_on(f)]
-        names = [name.split(".", 1)[1] for name in show.paths]
-        content = words.legend(shown, names, show.scales, arrows.factor, show.size, show.units)
+        names = [name.split(".", 1)[1] for name in view_model.paths]
+        content = words.legend(shown, names, view_model.scales, arrows.factor, view_model.size, view_model.units)
         if content != self._legend.content:
             self._legend.content = content
-            self.timeline.explain(words.legend_line(shown, names, show.scales, arrows.factor, show.size, show.units))
+            self.timeline.explain(
+                words.legend_line(shown, names, view_model.scales, arrows.factor, view_model.size, view_model.units)
+            )
 
     def _offer_comparison(self, words: str, name: str, callback: Callback) -> None:
         """A box that draws another design behind the mechanism, and its curves beside those of it."""
@@ -350,7 +352,7 @@ class Inspector:
         self._player.refresh()
 
     def _draw_compared(self) -> None:
-        chosen = {name: show for name, show in self._designs.items() if self.compare[name].value}
+        chosen = {name: view_model for name, view_model in self._designs.items() if self.compare[name].value}
         with self._lock:
             for name, ghost in self.scene.ghosts.items():
                 if ghost.on is not (name in chosen):
@@ -386,18 +388,18 @@ class Inspector:
 
     def _clicked_link(self, link: str, event: Any) -> None:
         if self._tracing and self._session is not None:
-            spot = traced_at(self.show, link, self._player.frame, event.ray_origin, event.ray_direction)
+            spot = traced_at(self.view_model, link, self._player.frame, event.ray_origin, event.ray_direction)
             self._session.change(f"trace {link}", lambda draft: with_traced(draft, link, spot))
             return
-        known = items_of(self.show)
-        cams = [j.name for j in self.show.numbers.joints.values() if j.links[0] == link and f"cam {j.name}" in known]
+        known = items_of(self.view_model)
+        cams = [j.name for j in self.view_model.numbers.joints.values() if j.links[0] == link and f"cam {j.name}" in known]
         item = f"cam {cams[0]}" if cams else f"link {link}"
         if item in known:
             self._alone(self.detail.look_at, item)
             open_tab(event.client, CLOSER)
 
     def _clicked_joints(self, names: tuple[str, ...], event: Any) -> None:
-        known = items_of(self.show)
+        known = items_of(self.view_model)
         for name in names:
             for kind in ("cam", "joint", "drive"):
                 if f"{kind} {name}" in known:

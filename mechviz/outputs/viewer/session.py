@@ -18,7 +18,7 @@ from mechcore.spec.mechanism import EFFECTS
 from mechviz.editor.history import Draft, History
 from mechviz.editor.parameters import Parameter, find_parameters
 from mechviz.editor.worker import Latest, assembles, reachable
-from mechviz.outputs.viewer.show import Built, build, show_of_run
+from mechviz.outputs.viewer.build import Built, build, view_model_of_run
 from mechviz.outputs.viewer.view_model import ViewModel
 from mechviz.runs import Run, run_scene
 from mechviz.scene.assembly.simulation import swinging, swings
@@ -94,7 +94,7 @@ class EditSession:
         self.run = run
         self.source = run.scene  # as opened, with the text of its file
         self._accuracy = None if run.accuracy == run.scene.accuracy else run.accuracy  # asked for beside the scene
-        self.opened = self.show = show_of_run(run, self._built)
+        self.opened = self.view_model = view_model_of_run(run, self._built)
         self.status = Status(swings=swings(run.scene))
         self._patient = False
         self._builder: Latest[Run] = Latest(self._build, failed, quiet=0.0)
@@ -171,14 +171,14 @@ class EditSession:
                     draft = what(draft)
             draft, run = self._solved(draft)
             with self._lock:
-                show = show_of_run(run, self._built, self.show)
-                before = self.run, self.show
-                self.run, self.show = run, show
+                view_model = view_model_of_run(run, self._built, self.view_model)
+                before = self.run, self.view_model
+                self.run, self.view_model = run, view_model
                 try:
-                    self._present(show)
+                    self._present(view_model)
                 except Exception:
-                    self.run, self.show = before
-                    self._present(self.show)  # instead of the half of another one
+                    self.run, self.view_model = before
+                    self._present(self.view_model)  # instead of the half of another one
                     raise
             if remembered:
                 history.change(draft, "+".join(pending))
@@ -238,8 +238,8 @@ class EditSession:
             built = replace(self._built, mechanism=run.motion.mechanism) if self._built.fits(run) else build(run)
             with self._lock:
                 self._built = built
-                self.show = show_of_run(self.run, built, self.show)
-                self._present(self.show)
+                self.view_model = view_model_of_run(self.run, built, self.view_model)
+                self._present(self.view_model)
         draft = self.history.present
         if run is self.run:
             shares = self._weigh(draft, run)

@@ -223,13 +223,13 @@ def values(item: str, rows: Iterable[tuple[str, Iterable[str], Iterable[float], 
     )
 
 
-def place_in_run(show: ViewModel, frame: int) -> str:
+def place_in_run(view_model: ViewModel, frame: int) -> str:
     """Drive positions, time and frame number."""
-    parts = [f'{escape(d.name)} <b data-mv="drive:{k}">{_position(d, frame)}</b>' for k, d in enumerate(show.drives)]
-    parts.append(f'time <b data-mv="time">{show.time[frame]:.4f} s</b>')
-    parts.append(f'<span style="opacity:0.7">frame <span data-mv="frame">{frame}</span> of {show.frames - 1}</span>')
-    ends = float(show.time[0]), float(show.time[-1])
-    part_of_run = (float(show.time[frame]) - ends[0]) / max(ends[1] - ends[0], 1e-300)  # for the cursor of the health strip
+    parts = [f'{escape(d.name)} <b data-mv="drive:{k}">{_position(d, frame)}</b>' for k, d in enumerate(view_model.drives)]
+    parts.append(f'time <b data-mv="time">{view_model.time[frame]:.4f} s</b>')
+    parts.append(f'<span style="opacity:0.7">frame <span data-mv="frame">{frame}</span> of {view_model.frames - 1}</span>')
+    ends = float(view_model.time[0]), float(view_model.time[-1])
+    part_of_run = (float(view_model.time[frame]) - ends[0]) / max(ends[1] - ends[0], 1e-300)  # for the cursor of the health strip
     spans = "".join(f"<span>{part}</span>" for part in parts)
     return _block(
         f'<div data-mv-part="{part_of_run:.5f}" style="display:flex;flex-wrap:wrap;gap:0 1.3em;'

@@ -13,7 +13,7 @@ from mechcore.motion.solve import compile_mechanism
 from mechviz.commands.main import app
 from mechviz.outputs.rerun.reader import Recording
 from mechviz.outputs.rerun.writer import write_recording
-from mechviz.outputs.viewer.show import show_of_recording
+from mechviz.outputs.viewer.build import view_model_of_recording
 from mechviz.picture.constructions import drawings_of, layout
 from mechviz.runs import run_scene
 from recordings import gallery_scene
@@ -99,5 +99,5 @@ def test_a_scene_that_asks_for_it_shows_it_everywhere(tmp_path):
     assert {i.label for i in drawing.strokes} == {j.name for j in run.motion.mechanism.joints}
     assert 0.2 < np.ptp(drawing.bounds, axis=0).max() < 0.31
     write_recording(run, tmp_path / "a.rrd")
-    recorded = show_of_recording(Recording(tmp_path / "a.rrd")).drawings()["graph"]
+    recorded = view_model_of_recording(Recording(tmp_path / "a.rrd")).drawings()["graph"]
     assert [m.label for m in recorded.marks] == [m.label for m in drawing.marks]

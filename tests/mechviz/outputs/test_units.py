@@ -27,8 +27,8 @@ from mechviz.outputs.rerun.contract import read_properties
 from mechviz.outputs.rerun.reader import Recording
 from mechviz.outputs.rerun.writer import write_recording
 from mechviz.outputs.viewer import words
+from mechviz.outputs.viewer.build import build, view_model_of_recording, view_model_of_run
 from mechviz.outputs.viewer.panels.diagrams import diagram_svg, diagrams_of
-from mechviz.outputs.viewer.show import build, show_of_recording, show_of_run
 from mechviz.outputs.viewer.view_model import ViewModel
 from mechviz.outputs.viewer.world.marks import hover_names
 from mechviz.picture.nodes import Points
@@ -90,12 +90,14 @@ def of_presentation(shown: Presentation) -> Iterator[str]:
     yield from (f"[{text}]" if re.fullmatch(r"\S{1,3}|N m", text) else text for text in strings(header))
 
 
-def of_viewer(show: ViewModel) -> Iterator[str]:
-    yield words.legend(show.families, show.paths, show.scales, 1.0, show.size, show.units)
-    yield words.legend_line(sorted(show.families), show.paths, show.scales, lambda _: 1.0, show.size, show.units)
-    yield words.place_in_run(show, 5)
-    yield from (re.sub(r"<[^>]*>", " ", diagram_svg(d, 5)) for d in diagrams_of(show).values())
-    yield from strings(list(hover_names(show).values()))
+def of_viewer(view_model: ViewModel) -> Iterator[str]:
+    yield words.legend(view_model.families, view_model.paths, view_model.scales, 1.0, view_model.size, view_model.units)
+    yield words.legend_line(
+        sorted(view_model.families), view_model.paths, view_model.scales, lambda _: 1.0, view_model.size, view_model.units
+    )
+    yield words.place_in_run(view_model, 5)
+    yield from (re.sub(r"<[^>]*>", " ", diagram_svg(d, 5)) for d in diagrams_of(view_model).values())
+    yield from strings(list(hover_names(view_model).values()))
 
 
 def of_plots(run: Run, recording: Recording) -> Iterator[str]:
@@ -113,8 +115,8 @@ def of_plots(run: Run, recording: Recording) -> Iterator[str]:
 def test_no_output_of_a_scene_has_other_units_than_its_own(name, system, source):
     run, recording = solved(name, system), Recording(recorded(name, system))
     shown = presentation_of(run) if source == "run" else presentation_in(recording)
-    show = show_of_run(run, build(run)) if source == "run" else show_of_recording(recording)
-    texts = [*of_catalogue(shown), *of_presentation(shown), *of_viewer(show)]
+    view_model = view_model_of_run(run, build(run)) if source == "run" else view_model_of_recording(recording)
+    texts = [*of_catalogue(shown), *of_presentation(shown), *of_viewer(view_model)]
     texts += [*of_plots(run, recording), *format_inspection(inspect(recording.path)).splitlines()]
     told = [text.replace(run.scene.teaches, "") for text in texts]  # which is in its author's units
     wrong = [text[:200] for text in told if re.search(SYSTEMS[system][1], text)]

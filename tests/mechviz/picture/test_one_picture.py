@@ -12,7 +12,7 @@ from page_content import content
 from mechviz.outputs.page.page import make_page
 from mechviz.outputs.presentation import presentation_of
 from mechviz.outputs.rerun.recorded import numbers_in, picture_in
-from mechviz.outputs.viewer.show import build, show_of_recording, show_of_run
+from mechviz.outputs.viewer.build import build, view_model_of_recording, view_model_of_run
 from mechviz.picture.build import picture_of
 from mechviz.quantities.catalogue import Catalogue
 from mechviz.quantities.events import events_of
@@ -45,7 +45,7 @@ def alike(a: Any, b: Any, where: str) -> None:
 @pytest.mark.parametrize("name", ["slider-crank-friction", "scissor-lift", "valve-train"])
 def test_the_viewer_shows_of_a_recording_what_it_shows_of_the_run(name: str) -> None:
     m = made(name)
-    solved, recorded = show_of_run(m.run, build(m.run)), show_of_recording(m.recording)
+    solved, recorded = view_model_of_run(m.run, build(m.run)), view_model_of_recording(m.recording)
     assert recorded.run is None and recorded.bodies.keys() == solved.bodies.keys() and recorded.families == solved.families
     for link, body in solved.bodies.items():
         for a, b in zip(body.pieces, recorded.bodies[link].pieces, strict=True):
@@ -58,9 +58,9 @@ def test_the_viewer_shows_of_a_recording_what_it_shows_of_the_run(name: str) -> 
 
 def test_bodies_that_a_joint_brings_along_are_drawn() -> None:
     lift = made("scissor-lift")
-    show = show_of_run(lift.run, build(lift.run))
-    brought = set(show.numbers.links) - {link.name for link in lift.mechanism.links}
-    assert brought and brought <= set(show.bodies), "barrel and rod of its cylinder"
+    view_model = view_model_of_run(lift.run, build(lift.run))
+    brought = set(view_model.numbers.links) - {link.name for link in lift.mechanism.links}
+    assert brought and brought <= set(view_model.bodies), "barrel and rod of its cylinder"
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -87,16 +87,16 @@ def test_an_edit_of_which_the_drawing_fails_is_undone(viewer, browser, monkeypat
     before, shown = slider.value, viewer.run
     real = SolidNodes.update
 
-    def fail(self: SolidNodes, show: Any) -> None:
-        if show.run is not shown:
+    def fail(self: SolidNodes, view_model: Any) -> None:
+        if view_model.run is not shown:
             raise ZeroDivisionError("no such solids")
-        real(self, show)
+        real(self, view_model)
 
     monkeypatch.setattr(SolidNodes, "update", fail)
     send(browser, update(slider, 1.1 * before))
     until(lambda: "no such solids" in caplog.text, "the failure is told")
     assert viewer.session.wait(rested=True)
-    assert viewer.run is shown and viewer.inspector.show.run is shown and not viewer.session.history.can_undo
+    assert viewer.run is shown and viewer.inspector.view_model.run is shown and not viewer.session.history.can_undo
     assert "no such solids" in viewer.session.status.fault
     until(lambda: slider.value == before, "the slider goes back")
     answered(viewer, browser)

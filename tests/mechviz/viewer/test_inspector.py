@@ -26,13 +26,13 @@ from mechviz.outputs.rerun.reader import Recording
 from mechviz.outputs.rerun.writer import write_recording
 from mechviz.outputs.viewer import words
 from mechviz.outputs.viewer.app import Viewer
+from mechviz.outputs.viewer.build import Built, build, view_model_of_recording, view_model_of_run
 from mechviz.outputs.viewer.panels import charts
 from mechviz.outputs.viewer.panels.diagrams import diagram_svg, diagrams_of
 from mechviz.outputs.viewer.panels.saving import file_name
 from mechviz.outputs.viewer.panels.timeline import columns, health_svg, shade
 from mechviz.outputs.viewer.server import ViewerError
 from mechviz.outputs.viewer.session import Contribution, EditSession, Status
-from mechviz.outputs.viewer.show import Built, build, show_of_recording, show_of_run
 from mechviz.outputs.viewer.view_model import Body, Piece
 from mechviz.outputs.viewer.viser_adapter import buffer_of
 from mechviz.outputs.viewer.world.camera import PRESETS, fit_view
@@ -54,7 +54,10 @@ def test_while_dragging_the_picture_is_sent_first_and_plots_follow_at_the_latest
     with Viewer(run_scene(scene.load("crank-rocker"), frames=24), port=0) as viewer:
         inspector, session = viewer.inspector, viewer.session
         assert session.wait(rested=True)
-        shows = [show_of_run(run_scene(scene.load("crank-rocker"), frames=24), session._built, session.show) for _ in range(4)]
+        shows = [
+            view_model_of_run(run_scene(scene.load("crank-rocker"), frames=24), session._built, session.view_model)
+            for _ in range(4)
+        ]
         done: list[str] = []
         for owner, name in ((inspector.scene, "show"), (viewer.server, "flush"), (inspector.plots, "update")):
             real = getattr(owner, name)
@@ -64,11 +67,11 @@ def test_while_dragging_the_picture_is_sent_first_and_plots_follow_at_the_latest
         monkeypatch.setattr(EditSession, "overtaken", property(lambda _: True))
         monkeypatch.setattr("mechviz.outputs.viewer.inspector.PLOTS", 1e9)
         done.clear()
-        for show in shows[1:]:
-            inspector.present(show)
+        for view_model in shows[1:]:
+            inspector.present(view_model)
         assert done == ["show", "flush"] * 3, "the next value of the slider waits already"
         inspector.settle()
-        assert done.count("update") == 1 and inspector.show is shows[3]
+        assert done.count("update") == 1 and inspector.view_model is shows[3]
 
 
 def test_the_view_fits_the_edited_mechanism_when_it_rests():
@@ -79,7 +82,7 @@ def test_the_view_fits_the_edited_mechanism_when_it_rests():
         for crank in (100.0, 60.0):
             viewer.session.move(parameter, crank)
             assert viewer.session.wait(rested=True)
-            anew = show_of_run(viewer.session.run, build(viewer.session.run))
+            anew = view_model_of_run(viewer.session.run, build(viewer.session.run))
             np.testing.assert_allclose(viewer.scene.current.bounds, anew.bounds, atol=1e-12)
             inside = [viewer.scene.bounds[0] <= anew.bounds[0] + 1e-12, viewer.scene.bounds[1] >= anew.bounds[1] - 1e-12]
             assert np.all(inside), crank
@@ -269,11 +272,11 @@ def test_a_warped_solid_is_nearly_the_one_that_is_built_for_the_new_length():
     draft = Draft.of(first.scene).with_value(("links", "coupler", "points", "D", 0), 0.33)
     second = run_scene(draft.scene())
     built, fresh = build(first), build(second)
-    show = show_of_run(second, built)
-    coupler = np.concatenate([p.vertices for p in show.bodies["coupler"].pieces])
+    view_model = view_model_of_run(second, built)
+    coupler = np.concatenate([p.vertices for p in view_model.bodies["coupler"].pieces])
     exact = np.concatenate([p.vertices for p in fresh.bodies["coupler"].pieces])
     np.testing.assert_allclose(np.ptp(coupler, axis=0)[:2], np.ptp(exact, axis=0)[:2], atol=0.02 * fresh.solids.size)
-    assert show.bodies["rocker"] is built.bodies["rocker"], "what has not changed is not touched"
+    assert view_model.bodies["rocker"] is built.bodies["rocker"], "what has not changed is not touched"
     same = warped_body(built.bodies["rocker"], {"A": (0.0, 0.0)}, {"A": (0.0, 0.0)})
     assert same is built.bodies["rocker"]
 
@@ -482,7 +485,7 @@ def test_diagrams_of_a_recording_are_those_of_its_run(name, overlays, tmp_path):
     """Plans, polygons, pole curves and charts, at every frame, as far as 32 bits tell."""
     run = run_scene(scene.load(name), frames=24)
     write_recording(run, tmp_path / "a.rrd")
-    recorded, solved = show_of_recording(Recording(tmp_path / "a.rrd")), show_of_run(run, build(run))
+    recorded, solved = view_model_of_recording(Recording(tmp_path / "a.rrd")), view_model_of_run(run, build(run))
     assert recorded.teaches == run.scene.teaches and run.scene.teaches not in recorded.notes
     assert list(diagrams_of(recorded)) == list(diagrams_of(solved))
     with Viewer(Recording(tmp_path / "a.rrd"), port=0) as played:
@@ -572,10 +575,10 @@ def test_a_recording_is_played_without_computing_anything(tmp_path, monkeypatch)
         "mechviz.runs.compile_mechanism",
     ):
         monkeypatch.setattr(name, never)
-    monkeypatch.setattr("mechviz.outputs.viewer.show.solids_of", never)
+    monkeypatch.setattr("mechviz.outputs.viewer.build.solids_of", never)
     with Viewer(Recording(tmp_path / "a.rrd"), port=0) as shown:
         shown.set_frame(17)
-        x, y, _ = shown.inspector.show.poses["coupler"][17]
+        x, y, _ = shown.inspector.view_model.poses["coupler"][17]
         assert shown.server.scene.get_handle_by_name("/mechanism/coupler").position[:2] == pytest.approx((x, y))
         with pytest.raises(ViewerError, match="Edit"):
             _ = shown.session
@@ -584,12 +587,12 @@ def test_a_recording_is_played_without_computing_anything(tmp_path, monkeypatch)
 # -- tracing ----------------------------------------------------------------------------------------------------------
 def test_a_click_traces_a_near_point_or_makes_one():
     run = run_scene(scene.load("kinetostatic-four-bar"))
-    show = show_of_run(run, build(run))
+    view_model = view_model_of_run(run, build(run))
     x, y, angle = run.motion.pose("coupler")[40]
     z = complex(x, y) + (0.1 + 0.02j) * np.exp(1j * angle)
-    top = max(float(p.vertices[:, 2].max()) for p in show.bodies["coupler"].pieces)
+    top = max(float(p.vertices[:, 2].max()) for p in view_model.bodies["coupler"].pieces)
     start = np.array([z.real + 0.3, z.imag, top + 1.0])
-    spot = traced_at(show, "coupler", 40, start, np.array([z.real, z.imag, top]) - start)
+    spot = traced_at(view_model, "coupler", 40, start, np.array([z.real, z.imag, top]) - start)
     assert spot[:2] == pytest.approx((0.1, 0.02), abs=1e-9)
     draft = with_traced(Draft.of(run.scene), "coupler", spot)
     assert run_scene(draft.scene()).motion.mechanism.traced == (("coupler", "T1"),)
@@ -613,7 +616,7 @@ def test_a_cam_follows_its_values_while_they_are_dragged():
     draft = Draft.of(opened.scene)
     parameter = next(p for p in find_parameters(opened.scene) if p.key == "joints.K.profile.base")
     dragged = run_scene(draft.with_value(parameter.path, parameter.written(1.15 * parameter.value)).scene(), frames=60)
-    shown, exact = show_of_run(dragged, built, show_of_run(opened, built)).bodies, build(dragged).bodies["cam"]
+    shown, exact = view_model_of_run(dragged, built, view_model_of_run(opened, built)).bodies, build(dragged).bodies["cam"]
 
     def rim(body: Body) -> np.ndarray:
         """The largest radius of the disc by angle."""
@@ -662,7 +665,7 @@ def test_a_single_bad_frame_is_seen_in_the_strip():
 # -- diagrams ---------------------------------------------------------------------------------------------------------
 def test_diagrams_move_with_the_frame_and_lie_within_their_picture():
     run = run_scene(scene.load("plans-four-bar"), frames=24)
-    diagrams = diagrams_of(show_of_run(run, build(run)))
+    diagrams = diagrams_of(view_model_of_run(run, build(run)))
     assert {"Velocity plan", "Acceleration plan", "Force plan"} <= set(diagrams) and any(t.startswith("Path of") for t in diagrams)
     for title, diagram in diagrams.items():
         first, later = diagram_svg(diagram, 3), diagram_svg(diagram, 15)
@@ -674,11 +677,11 @@ def test_diagrams_move_with_the_frame_and_lie_within_their_picture():
 
 def test_a_cam_has_diagrams_of_its_pressure_angle_and_curvature():
     run = run_scene(scene.load("cam-roller"), frames=72)
-    show = show_of_run(run, build(run))
-    computed = {title: d for title, d in diagrams_of(show).items() if title.endswith("of cam K")}
+    view_model = view_model_of_run(run, build(run))
+    computed = {title: d for title, d in diagrams_of(view_model).items() if title.endswith("of cam K")}
     assert list(computed) == ["Pressure angle [°] of cam K", "Curvature [1/m] of cam K"]
     angle = computed["Pressure angle [°] of cam K"].curves[0]
-    quantity = next(q for q in show.quantities if q.label == "cam K: pressure angle")
+    quantity = next(q for q in view_model.quantities if q.label == "cam K: pressure angle")
     np.testing.assert_array_equal(angle.y, quantity.values()[:, 0])
     assert angle.x[-1] == pytest.approx(360.0) and np.ptp(angle.y) > 20.0
     assert ">270<" in diagram_svg(computed["Pressure angle [°] of cam K"], 10), "quarter turns"
@@ -686,7 +689,7 @@ def test_a_cam_has_diagrams_of_its_pressure_angle_and_curvature():
 
 def test_labels_of_a_diagram_stand_apart_and_are_written_as_by_hand():
     run = run_scene(scene.load("plans-four-bar"), frames=36)
-    diagram = diagrams_of(show_of_run(run, build(run)))["Acceleration plan"]
+    diagram = diagrams_of(view_model_of_run(run, build(run)))["Acceleration plan"]
     inks = dict(diagram.drawing.legend)
     assert list(inks) == ["absolute", "normal", "tangential"]
     for stroke in diagram.drawing.strokes:
@@ -705,7 +708,7 @@ def test_labels_of_a_diagram_stand_apart_and_are_written_as_by_hand():
 
 def test_the_moving_polode_rolls_with_its_link_and_touches_the_fixed_one():
     run = run_scene(scene.load("polodes-four-bar"), frames=72)
-    diagram = diagrams_of(show_of_run(run, build(run)))["Polodes of coupler"]
+    diagram = diagrams_of(view_model_of_run(run, build(run)))["Polodes of coupler"]
     link, fixed, moving = diagram.curves
     for frame in (0, 17, 50):
         known = np.isfinite(moving.points)
@@ -723,7 +726,7 @@ def test_the_moving_polode_rolls_with_its_link_and_touches_the_fixed_one():
 
 def test_the_indicator_diagram_shows_pressure_against_displacement_where_the_run_is():
     run = run_scene(scene.load("compressor-cycle"), frames=72)
-    chart = next(d for t, d in diagrams_of(show_of_run(run, build(run))).items() if t.startswith("Indicator diagram"))
+    chart = next(d for t, d in diagrams_of(view_model_of_run(run, build(run))).items() if t.startswith("Indicator diagram"))
     first, later = diagram_svg(chart, 10), diagram_svg(chart, 40)
     dot = [float(v) for v in re.search(r'<circle cx="([\d.]+)" cy="([\d.]+)"', first).groups()]
     x0, x1, y0, y1 = chart.ranges
@@ -762,7 +765,7 @@ def test_notes_of_a_foreign_recording_are_text(tmp_path, monkeypatch):
     pictures = "![a](http://127.0.0.1:9/a.png) ![b](../../../../etc/passwd) <img src=x onerror=alert(1)>"
     hostile = f"{pictures} [c](javascript:alert(2)) {{alert(3)}}"
     monkeypatch.setattr(Recording, "notes", property(lambda self: f"# Title\n\n{hostile}\n\n## What was computed\n\n- {hostile}\n"))
-    shown = show_of_recording(Recording(tmp_path / "a.rrd"))
+    shown = view_model_of_recording(Recording(tmp_path / "a.rrd"))
     assert not re.findall(r"<(?!/?(?:div|h\d|p|ul|li|b|code|table|tr|td|th)\b)", shown.notes) and "![a](http" in shown.notes
     with Viewer(Recording(tmp_path / "a.rrd"), port=0) as played:
         kinds = {type(m).__name__ for m in buffer_of(played.server).message_from_id.values()}

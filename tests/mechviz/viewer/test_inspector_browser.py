@@ -414,7 +414,7 @@ def test_letters_below_the_line_are_smaller_and_lower(page):
 def test_marks_lie_at_their_joints_and_the_mechanism_fills_the_picture(viewer, page):
     """In every view: the dot of a joint is at the front of its pin, and all solids are within, and large."""
     open_tab(page, "View")
-    show = viewer.scene.current
+    view_model = viewer.scene.current
     for label in [preset.label for preset in PRESETS.values()][::-1]:
         page.get_by_role("button", name=label, exact=True).click()
         heard(viewer)
@@ -422,14 +422,16 @@ def test_marks_lie_at_their_joints_and_the_mechanism_fills_the_picture(viewer, p
         camera_rests(page)
         for joint in ("A", "B", "D", "E"):
             at = [*viewer.run.motion.joint_position(joint)[viewer.frame], 0.0]
-            at[2] = max(_front(body, show.poses[body.parent][viewer.frame], at) for body in show.picture.of(Body, "solids"))
+            at[2] = max(
+                _front(body, view_model.poses[body.parent][viewer.frame], at) for body in view_model.picture.of(Body, "solids")
+            )
 
             def miss(dot: str = f"/joints/{joint}/dot", at: list[float] = at) -> float:
                 drawn, wanted = page.evaluate(BOTH, [dot, at])  # of one picture: the camera may still be fitted
                 return float(np.hypot(*np.subtract(drawn, wanted)))
 
             until(page, lambda miss=miss: miss() < 2.0, f"{joint} at its joint, {label}")
-        corners = np.array(np.meshgrid(*show.bounds.T)).reshape(3, -1).T
+        corners = np.array(np.meshgrid(*view_model.bounds.T)).reshape(3, -1).T
 
         def filled(corners: np.ndarray = corners) -> bool:
             left, top, width, height = page.evaluate(CANVAS)
@@ -528,9 +530,11 @@ def test_a_plan_is_asked_for_where_diagrams_are_shown_and_what_cannot_be_had_is_
     page.get_by_label("Polodes of coupler", exact=True).check()
     page.get_by_role("img", name="Polodes of coupler", exact=True).wait_for()
     page.get_by_label("Sections of coupler", exact=True).click()
-    until(page, lambda: any(q.key == "link.coupler.bending_moment" for q in viewer.inspector.show.quantities), "section forces")
+    until(
+        page, lambda: any(q.key == "link.coupler.bending_moment" for q in viewer.inspector.view_model.quantities), "section forces"
+    )
     page.get_by_label("Transmission angle", exact=True).click()
-    until(page, lambda: any(q.key.startswith("transmission_angle.") for q in viewer.inspector.show.quantities), "an answer")
+    until(page, lambda: any(q.key.startswith("transmission_angle.") for q in viewer.inspector.view_model.quantities), "an answer")
     page.get_by_label("Velocity plan", exact=True).uncheck()
     until(page, lambda: viewer.run.scene.document.plans == [], "no more")
     page.wait_for_function("name => !window.__viserMutable.nodeRefFromName[name]", arg="/drawings/velocity")
@@ -588,10 +592,10 @@ def _watch_it_grow(browser: Any, folder: Any, monkeypatch: Any) -> tuple[Viewer,
         progress = opened.locator(".mechviz-progress")
         progress.filter(has_text="Computing: ").wait_for()
         assert opened.get_by_role("tab", name="Edit", exact=True).count() == 0
-        assert 1 <= shown.inspector.show.frames - 1 < moving.frames
+        assert 1 <= shown.inspector.view_model.frames - 1 < moving.frames
 
         def drawn() -> bool:
-            angle = shown.inspector.show.poses["bar"][shown.frame, 2]
+            angle = shown.inspector.view_model.poses["bar"][shown.frame, 2]
             return bool(
                 np.allclose(opened.evaluate(POSE, "/mechanism/bar")[:4], [np.cos(angle / 2), 0, 0, np.sin(angle / 2)], atol=1e-3)
             )
@@ -599,7 +603,7 @@ def _watch_it_grow(browser: Any, folder: Any, monkeypatch: Any) -> tuple[Viewer,
         until(opened, drawn, "its newest frame")
         go_on.set()
         opened.get_by_role("tab", name="Edit", exact=True).wait_for()
-        until(opened, lambda: shown.inspector.show.frames == moving.frames + 1, "the whole motion")
+        until(opened, lambda: shown.inspector.view_model.frames == moving.frames + 1, "the whole motion")
         until(opened, lambda: progress.count() == 0 and shown.timeline.slider.max == moving.frames, "nothing is computed any more")
         shown.set_frame(moving.frames)
         until(opened, drawn, "its end")
@@ -622,7 +626,7 @@ def _look_at_a_cam(page: Any, viewer: Viewer) -> None:
     _click(page, viewer, np.array([0.0, -0.02]))
     until(page, lambda: viewer.inspector.detail.item == "cam K", "a click on the cam")
     row = page.locator("tr", has_text="contact force").first
-    force = next(q for q in viewer.inspector.show.quantities if q.label == "cam K: contact force").values()[0, 0]
+    force = next(q for q in viewer.inspector.view_model.quantities if q.label == "cam K: contact force").values()[0, 0]
     until(page, lambda: f"{force:.5g}" in row.inner_text(), "its contact force")
     open_tab(page, "Diagrams")
     page.get_by_role("img", name="Pressure angle [°] of cam K", exact=True).wait_for()
@@ -636,8 +640,8 @@ def _look_at_a_cam(page: Any, viewer: Viewer) -> None:
     until(page, lambda: viewer.run.scene.document.joints["K"].profile.lift[0].law == "harmonic", "another law")
     until(page, lambda: page.get_by_role("alert").count() == 0, "all is well")
     assert viewer.session.wait(rested=True)
-    whole = {piece.color for piece in viewer.inspector.show.bodies["cam"].pieces}
-    (low, high), picture = viewer.inspector.show.bounds[:, 2], viewer.inspector.show.picture
+    whole = {piece.color for piece in viewer.inspector.view_model.bodies["cam"].pieces}
+    (low, high), picture = viewer.inspector.view_model.bounds[:, 2], viewer.inspector.view_model.picture
     axis = next(node.height for node in picture.nodes if node.key == "spring.return_spring")
     open_tab(page, "View")
     _type(page, "Section", str(int(100.0 * (high - axis) / (high - low)) + 1))  # just behind the axis of the spring
@@ -696,7 +700,7 @@ def test_a_fault_in_editing_is_told_and_survived(viewer, page, monkeypatch):
     def fail(*_: Any, **__: Any) -> None:
         raise RuntimeError("a test made this fail")
 
-    monkeypatch.setattr("mechviz.outputs.viewer.session.show_of_run", fail)
+    monkeypatch.setattr("mechviz.outputs.viewer.session.view_model_of_run", fail)
     _type(page, CRANK, "0.115")
     page.get_by_text("RuntimeError: a test made this fail").first.wait_for(state="attached")
     monkeypatch.undo()

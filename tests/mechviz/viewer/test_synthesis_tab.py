@@ -54,7 +54,7 @@ def test_positions_are_dragged_added_and_taken_away(solutions):
         tab, session = viewer.inspector.synthesis.positions, viewer.session
         assert not tab._nodes
         tab.on.value = True
-        tab.update(session.show)
+        tab.update(session.view_model)
         assert len(tab._nodes) == 3
         tab._dragged(1, dragged(0.032 + 0.02j, np.radians(25)))
         assert session.wait(rested=True)
@@ -151,7 +151,7 @@ def test_a_drawn_curve_is_followed_and_undone():
         tab, session = viewer.inspector.synthesis.drawing, viewer.session
         before, link = session.run.scene.to_toml(), session.run.scene.document.links["crank"].points
         tab.on.value = True
-        tab.update(session.show)
+        tab.update(session.view_model)
         for event in stroke(np.array([0.3, -0.8, 1.5]), OVAL):
             tab._drawn(event)
         assert session.wait(rested=True) and not session.status.fault

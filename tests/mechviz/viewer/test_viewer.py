@@ -32,12 +32,12 @@ from mechviz.meshes.solids import build_solids
 from mechviz.outputs.exports.tables import plot_file
 from mechviz.outputs.viewer import words
 from mechviz.outputs.viewer.app import Viewer
+from mechviz.outputs.viewer.build import build, view_model_of_run
 from mechviz.outputs.viewer.panels.effects import plan_graph, plan_svg
 from mechviz.outputs.viewer.panels.plots import Curves, padded_range, peak_of, thinned
 from mechviz.outputs.viewer.panels.timeline import Speeds
 from mechviz.outputs.viewer.player import Player
 from mechviz.outputs.viewer.server import ViewerError, finite
-from mechviz.outputs.viewer.show import build, show_of_run
 from mechviz.outputs.viewer.viser_adapter import uuid_of
 from mechviz.outputs.viewer.world.arrows import ARC_FACES, arc_vertices, arrow_points
 from mechviz.outputs.viewer.world.camera import FIELD_OF_VIEW, PRESETS, USUAL_ASPECT, fit_view, grid_cell
@@ -316,7 +316,7 @@ def test_plots_start_with_the_driving_torque_and_the_motion_of_the_output(compre
 
 def test_every_quantity_can_be_plotted_however_many_curves_it_has(viewer):
     slot = viewer.plots.slots[0]
-    before, quantities = slot.quantity.title, viewer.inspector.show.quantities
+    before, quantities = slot.quantity.title, viewer.inspector.view_model.quantities
     assert max(len(q.curves) for q in quantities) > 3
     for q in {(len(q.curves), q.unit if q.unit in ("1", "°") else ""): q for q in quantities}.values():
         viewer.plots.choose(slot, q.title)
@@ -362,13 +362,13 @@ def test_comparing_draws_the_curves_of_both_designs_and_says_how_far_their_peaks
     plots, slot = viewer.plots, viewer.plots.slots[0]
     document = scene.load("kinetostatic-four-bar").document.model_dump(exclude_defaults=True)
     other_run = run_scene(scene.Scene.build(name="bare", **{**document, "loads": {}}), frames=90)
-    plots.compare({"as opened": show_of_run(other_run, build(other_run))})
-    torque = next(q for q in viewer.inspector.show.quantities if q.key == "drive.A.torque")
+    plots.compare({"as opened": view_model_of_run(other_run, build(other_run))})
+    torque = next(q for q in viewer.inspector.view_model.quantities if q.key == "drive.A.torque")
     plots.choose(slot, torque.title)
     assert len(slot.chart.series) == len(slot.chart.data) == 2 * len(torque.curves) + 2
     x, now, other, _ = slot.chart.data
     k = np.searchsorted(x, 123.0)
-    places, values = viewer.inspector.show.axes[0].values, other_run.forces.effort("A")
+    places, values = viewer.inspector.view_model.axes[0].values, other_run.forces.effort("A")
     other_places = np.degrees(other_run.motion.coordinate("A")[:, 0])
     assert now[k] == pytest.approx(np.interp(x[k], places, torque.values()[:, 0]), rel=1e-9)
     assert other[k] == pytest.approx(np.interp(x[k], other_places, values), rel=1e-6)
@@ -427,7 +427,7 @@ def test_designs_are_compared_from_the_start_and_curves_have_the_bands_of_their_
         plots, slot = shown.plots, shown.plots.slots[0]
         plots.choose(slot, "joint S: displacement [mm]")
         x, now, other, high, low, _ = slot.chart.data
-        frame = np.searchsorted(x, shown.inspector.show.axes[0].values)
+        frame = np.searchsorted(x, shown.inspector.view_model.axes[0].values)
         np.testing.assert_allclose(other[frame], 1.375 * now[frame], rtol=1e-12)
         np.testing.assert_allclose(high[frame] - now[frame], half(press, 40.0), rtol=1e-9)
         np.testing.assert_allclose(low + high, 2.0 * now, rtol=1e-12)
@@ -457,7 +457,7 @@ def test_transmission_angles_and_section_forces_can_be_asked_for_and_plotted(fou
             shown.session.change("answers", lambda draft, on=on: draft.with_named("answers", "transmission_angle", on))
             assert shown.session.wait(rested=True)
             until(lambda on=on: shown.inspector.diagrams.asked["answers", "transmission_angle"].value is on)
-            offered = {q.key: q for q in shown.inspector.show.quantities}
+            offered = {q.key: q for q in shown.inspector.view_model.quantities}
             assert ("transmission_angle.D.angle" in offered) is on
             if on:
                 computed = offered["transmission_angle.D.angle"]
@@ -469,14 +469,14 @@ def test_transmission_angles_and_section_forces_can_be_asked_for_and_plotted(fou
         shown.session.change("sections", lambda draft: draft.with_named("sections", "coupler", True))
         assert shown.session.wait(rested=True)
         until(lambda: shown.inspector.diagrams.asked["sections", "coupler"].value)
-        offered = {q.key: q for q in shown.inspector.show.quantities}
+        offered = {q.key: q for q in shown.inspector.view_model.quantities}
         bending = offered["link.coupler.bending_moment"]
         shown.plots.choose(shown.plots.slots[0], bending.title)
         assert shown.plots.slots[0].quantity.title == bending.title and np.abs(bending.values()).max() > 0.0
 
 
 def test_plots_are_added_joined_saved_and_removed(viewer):
-    plots, known = viewer.plots, {q.key: q for q in viewer.inspector.show.quantities}
+    plots, known = viewer.plots, {q.key: q for q in viewer.inspector.view_model.quantities}
     count = len(plots.slots)
     plots.add()
     slot = plots.slots[-1]
@@ -490,7 +490,7 @@ def test_plots_are_added_joined_saved_and_removed(viewer):
     plots.join(slot, other.title)  # of another unit
     assert [q.key for q in slot.quantity.parts] == ["joint.A.reaction", "joint.B.reaction"]
     assert other.title not in slot.beside.options
-    axis = viewer.inspector.show.axes[0]
+    axis = viewer.inspector.view_model.axes[0]
     rows = plot_file("CSV", "a", slot.quantity, axis).decode().splitlines()
     assert rows[0].split(",")[:2] == [axis.title, "joint A: Fx [N]"] and len(rows) == 1 + len(axis.values)
     np.testing.assert_array_equal([float(x) for x in rows[8].split(",")], [axis.values[7], *slot.quantity.values()[7]])
@@ -512,7 +512,7 @@ def test_plots_are_added_joined_saved_and_removed(viewer):
     plots.show(3, playing=False)
     plots.open(first.title)
     assert [s.quantity.title for s in plots.slots] == [first.title]
-    for quantity in viewer.inspector.show.first:
+    for quantity in viewer.inspector.view_model.first:
         plots.add(quantity)
     plots.remove(plots.slots[0])
 

@@ -390,7 +390,7 @@ def test_a_button_that_the_keyboard_has_reached_keeps_its_space(viewer, page):
 
 
 def test_speed_loop_and_steps(viewer, page):
-    player, cycle = viewer.player, viewer.inspector.show.cycle
+    player, cycle = viewer.player, viewer.inspector.view_model.cycle
     page.get_by_role("button", name="◂ Step", exact=True).click()
     until(page, lambda: viewer.frame == 299, "one step back")
     for seconds in (2, 8):
@@ -414,8 +414,8 @@ NOW = "() => Number(document.querySelector('.mechviz-now').getAttribute('x1'))"
 
 
 def test_events_are_jumped_to_and_the_health_strip_goes_along(viewer, page):
-    show = viewer.inspector.show
-    frames = [viewer.timeline.frame_at(e.time) for e in show.events]
+    view_model = viewer.inspector.view_model
+    frames = [viewer.timeline.frame_at(e.time) for e in view_model.events]
     assert len(frames) == 4
     page.get_by_label("Jump to event", exact=True).click()
     page.get_by_role("option", name="limit position: coordinate largest").click()
@@ -434,10 +434,10 @@ def test_events_are_jumped_to_and_the_health_strip_goes_along(viewer, page):
     assert not strip.is_visible(), "a dot, as all is well"
     page.locator(".mechviz-strip summary").click()
     said = strip.get_attribute("aria-label")
-    for health in show.health:
+    for health in view_model.health:
         assert f"{health.name}: at most" in said
     rows = strip.locator("rect").evaluate_all("rects => rects.map(r => [r.getAttribute('fill'), Number(r.getAttribute('width'))])")
-    assert len(rows) == len(show.health) and {color for color, _ in rows} == {"#2ea060"}, "all is well all the time"
+    assert len(rows) == len(view_model.health) and {color for color, _ in rows} == {"#2ea060"}, "all is well all the time"
     assert strip.locator("path").count() == len(frames)
     page.locator(".mechviz-strip summary").click()
 

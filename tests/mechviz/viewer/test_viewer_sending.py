@@ -97,7 +97,7 @@ def test_a_frame_comes_in_one_piece_and_says_only_what_moved(viewer):
         viewer.set_frame(12)
         texts = messages(socket)
         moved = {(m["type"], m["name"]) for m in texts if m["type"] in POSES}
-        crank, fixed = link_path("crank"), viewer.inspector.show.frame
+        crank, fixed = link_path("crank"), viewer.inspector.view_model.frame
         assert ("SetOrientationMessage", crank) in moved and ("SetOrientationMessage", link_path("coupler")) in moved
         assert ("SetPositionMessage", crank) not in moved, "it turns about the origin"
         assert not [name for _, name in moved if name == link_path(fixed)]

@@ -19,14 +19,14 @@ from mechviz.quantities.catalogue import Axis, Quantity
 FIRST = ("reaction", "contact force", "torque", "force", "pressure angle", "angular velocity", "velocity", "angle")
 
 
-def items_of(show: ViewModel) -> tuple[str, ...]:
+def items_of(view_model: ViewModel) -> tuple[str, ...]:
     """Items that can be looked at: ``link crank``, ``joint A``, ``cam K``, ``drive A``."""
-    return tuple(dict.fromkeys(q.item for q in show.quantities if q.item and q.item != "health"))
+    return tuple(dict.fromkeys(q.item for q in view_model.quantities if q.item and q.item != "health"))
 
 
-def members(show: ViewModel, item: str) -> tuple[Quantity, ...]:
+def members(view_model: ViewModel, item: str) -> tuple[Quantity, ...]:
     """The quantities of an item."""
-    return tuple(q for q in show.quantities if q.item == item)
+    return tuple(q for q in view_model.quantities if q.item == item)
 
 
 class DetailPanel:
@@ -36,13 +36,18 @@ class DetailPanel:
     """
 
     def __init__(
-        self, server: viser.ViserServer, tab: viser.GuiTabHandle, show: ViewModel, callback: Callback, picked: Callable[[str], None]
+        self,
+        server: viser.ViserServer,
+        tab: viser.GuiTabHandle,
+        view_model: ViewModel,
+        callback: Callback,
+        picked: Callable[[str], None],
     ):
         self._picked, self.tab = picked, tab
-        self._show = show
+        self._view_model = view_model
         self._frame, self._moved = 0, 0.0
         self._tables: dict[str, Any] = {}
-        items = items_of(show)
+        items = items_of(view_model)
         with tab:
             server.gui.add_html(words.hint("Click on a link or a joint in the picture, or choose one here."))
             self.choice = server.gui.add_dropdown("Look at", items, initial_value=items[0])
@@ -58,7 +63,7 @@ class DetailPanel:
         """Show the values of an item; an unknown one changes nothing, nor does one that cannot be shown."""
         before = self.item
         try:
-            if item in items_of(self._show):
+            if item in items_of(self._view_model):
                 self._take(item)
             self.choice.value = self.item
             self.show(self._frame, False)
@@ -74,16 +79,16 @@ class DetailPanel:
         self._read()
         self._picked(item)
 
-    def update(self, show: ViewModel, frame: int) -> None:
+    def update(self, view_model: ViewModel, frame: int) -> None:
         """Take another run."""
-        before, self._show, self._frame = items_of(self._show), show, frame
-        if items_of(show) != before:
-            self.choice.options = items_of(show)
-            self.item = self.item if self.item in items_of(show) else items_of(show)[0]
+        before, self._view_model, self._frame = items_of(self._view_model), view_model, frame
+        if items_of(view_model) != before:
+            self.choice.options = items_of(view_model)
+            self.item = self.item if self.item in items_of(view_model) else items_of(view_model)[0]
             self.choice.value = self.item
         titles = self._titles()
         kept = self.slot.quantity.title if self.slot.quantity.title in titles else self._first().title
-        self.slot.take(next(q for q in members(show, self.item) if q.title == kept), self._axis(), frame)
+        self.slot.take(next(q for q in members(view_model, self.item) if q.title == kept), self._axis(), frame)
         if tuple(self.slot.choice.options) != titles:
             self.slot.choice.options = titles
             self.slot.choice.value = kept
@@ -112,23 +117,23 @@ class DetailPanel:
 
     def _read(self) -> None:
         self._tables = {}
-        for q in members(self._show, self.item):
+        for q in members(self._view_model, self.item):
             values = q.values()
             least = ROUND_OFF * float(np.max(np.abs(values), initial=0.0, where=np.isfinite(values)))
             self._tables[q.title] = q, values, least
 
     def _titles(self) -> tuple[str, ...]:
-        return tuple(q.title for q in members(self._show, self.item))
+        return tuple(q.title for q in members(self._view_model, self.item))
 
     def _axis(self) -> Axis:
-        return self._show.axes[0]
+        return self._view_model.axes[0]
 
     def _first(self) -> Quantity:
-        own = members(self._show, self.item)
+        own = members(self._view_model, self.item)
         return next((q for word in FIRST for q in own if q.label.endswith(f": {word}")), own[0])
 
     def _plot(self, title: str) -> None:
-        chosen = next((q for q in members(self._show, self.item) if q.title == title), None)
+        chosen = next((q for q in members(self._view_model, self.item) if q.title == title), None)
         if chosen is not None:
             self.slot.plot(chosen, self._axis(), self._frame)
         self.slot.choice.value = self.slot.quantity.title

@@ -91,36 +91,36 @@ class Diagram:
         return LabelPlaces(half_sizes(sides, 1.0), half_sizes(points, 1.0), ROOM_OF_LABELS)
 
 
-def diagrams_of(show: ViewModel) -> dict[str, Diagram | Chart]:
+def diagrams_of(view_model: ViewModel) -> dict[str, Diagram | Chart]:
     """All diagrams of what is shown: the plans that its scene asks for, pole curves, paths of traced points, and charts."""
     diagrams: dict[str, Diagram | Chart] = {}
-    for drawing in show.drawings().values():
+    for drawing in view_model.drawings().values():
         title = drawing.title.split(":")[0]
         curves: tuple[Curve, ...] = ()
         if drawing.name == "shaking":
             strokes = [(i.label, i.color, i.start + i.vector) for i in drawing.strokes]
             curves = tuple(Curve(label, color, z[np.isfinite(z)], z) for label, color, z in strokes)
-        unit, factor = show.units.reads(drawing.unit)
+        unit, factor = view_model.units.reads(drawing.unit)
         diagrams[title] = Diagram(title, drawing.bounds, factor * drawing.per_metre, unit, drawing, curves)
-    for name, centrodes in show.centrodes().items():
+    for name, centrodes in view_model.centrodes().items():
         title = f"Polodes of {name}"
-        diagrams[title] = _centrodes(show, centrodes, title, name)
-    for name, xyz in show.paths.items():
+        diagrams[title] = _centrodes(view_model, centrodes, title, name)
+    for name, xyz in view_model.paths.items():
         z = xyz[:, 0] + 1j * xyz[:, 1]
         title = f"Path of {name}"
-        unit, factor = show.units.reads("m")
+        unit, factor = view_model.units.reads("m")
         diagrams[title] = Diagram(title, _box([z]), factor, unit, curves=(Curve(name, PATH[True], z, z),))
-    diagrams |= {chart.title: chart for chart in (*cam_charts(show), *show.charts())}
+    diagrams |= {chart.title: chart for chart in (*cam_charts(view_model), *view_model.charts())}
     return diagrams
 
 
-def cam_charts(show: ViewModel) -> list[Chart]:
+def cam_charts(view_model: ViewModel) -> list[Chart]:
     """Pressure angle and curvature of the profile of every cam over the run."""
-    axis, charts = show.axes[0], []
+    axis, charts = view_model.axes[0], []
     turn = axis.turn
     if turn is not None and not np.all((axis.values > -1e-8 * turn) & (axis.values < (1.0 + 1e-8) * turn)):
         turn = None
-    for q in show.quantities:
+    for q in view_model.quantities:
         if q.label.startswith("cam ") and q.label.endswith((": pressure angle", ": curvature")):
             item, what = q.label.split(": ", 1)
             title = f"{what.capitalize()} [{q.unit}] of {item}"
@@ -129,11 +129,11 @@ def cam_charts(show: ViewModel) -> list[Chart]:
     return charts
 
 
-def _centrodes(show: ViewModel, centrodes: Rolling, title: str, name: str) -> Diagram:
+def _centrodes(view_model: ViewModel, centrodes: Rolling, title: str, name: str) -> Diagram:
     """Both polodes of a link and its points: the moving one rolls on the fixed one with the link."""
-    pose, size = show.poses[name], show.size
+    pose, size = view_model.poses[name], view_model.size
     fixed, moving = centrodes.fixed, centrodes.moving
-    low, high = (bound[0] + 1j * bound[1] for bound in show.bounds)
+    low, high = (bound[0] + 1j * bound[1] for bound in view_model.bounds)
     middle, half = 0.5 * (low + high), 0.5 * (high - low) + FAR * size * (1.0 + 1.0j)
     from_middle = np.where(np.isfinite(fixed), fixed - middle, np.inf)
     inside = (np.abs(from_middle.real) < half.real) & (np.abs(from_middle.imag) < half.imag)
@@ -148,7 +148,7 @@ def _centrodes(show: ViewModel, centrodes: Rolling, title: str, name: str) -> Di
         Curve("moving polode", MOVING, parts[1], np.where(inside, fixed, np.nan), ride),
     )
     some = np.linspace(0, len(pose) - 1, min(len(pose), 24)).round().astype(int)
-    unit, factor = show.units.reads("m")
+    unit, factor = view_model.units.reads("m")
     return Diagram(title, _box([parts[0], *(curves[0].points_at(int(k)) for k in some)]), factor, unit, curves=curves)
 
 
@@ -217,13 +217,13 @@ class Diagrams:
         self,
         server: viser.ViserServer,
         tab: viser.GuiTabHandle,
-        show: ViewModel,
+        view_model: ViewModel,
         callback: Callback,
         session: EditSession | None = None,
     ):
         self._moved = 0.0
         self._frame, self._wanted = 0, False
-        self._diagrams, self._solved = diagrams_of(show), show.run is not None
+        self._diagrams, self._solved = diagrams_of(view_model), view_model.run is not None
         self._session = session
         self.asked: dict[tuple[str, str], viser.GuiCheckboxHandle] = {}
         gui = server.gui
@@ -231,7 +231,7 @@ class Diagrams:
             self.choice = gui.add_dropdown("Diagram", tuple(self._diagrams) or ("none",))
             self._picture = gui.add_html("")
             self.seen = gui.add_checkbox("The diagram is seen", False, visible=False)
-            if session is not None and show.run is not None:
+            if session is not None and view_model.run is not None:
                 with gui.add_folder("Construct"):
                     for name in get_args(PlanName):
                         self.asked["plans", name] = gui.add_checkbox(
@@ -241,14 +241,17 @@ class Diagrams:
                     for name, hint in METRICS.items():
                         words_of = name.replace("_", " ").capitalize()
                         self.asked["answers", name] = gui.add_checkbox(words_of, False, hint=hint)
-                moving, open_first = [link for link in show.poses if link != show.frame], len(show.poses) <= MOST_LINKS
+                moving, open_first = (
+                    [link for link in view_model.poses if link != view_model.frame],
+                    len(view_model.poses) <= MOST_LINKS,
+                )
                 with gui.add_folder("Section forces", expand_by_default=open_first):
                     for link in moving:
                         self.asked["sections", link] = gui.add_checkbox(f"Sections of {link}", False, hint=SECTIONS)
                 with gui.add_folder("Pole curves", expand_by_default=open_first):
                     for link in moving:
                         self.asked["polodes", link] = gui.add_checkbox(f"Polodes of {link}", False, hint=CENTRODES)
-        self.mirror(show)
+        self.mirror(view_model)
         for (key, name), box in self.asked.items():
             box.on_update(callback(f"Asking for {name}", partial(self._ask, key, name)))
         self._watchers: set[int] = set()
@@ -256,11 +259,11 @@ class Diagrams:
         self.choice.on_update(callback("Choosing a diagram", lambda _: self.show(self._frame, False)))
         self.show(0, False)
 
-    def update(self, show: ViewModel, frame: int) -> None:
+    def update(self, view_model: ViewModel, frame: int) -> None:
         """Take another run."""
         before = tuple(self._diagrams)
-        self._diagrams = diagrams_of(show)
-        self.mirror(show)
+        self._diagrams = diagrams_of(view_model)
+        self.mirror(view_model)
         if tuple(self._diagrams) != before:
             kept = self.choice.value
             self.choice.options = tuple(self._diagrams) or ("none",)
@@ -271,12 +274,12 @@ class Diagrams:
                 self.choice.value = kept
             self._wanted = False
 
-    def mirror(self, show: ViewModel) -> None:
+    def mirror(self, view_model: ViewModel) -> None:
         """Take the switches of what is shown: one that could not be had goes back."""
-        if show.run is None:
+        if view_model.run is None:
             return
         for (key, name), box in self.asked.items():
-            on = name in getattr(show.run.scene.document, key)
+            on = name in getattr(view_model.run.scene.document, key)
             if box.value != on:
                 box.value = on
 

@@ -203,33 +203,33 @@ class EffectsTab:
             weigh = gui.add_button("Weigh the effects", hint="find out what each contributes and costs")
             weigh.on_click(callback("Weighing the effects", lambda _: session.weigh(asked=True)))
             with gui.add_folder("What was computed"):
-                self.diagram = gui.add_html(self._diagram(session.show))
-                self.plan = gui.add_html(session.show.notes)
+                self.diagram = gui.add_html(self._diagram(session.view_model))
+                self.plan = gui.add_html(session.view_model.notes)
 
-    def update(self, show: ViewModel) -> None:
+    def update(self, view_model: ViewModel) -> None:
         """Take the switches and the plan of another run."""
-        assert show.run is not None
+        assert view_model.run is not None
         if not self._session.overtaken:  # else a newer click would be undone until its own answer comes
-            for boxes, on in ((self.effects, show.run.scene.effects), (self.loads, show.run.scene.document.loads)):
+            for boxes, on in ((self.effects, view_model.run.scene.effects), (self.loads, view_model.run.scene.document.loads)):
                 for name, box in boxes.items():
                     if box.value != (name in on):
                         box.value = name in on
-        diagram = self._diagram(show)
+        diagram = self._diagram(view_model)
         if self.diagram.content != diagram:
             self.diagram.content = diagram
-        if self.plan.content != show.notes:
-            self.plan.content = show.notes
+        if self.plan.content != view_model.notes:
+            self.plan.content = view_model.notes
 
     @staticmethod
-    def _diagram(show: ViewModel) -> str:
-        assert show.run is not None
-        return plan_svg(show.run.motion.mechanism, show.run.plan)
+    def _diagram(view_model: ViewModel) -> str:
+        assert view_model.run is not None
+        return plan_svg(view_model.run.motion.mechanism, view_model.run.plan)
 
     def weighed(self, shares: tuple[Contribution, ...]) -> None:
         """Show what each effect contributes."""
-        drives = self._session.show.drives
+        drives = self._session.view_model.drives
         effort = "reaction" if not drives else "drive force" if drives[0].sliding else "drive torque"
-        self.table.content = words.contributions(shares, effort, self._session.show.units)
+        self.table.content = words.contributions(shares, effort, self._session.view_model.units)
 
     def _switch_effect(self, name: str, _: Any) -> None:
         on = bool(self.effects[name].value)

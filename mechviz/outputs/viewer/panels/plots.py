@@ -157,19 +157,19 @@ class Plots:
     """A column of plots in a tab, added and removed at will; ``show`` moves their cursors, ``update`` takes the curves of another
     run, ``settle`` their bands."""
 
-    def __init__(self, server: viser.ViserServer, tab: viser.GuiTabHandle, show: ViewModel, callback: Callback):
+    def __init__(self, server: viser.ViserServer, tab: viser.GuiTabHandle, view_model: ViewModel, callback: Callback):
         self._server, self._tab, self._callback = server, tab, callback
         self._lock = threading.RLock()
         self._waiting = threading.BoundedSemaphore(MOST_WAITING)
         self._saver = ThreadPoolExecutor(1, "mechviz-saver")
         self._frame, self._moved, self._made = 0, 0.0, 0
-        self._quantities = {q.title: q for q in show.quantities}
-        self._axes = {a.title: a for a in show.axes}
-        self._name = show.title
+        self._quantities = {q.title: q for q in view_model.quantities}
+        self._axes = {a.title: a for a in view_model.axes}
+        self._name = view_model.title
         titles = tuple(self._axes)
         with tab:
             self._against = server.gui.add_dropdown("Plot against", titles, initial_value=titles[0])
-            self._toleranced = show.run is not None and bool(with_tolerances(show.run.scene))
+            self._toleranced = view_model.run is not None and bool(with_tolerances(view_model.run.scene))
             self.band: viser.GuiDropdownHandle[str] | None = None
             if self._toleranced:
                 said = "how far the curves may be off by the tolerances of the scene's parameters, all of them added up"
@@ -182,30 +182,30 @@ class Plots:
         self._axis: Axis = self._axes[titles[0]]
         self.changed: Callable[[], None] = lambda: None
         self._others: Mapping[str, ViewModel] = {}
-        self._bands, self._banded = Bands(), show.run
+        self._bands, self._banded = Bands(), view_model.run
         self.slots: list[SharedSlot] = []
-        self._find_bands(show.run)
-        for quantity in show.first:
+        self._find_bands(view_model.run)
+        for quantity in view_model.first:
             self.add(quantity)
         self.show(0, playing=False)
 
-    def update(self, show: ViewModel, frame: int) -> None:
+    def update(self, view_model: ViewModel, frame: int) -> None:
         """Draw the same quantities of another run, as far as they are there."""
         with self._lock:
             self._frame = frame
             titles = tuple(self._quantities)
-            self._quantities = {q.title: q for q in show.quantities}
-            self._axes = {a.title: a for a in show.axes}
+            self._quantities = {q.title: q for q in view_model.quantities}
+            self._axes = {a.title: a for a in view_model.axes}
             if self._axis.title not in self._axes:
                 self._against.options = tuple(self._axes)
-            self._axis = self._axes.get(self._axis.title, show.axes[0])
+            self._axis = self._axes.get(self._axis.title, view_model.axes[0])
             changed = titles != tuple(self._quantities)
             drawn = {q.title for slot in self.slots for q in slot.quantity.parts}
-            spare = [q for q in show.first if q.title not in drawn]
+            spare = [q for q in view_model.first if q.title not in drawn]
             for slot in self.slots:
                 parts = tuple(self._quantities[q.title] for q in slot.quantity.parts if q.title in self._quantities)
-                quantity = QuantityGroup(parts or (spare.pop(0) if spare else show.quantities[0],))
-                slot.take(quantity, self._axis, frame, self._beside(quantity, show.run is self._banded))
+                quantity = QuantityGroup(parts or (spare.pop(0) if spare else view_model.quantities[0],))
+                slot.take(quantity, self._axis, frame, self._beside(quantity, view_model.run is self._banded))
                 if changed:
                     slot.offer(tuple(self._quantities.values()))
 
@@ -229,10 +229,10 @@ class Plots:
             self._others = others
             self._redraw()
 
-    def settle(self, show: ViewModel) -> None:
+    def settle(self, view_model: ViewModel) -> None:
         """Find the bands of a run that stays for a while."""
-        if self._toleranced and show.run is not self._banded:
-            self._find_bands(show.run)
+        if self._toleranced and view_model.run is not self._banded:
+            self._find_bands(view_model.run)
             with self._lock:
                 for slot in self.slots:
                     slot.take(slot.quantity, self._axis, self._frame, self._beside(slot.quantity))
@@ -255,7 +255,11 @@ class Plots:
 
     def _beside(self, quantity: Quantity | QuantityGroup, known: bool = True) -> Beside:
         """Series beside curves; bands that are not ``known`` yet have their place."""
-        others = {name: values for name, show in self._others.items() if (values := self._compared(quantity, show)) is not None}
+        others = {
+            name: values
+            for name, view_model in self._others.items()
+            if (values := self._compared(quantity, view_model)) is not None
+        }
         enlarged = BANDS[self.band.value] if self.band is not None else 0.0
         halves = [self._bands.halves.get(q.key) for q in quantity.parts]
         if not enlarged or all(half is None for half in halves):
@@ -426,7 +430,7 @@ class Slot:
                 bands=tuple(bands) or None,
                 scales=self._scales(),
                 axes=(horizontal, vertical),
-                legend=uplot.Legend(show=False),
+                legend=uplot.Legend(view_model=False),
                 height=HEIGHT,
                 padding=(8, 14, 0, 0),
                 order=None if before is None else before.order,

@@ -77,16 +77,16 @@ class Switches:
         """The slider of the forces' size, or of whatever there is."""
         return next(iter(self.sizes.values()))
 
-    def update(self, show: ViewModel) -> None:
+    def update(self, view_model: ViewModel) -> None:
         """Offer what another run has."""
         for name, box in self.families.items():
-            if box.visible != (name in show.families):
-                box.visible = name in show.families
+            if box.visible != (name in view_model.families):
+                box.visible = name in view_model.families
         for label, families in SIZES.items():
-            self.sizes[label].visible = bool(show.families & set(families))
-        self.arrows.visible = bool(show.families)
+            self.sizes[label].visible = bool(view_model.families & set(families))
+        self.arrows.visible = bool(view_model.families)
         paths = self.marks["Paths"]
-        paths.visible = bool(show.paths)
+        paths.visible = bool(view_model.paths)
 
     def _look(self, event: Any) -> None:
         chosen = next((key for key, preset in PRESETS.items() if preset.label == self.cameras.value), None)

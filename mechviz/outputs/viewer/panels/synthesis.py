@@ -47,10 +47,10 @@ class Synthesis:
             self.positions = Positions(server, server.gui.add_folder("Positions"), session, callback)
             self.drawing = Drawing(server, server.gui.add_folder("Path"), session, callback, release)
 
-    def update(self, show: ViewModel) -> None:
+    def update(self, view_model: ViewModel) -> None:
         """Take what another run shows."""
-        self.positions.update(show)
-        self.drawing.update(show)
+        self.positions.update(view_model)
+        self.drawing.update(view_model)
 
 
 def rows(choices: Iterable[str]) -> str:
@@ -127,15 +127,15 @@ class Positions:
             more = gui.add_button("Add a position", icon=viser.Icon.PLUS)
             fewer = gui.add_button("Remove the last position", icon=viser.Icon.MINUS)
             self.told = gui.add_html("")
-        self.on.on_update(callback("Showing positions", lambda _: self._place(self._session.show)))
+        self.on.on_update(callback("Showing positions", lambda _: self._place(self._session.view_model)))
         self.choice.on_update(callback("Choosing a four-bar", lambda _: self.ask("solution", self.poses)))
         more.on_click(callback("Adding a position", lambda _: self.ask("one more", lengthened(self.poses))))
         fewer.on_click(callback("Removing a position", lambda _: self.ask("one fewer", shortened(self.poses))))
 
-    def update(self, show: ViewModel) -> None:
+    def update(self, view_model: ViewModel) -> None:
         """Take the positions of another run."""
         self.poses = _poses(self._session)
-        self._place(show)
+        self._place(view_model)
         self._explain()
 
     def drafted(self, draft: Draft, poses: Poses, choice: int) -> Draft:
@@ -151,21 +151,21 @@ class Positions:
 
     def _explain(self) -> None:
         """Say which four-bars there are."""
-        found = rows(one.defects or self._session.show.units.text(one.transmission, "rad", 2) for one in self._choices)
+        found = rows(one.defects or self._session.view_model.units.text(one.transmission, "rad", 2) for one in self._choices)
         tell(self.told, words.hint(f"Least transmission angle, or defects, of each solution. {found}") if found else "")
 
-    def _place(self, show: ViewModel) -> None:
+    def _place(self, view_model: ViewModel) -> None:
         """Put a handle on each position, except for the one that is held."""
         wanted = len(self.poses.places) if self.on.value else 0
         while len(self._nodes) > wanted:
             self._nodes.pop().remove()
         for k in range(wanted):
             place, angle = self.poses.places[k], float(self.poses.angles[k])
-            position = (float(place.real), float(place.imag), show.z_top)
+            position = (float(place.real), float(place.imag), view_model.z_top)
             turned = (float(np.cos(angle / 2.0)), 0.0, 0.0, float(np.sin(angle / 2.0)))
             if k == len(self._nodes):
                 node = self._server.scene.add_transform_controls(
-                    f"/positions/{k + 1}", scale=0.14 * show.size, active_axes=(True, True, False), depth_test=False,
+                    f"/positions/{k + 1}", scale=0.14 * view_model.size, active_axes=(True, True, False), depth_test=False,
                     position=position, wxyz=turned,
                 )  # fmt: skip
                 self._server.scene.add_label(f"/positions/{k + 1}/number", str(k + 1))
@@ -208,7 +208,7 @@ class Drawing:
             self.on = gui.add_checkbox("Draw a curve", False)
             self.choice = gui.add_slider("Four-bar", 1, OFFERED, 1, 1, hint="1 is nearest to the curve")
             self.told = gui.add_html("")
-        self.on.on_update(callback("Drawing", lambda _: self._place(self._session.show)))
+        self.on.on_update(callback("Drawing", lambda _: self._place(self._session.view_model)))
         self.choice.on_update(callback("Choosing a four-bar", lambda _: self._choose()))
 
     @property
@@ -217,12 +217,12 @@ class Drawing:
         points = path_in(self._session.run.scene)
         return np.zeros(0, complex) if points is None else points
 
-    def update(self, show: ViewModel) -> None:
+    def update(self, view_model: ViewModel) -> None:
         """Take the curve of another run."""
         self._stroke = []
-        self._place(show)
+        self._place(view_model)
         found = self._found[1] if self._known(self.wanted) else []
-        lines = rows(_quality(one, show.units) for one in found)
+        lines = rows(_quality(one, view_model.units) for one in found)
         tell(self.told, words.hint(f"Distance (root mean square) and least transmission angle of each. {lines}") if lines else "")
 
     def drafted(self, draft: Draft, points: Complex, choice: int) -> Draft:
@@ -244,15 +244,15 @@ class Drawing:
         if len(self.wanted):
             self.ask(self.wanted)
 
-    def _place(self, show: ViewModel) -> None:
+    def _place(self, view_model: ViewModel) -> None:
         """Bring the sheet, and the curve that is wanted."""
-        if self._sheet is not None and not (self.on.value and self._under == (show.size, show.z_top)):
+        if self._sheet is not None and not (self.on.value and self._under == (view_model.size, view_model.z_top)):
             self._sheet.remove()
             self._sheet = None
         if self.on.value and self._sheet is None:
-            self._under = show.size, show.z_top
-            half = 0.5 * SHEET * show.size
-            (x, y), z = show.bounds[:, :2].mean(axis=0), show.z_top
+            self._under = view_model.size, view_model.z_top
+            half = 0.5 * SHEET * view_model.size
+            (x, y), z = view_model.bounds[:, :2].mean(axis=0), view_model.z_top
             corners = np.array([[x - half, y - half, z], [x + half, y - half, z], [x + half, y + half, z], [x - half, y + half, z]])
             self._sheet = self._server.scene.add_mesh_simple(
                 "/path/sheet", corners, np.array([[0, 1, 2], [0, 2, 3]]), color=WANTED, opacity=CLEAR, side="double",
@@ -268,7 +268,7 @@ class Drawing:
                 self._line.remove()
                 self._line = None
             return
-        xyz = np.stack([points.real, points.imag, np.full(len(points), self._session.show.z_top)], axis=1)
+        xyz = np.stack([points.real, points.imag, np.full(len(points), self._session.view_model.z_top)], axis=1)
         segments = np.stack([xyz[:-1], xyz[1:]], axis=1)
         if self._line is None:
             self._line = self._server.scene.add_line_segments(

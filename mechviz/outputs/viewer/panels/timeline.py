@@ -80,18 +80,18 @@ def health_svg(health: Sequence[Health], events: Sequence[Event], time: Real) ->
     )
 
 
-def _health(show: ViewModel, svg: str) -> str:
+def _health(view_model: ViewModel, svg: str) -> str:
     """A dot for the state of the run, and opens the strips; where something is wrong they are open."""
-    worst = max((float(h.severity.max(initial=0.0)) for h in show.health), default=0.0)
-    warned = any(e.level == "WARN" for e in show.events)
+    worst = max((float(h.severity.max(initial=0.0)) for h in view_model.health), default=0.0)
+    warned = any(e.level == "WARN" for e in view_model.events)
     word = "health: something is wrong" if worst >= WRONG else "health: see the warnings" if warned else "health: all is well"
-    color = shade(max(worst, 0.5 if warned else 0.0))
+    color, warnings = shade(max(worst, 0.5 if warned else 0.0)), words.warnings_html(h.warning() for h in view_model.health)
     return (
         f'<div class="mechviz-strip" style="padding:0.1em 0.85em"><details{" open" if worst >= WRONG else ""}>'
         f'<summary title="{word}" aria-label="{word}" style="cursor:pointer;list-style:none;font-size:0.78em;white-space:nowrap">'
         f'<span style="display:inline-block;width:1em;height:1em;border-radius:50%;'
         f'margin-right:0.45em;background:{color}"></span>'
-        f"{word if worst >= WRONG else ''}</summary>{words.warnings_html(h.warning() for h in show.health)}{svg}</details></div>"
+        f"{word if worst >= WRONG else ''}</summary>{warnings}{svg}</details></div>"
     )
 
 
@@ -138,27 +138,27 @@ class Speeds:
 class Timeline:
     """The panel below the mechanism; ``show`` brings it to a frame, ``update`` takes another run."""
 
-    def __init__(self, server: viser.ViserServer, show: ViewModel, player: Player, callback: Callback):
+    def __init__(self, server: viser.ViserServer, view_model: ViewModel, player: Player, callback: Callback):
         gui = server.gui
         self._player = player
-        self._last = show.frames - 1
+        self._last = view_model.frames - 1
         panel = gui.add_panel(order=-1.0)  # first in the drawer of a phone
         with panel.add_tab("Timeline", viser.Icon.PLAYER_PLAY):
             self._legend = gui.add_html("")
             self._place = gui.add_html("")
-            self.slider = gui.add_slider("Frame", 0, max(show.frames - 1, 1), 1, 0)
+            self.slider = gui.add_slider("Frame", 0, max(view_model.frames - 1, 1), 1, 0)
             self.buttons = gui.add_button_group("Playback", (START, BACK, PLAY, ON, LOOP))
             self.speed = gui.add_dropdown("Speed", ("",))
             self.events = gui.add_dropdown("Jump to event", (NO_EVENT,))
             self.strip = gui.add_html("")
         panel.float(x=0, y=-1, width=WIDTH)
         panel.expand()  # also in the drawer of a phone
-        self._show, self._svg = show, ""
+        self._view_model, self._svg = view_model, ""
         self._options: tuple[str, ...] = ()
         self._moved = 0.0
         self._happenings: dict[str, Event] = {}
-        self._speeds, self._cycle = Speeds(show.cycle), float("nan")
-        self.update(show)
+        self._speeds, self._cycle = Speeds(view_model.cycle), float("nan")
+        self.update(view_model)
         self.slider.on_update(callback("Scrubbing", lambda _: self._scrub()))
         self.buttons.on_click(callback("Playback", lambda _: self._press(self.buttons.value)))
         self.speed.on_update(callback("Changing the speed", lambda _: self._set_speed()))
@@ -176,26 +176,26 @@ class Timeline:
         for label, key, action in keys:
             gui.add_command(label, hotkey=key).on_trigger(callback(label, partial(_ignoring_event, action)))
 
-    def update(self, show: ViewModel) -> None:
+    def update(self, view_model: ViewModel) -> None:
         """Take another run: other frames, another cycle, other events."""
-        before, self._show = self._show, show
-        self._last = show.frames - 1
+        before, self._view_model = self._view_model, view_model
+        self._last = view_model.frames - 1
         if self.slider.max != max(self._last, 1):
             self.slider.max = max(self._last, 1)
-        if show.cycle != self._cycle:
+        if view_model.cycle != self._cycle:
             chosen = list(self._speeds.labels).index(self.speed.value) if np.isfinite(self._cycle) else -1
-            self._cycle, self._speeds = show.cycle, Speeds(show.cycle)
+            self._cycle, self._speeds = view_model.cycle, Speeds(view_model.cycle)
             self.speed.options = self._speeds.labels
             self.speed.value = self._speeds.labels[chosen] if chosen >= 0 else self._speeds.first
             self._player.set_rate(self._speeds.rate(self.speed.value))
-        if show is before or show.events != before.events:
-            self._happenings = {_event_label(k, e): e for k, e in enumerate(show.events)}
+        if view_model is before or view_model.events != before.events:
+            self._happenings = {_event_label(k, e): e for k, e in enumerate(view_model.events)}
             self.events.options = (self._none, *self._happenings)
             self.events.value = self._none
-        svg = health_svg(show.health, show.events, show.time)
+        svg = health_svg(view_model.health, view_model.events, view_model.time)
         if svg != self._svg:
             self._svg = svg
-            self.strip.content = _health(show, svg)
+            self.strip.content = _health(view_model, svg)
 
     def explain(self, legend: str) -> None:
         """Say what the colours of the arrows mean."""
@@ -206,11 +206,11 @@ class Timeline:
         count = len(self._happenings)
         return f"{count} event{'s' if count > 1 else ''}" if count else NO_EVENT
 
-    def place(self, show: ViewModel, frame: int) -> None:
+    def place(self, view_model: ViewModel, frame: int) -> None:
         """Say where in another run it is."""
-        self._place.content = words.place_in_run(show, frame)
-        if self.slider.max != max(show.frames - 1, 1):
-            self.update(show)
+        self._place.content = words.place_in_run(view_model, frame)
+        if self.slider.max != max(view_model.frames - 1, 1):
+            self.update(view_model)
         if self.slider.value != frame:  # of a run with other frames the same part of the run has another number
             self.slider.value = frame
 
@@ -223,19 +223,19 @@ class Timeline:
         if playing and now - self._moved < 1.0 / RATE:
             return
         self._moved = now
-        self._place.content = words.place_in_run(self._show, frame)
+        self._place.content = words.place_in_run(self._view_model, frame)
         self.slider.value = frame
 
     def tracks(self) -> Iterator[NumberTrack]:
         """How the numbers above the slider move over the run."""
-        for k, d in enumerate(self._show.drives):
+        for k, d in enumerate(self._view_model.drives):
             yield NumberTrack(f"drive:{k}", d.position, d.decimals, words.after(d.unit))
-        yield NumberTrack("time", self._show.time, 4, " s")
-        yield NumberTrack("frame", np.arange(self._show.frames), 0)
+        yield NumberTrack("time", self._view_model.time, 4, " s")
+        yield NumberTrack("frame", np.arange(self._view_model.frames), 0)
 
     def frame_at(self, time: float) -> int:
         """The frame nearest to a time [s]."""
-        return int(np.argmin(np.abs(self._show.time - time)))
+        return int(np.argmin(np.abs(self._view_model.time - time)))
 
     def _scrub(self) -> None:
         self._player.seek(round(finite(self.slider.value, 0, self._last, self._player.frame)))
@@ -251,7 +251,7 @@ class Timeline:
             self._player.seek(self.frame_at(event.time))
 
     def _next_event(self) -> None:
-        later = sorted({self.frame_at(e.time) for e in self._show.events})
+        later = sorted({self.frame_at(e.time) for e in self._view_model.events})
         if later:
             self._player.seek(next((frame for frame in later if frame > self._player.frame), later[0]))
 

@@ -53,33 +53,33 @@ def arc_vertices(centre: Real, turn: float, radius: float, width: float, z: floa
 class ArrowNodes:
     """The arrows of all families: ``show`` draws those of a frame, ``switch`` and ``enlarge`` change what and how large."""
 
-    def __init__(self, server: viser.ViserServer, show: ViewModel):
+    def __init__(self, server: viser.ViserServer, view_model: ViewModel):
         self._server = server
-        self._size = show.size  # shafts and heads keep the size of the mechanism as it was opened
+        self._size = view_model.size  # shafts and heads keep the size of the mechanism as it was opened
         self._on, self._dark = dict.fromkeys(FAMILIES, False), False
         self._factors = dict.fromkeys(FAMILIES, 1.0)
         self._nodes: dict[str, viser.ArrowsHandle] = {}
         self._arcs: dict[tuple[str, str], viser.MeshHandle] = {}
-        self.update(show)
+        self.update(view_model)
 
-    def update(self, show: ViewModel) -> None:
-        """Take the vectors and moments of ``show`` from the next ``show(frame)`` on."""
-        self._present = tuple(family for family in FAMILIES if family in show.families)
+    def update(self, view_model: ViewModel) -> None:
+        """Take the vectors and moments of ``view_model`` from the next ``show(frame)`` on."""
+        self._present = tuple(family for family in FAMILIES if family in view_model.families)
         self._tracks: dict[str, tuple[Real, Real, Real]] = {}
-        for family, arrows in arrows_by_family(show).items():
+        for family, arrows in arrows_by_family(view_model).items():
             if family not in self._nodes:
                 self._nodes[family] = self._add_arrows(family)
             origins, values = (np.stack(part, axis=1) for part in zip(*((a.origin, a.vector.value) for a in arrows), strict=True))
-            self._tracks[family] = origins, values / show.scales.per_metre(family), np.array([a.height for a in arrows])
+            self._tracks[family] = origins, values / view_model.scales.per_metre(family), np.array([a.height for a in arrows])
         for family, node in self._nodes.items():
             if family not in self._tracks:
                 node.visible = False
         self._turns: dict[tuple[str, str], tuple[Arc, Real, Real]] = {}
-        for arc in show.picture.of(Arc):
+        for arc in view_model.picture.of(Arc):
             moment, key = arc.moment, (arc.moment.family, arc.moment.item)
             if key not in self._arcs:
                 self._arcs[key] = self._add_arc(*key)
-            self._turns[key] = arc, moment.origin, moment.value / show.scales.newton_metres_per_metre / arc.radius
+            self._turns[key] = arc, moment.origin, moment.value / view_model.scales.newton_metres_per_metre / arc.radius
         for key, node in self._arcs.items():
             if key not in self._turns:
                 node.visible = False
@@ -198,10 +198,10 @@ class ArrowNodes:
         )
 
 
-def arrows_by_family(show: ViewModel) -> dict[str, list[Arrow]]:
+def arrows_by_family(view_model: ViewModel) -> dict[str, list[Arrow]]:
     """The arrows that share a node, in the order in which they are drawn."""
     families: dict[str, list[Arrow]] = {}
-    for arrow in show.picture.of(Arrow):
+    for arrow in view_model.picture.of(Arrow):
         families.setdefault(arrow.group, []).append(arrow)
     return families
 

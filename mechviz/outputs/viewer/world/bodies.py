@@ -24,23 +24,23 @@ class BodyNodes:
     """A node for every body, below its link's where it has one; ``poses`` says where they are, ``show`` stretches them, ``update``
     takes those of another run."""
 
-    def __init__(self, server: viser.ViserServer, show: ViewModel):
+    def __init__(self, server: viser.ViserServer, view_model: ViewModel):
         self._server = server
         self._on = dict.fromkeys(GROUPS, True)
         self._height: float | None = None
         self._bodies: dict[str, Body] = {}
         self._nodes: dict[str, viser.MeshHandle] = {}
         self._turns: dict[str, Real] = {}
-        self.update(show)
+        self.update(view_model)
 
     @property
     def groups(self) -> frozenset[str]:
         """Groups of which there is anything to draw."""
         return frozenset(body.group for body in self._bodies.values())
 
-    def update(self, show: ViewModel) -> None:
-        """Take the bodies of ``show``; a mesh is sent anew only where it is another."""
-        before, self._bodies = self._bodies, {body_path(body): body for body in show.picture.of(Body, *GROUPS)}
+    def update(self, view_model: ViewModel) -> None:
+        """Take the bodies of ``view_model``; a mesh is sent anew only where it is another."""
+        before, self._bodies = self._bodies, {body_path(body): body for body in view_model.picture.of(Body, *GROUPS)}
         for path in [p for p in self._nodes if p not in self._bodies or not _same(before[p].mesh, self._bodies[p].mesh)]:
             self._nodes.pop(path).remove()
         for path, body in self._bodies.items():
@@ -128,20 +128,20 @@ def segments(node: Lines, frame: int) -> Single:
 class LineNodes:
     """The lines of some groups; ``show`` bends them to a frame, ``update`` takes those of another run."""
 
-    def __init__(self, server: viser.ViserServer, show: ViewModel):
+    def __init__(self, server: viser.ViserServer, view_model: ViewModel):
         self._server = server
         self._on, self._dark = dict.fromkeys(COLORS, True), False
         self._nodes: dict[str, viser.LineSegmentsHandle] = {}
         self._lines: dict[str, Lines] = {}
-        self.update(show)
+        self.update(view_model)
 
     @property
     def groups(self) -> frozenset[str]:
         """Groups of which there is anything to draw."""
         return frozenset(lines.group for lines in self._lines.values())
 
-    def update(self, show: ViewModel) -> None:
-        self._lines = {_path(lines.key): lines for lines in show.picture.of(Lines, *COLORS)}
+    def update(self, view_model: ViewModel) -> None:
+        self._lines = {_path(lines.key): lines for lines in view_model.picture.of(Lines, *COLORS)}
         for path, lines in self._lines.items():
             if path not in self._nodes:
                 color, width = COLORS[lines.group][self._dark], WIDTHS[lines.group]

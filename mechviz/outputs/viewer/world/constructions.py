@@ -139,7 +139,7 @@ class Construction:
 class PlanNodes:
     """All constructions of a run by the words of their switches; ``show`` brings those that are on to a frame."""
 
-    def __init__(self, server: viser.ViserServer, show: ViewModel):
+    def __init__(self, server: viser.ViserServer, view_model: ViewModel):
         self._server = server
         self._on: dict[str, bool] = {}
         self._dark = False
@@ -147,18 +147,18 @@ class PlanNodes:
         self._balls_painted: list[tuple[viser.IcosphereHandle, Color]] = []
         self.screen, self._per_pixel = SCREEN, 1.0
         self.constructions: dict[str, Construction] = {}
-        self.update(show)
+        self.update(view_model)
 
     def fit(self, screen: tuple[int, int]) -> bool:
         """Lay the drawings out anew for a picture of this width and height [px]; whether there are any, and they moved."""
         moved = bool(self.places) and self.screen != screen
         self.screen = screen
         if moved:
-            self.update(self._show)
+            self.update(self._view_model)
         return moved
 
-    def update(self, show: ViewModel) -> None:
-        """Draw the constructions of ``show`` instead of those so far; of a recording as it holds them."""
+    def update(self, view_model: ViewModel) -> None:
+        """Draw the constructions of ``view_model`` instead of those so far; of a recording as it holds them."""
         for construction in self.constructions.values():
             for node in construction.nodes:
                 if self._server.scene.get_handle_by_name(node.name) is node:  # it goes with the node that it lies below
@@ -168,15 +168,15 @@ class PlanNodes:
         self.bounds: Real | None = None
         """Box (2, 2) [m] around what stands beside the mechanism."""
         self.places: Mapping[str, complex] = {}
-        self._show = show
-        self._size, self._units = show.size, show.units
-        self._z = show.z_top + 0.03 * show.size
-        drawings = show.drawings()
+        self._view_model = view_model
+        self._size, self._units = view_model.size, view_model.units
+        self._z = view_model.z_top + 0.03 * view_model.size
+        drawings = view_model.drawings()
         self._lay_out(drawings)
         for name, drawing in drawings.items():
             self._add(drawing.title.split(":")[0], self._drawing(name, drawing, self.places[name]))
         for words, groups in OVERLAYS.items():
-            drawn = [node for node in show.picture.nodes if node.group in groups]
+            drawn = [node for node in view_model.picture.nodes if node.group in groups]
             if drawn:
                 self._on.setdefault(words, drawn[0].group not in HIDDEN)
                 self._add(words, self._overlay(drawn))
@@ -215,7 +215,7 @@ class PlanNodes:
     # -- inside -------------------------------------------------------------------------------------------------------
     def _lay_out(self, drawings: Mapping[str, Drawing]) -> None:
         """Places beside the mechanism, with room for headings, whose letters are as large in every window."""
-        box = self._show.bounds[:, :2]
+        box = self._view_model.bounds[:, :2]
         per_pixel = float(np.max(np.ptp(box, axis=0) / self.screen))
         for _ in range(ROUNDS if drawings else 0):
             heading = (LINES if self._large else 2) * LINE * per_pixel
@@ -273,7 +273,7 @@ class PlanNodes:
         """Arrows with labels at their middles, points with names, and a caption with the scale."""
         strokes, marks, size = drawing.strokes, drawing.marks, self._size
         path = f"/drawings/{name}"
-        frames = self._show.frames
+        frames = self._view_model.frames
         starts = np.array([i.start for i in strokes], complex).reshape(len(strokes), frames) + at
         vectors = np.array([i.vector for i in strokes], complex).reshape(len(strokes), frames)
         heads = np.array([not i.plain for i in strokes], bool)
@@ -298,7 +298,7 @@ class PlanNodes:
                 curve = self._space(np.stack([z[:-1], z[1:]], axis=1))
                 nodes.append(self._lines(f"{path}/polar {k}", curve, [color] * len(curve), 2.0, pale=True))
 
-        def show(frame: int) -> None:
+        def set_frame(frame: int) -> None:
             if arrows is not None:
                 arrows.points = self._space(arrow_lines(starts[:, frame], vectors[:, frame], heads, BARB * size))
             start, vector = starts[named, frame], vectors[named, frame]
@@ -307,7 +307,7 @@ class PlanNodes:
             for labels, places in zip((words, points), stand(start, vector, marked), strict=True):
                 self._stand(labels, places)
 
-        return Construction(tuple(nodes), show)
+        return Construction(tuple(nodes), set_frame)
 
     def _heading(
         self, path: str, drawing: Drawing, at: complex
@@ -375,7 +375,7 @@ class PlanNodes:
                     lines = self._lines(path, segments(node, 0), shades, 2.5)
                     named = [(k, self._label(f"{path}/line {k}", text)) for k, text in enumerate(node.labels) if text]
                     nodes += [lines, *(label for _, label in named)]
-                    shows.append(partial(_bend, node, lines, named, self._show.bounds[:, :2].mean(axis=0)))
+                    shows.append(partial(_bend, node, lines, named, self._view_model.bounds[:, :2].mean(axis=0)))
                 case Lines():
                     below = f"{link_path(node.parent)}/{node.key.replace('/', '_')}" if node.parent else path
                     flat = segments(node, 0)
@@ -398,11 +398,11 @@ class PlanNodes:
                     nodes += [handle for joint in dots for handle in joint]
                     shows.append(partial(_dot, node, dots))
 
-        def show(frame: int) -> None:
+        def set_frame(frame: int) -> None:
             for bring in shows:
                 bring(frame)
 
-        return Construction(tuple(nodes), show, moves=bool(shows))
+        return Construction(tuple(nodes), set_frame, moves=bool(shows))
 
 
 def _arrow_segments(node: ArrowSet, frame: int, size: float) -> Single:

@@ -71,11 +71,11 @@ class Pivots:
     def switch(self, on: bool) -> None:
         """Show the handles, or no more."""
         self.on = on
-        self.update(self._session.show)
+        self.update(self._session.view_model)
         for node in self._nodes.values():
             node.visible = on
 
-    def update(self, show: ViewModel) -> None:
+    def update(self, view_model: ViewModel) -> None:
         """Put the handles where the pivots are, except for the one that is held."""
         if not self.on:
             return
@@ -85,16 +85,16 @@ class Pivots:
             if name not in self._nodes:
                 node = self._server.scene.add_transform_controls(
                     f"/pivots/{name.replace('/', '_')}",
-                    scale=0.16 * show.size,
+                    scale=0.16 * view_model.size,
                     active_axes=(True, True, False),
                     disable_rotations=True,
                     depth_test=False,
-                    position=(x, y, show.z_top),
+                    position=(x, y, view_model.z_top),
                 )
                 node.on_update(self._callback(f"Dragging {name}", partial(self._dragged, name)))
                 self._nodes[name] = node
             elif name != self._held:
-                self._nodes[name].position = (x, y, show.z_top)
+                self._nodes[name].position = (x, y, view_model.z_top)
 
     def _dragged(self, name: str, event: Any) -> None:
         phase = getattr(event, "phase", "update")
@@ -107,7 +107,7 @@ class Pivots:
             return
         for k, p in enumerate((pivot.x, pivot.y)):
             value = float(np.clip(place[k] / pivot.metres[k], p.hard_low, p.hard_high))
-            if abs(value - self._asked.get(p.key, p.value)) > 1e-9 * self._session.show.size / pivot.metres[k]:
+            if abs(value - self._asked.get(p.key, p.value)) > 1e-9 * self._session.view_model.size / pivot.metres[k]:
                 self._asked[p.key] = value
                 self._session.move(p, round(value / p.step) * p.step)
 
@@ -116,18 +116,18 @@ NEAR = 0.02  # of the mechanism's size: a click this near to a named point means
 
 
 def traced_at(
-    show: ViewModel, link: str, frame: int, origin: Sequence[float], direction: Sequence[float]
+    view_model: ViewModel, link: str, frame: int, origin: Sequence[float], direction: Sequence[float]
 ) -> tuple[float, float, float]:
     """Where the ray of a click meets a link, x, y [m] in its own frame, and how near a named point would mean that one."""
-    vertices = np.concatenate([piece.vertices for piece in show.bodies[link].pieces])
+    vertices = np.concatenate([piece.vertices for piece in view_model.bodies[link].pieces])
     height = float(vertices[:, 2].max())
     start, along = np.asarray(origin, float), np.asarray(direction, float)
     if not (np.isfinite(start).all() and np.isfinite(along).all()) or abs(along[2]) < 1e-6:
         raise ValueError("the click met no point of the link: look at it from the front")
     x, y, _ = start + along * (height - start[2]) / along[2]
-    px, py, angle = show.poses[link][frame]
+    px, py, angle = view_model.poses[link][frame]
     z = complex(x - px, y - py) * np.exp(-1j * angle)
-    return float(z.real), float(z.imag), NEAR * show.size
+    return float(z.real), float(z.imag), NEAR * view_model.size
 
 
 def with_traced(draft: Draft, link: str, spot: tuple[float, float, float]) -> Draft:

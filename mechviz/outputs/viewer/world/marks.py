@@ -35,19 +35,19 @@ def path_segments(places: Real) -> Single:
 class Paths:
     """Paths of the traced points over the run, each on the front of its link."""
 
-    def __init__(self, server: viser.ViserServer, show: ViewModel):
+    def __init__(self, server: viser.ViserServer, view_model: ViewModel):
         self._server = server
         self._on, self._dark = True, False
         self._lines: dict[str, viser.LineSegmentsHandle] = {}
         self._dots: dict[str, viser.IcosphereHandle] = {}
         self._places: Mapping[str, Real] = {}
-        self.update(show)
+        self.update(view_model)
 
     def __len__(self) -> int:
         return len(self._places)
 
-    def update(self, show: ViewModel) -> None:
-        for name, xyz in show.paths.items():
+    def update(self, view_model: ViewModel) -> None:
+        for name, xyz in view_model.paths.items():
             lines = path_segments(xyz)
             if not len(lines):
                 continue
@@ -56,11 +56,11 @@ class Paths:
                     _path(name), lines, PATH[self._dark], thickness=2.5, thickness_units="screen", visible=self._on
                 )
                 self._dots[name] = self._server.scene.add_icosphere(
-                    dot_path(name), 0.009 * show.size, color=PATH[self._dark], cast_shadow=False, receive_shadow=False
+                    dot_path(name), 0.009 * view_model.size, color=PATH[self._dark], cast_shadow=False, receive_shadow=False
                 )
             elif name not in self._places or not np.array_equal(self._places[name], xyz):
                 self._lines[name].points = lines
-        self._places = {name: xyz for name, xyz in show.paths.items() if name in self._lines}
+        self._places = {name: xyz for name, xyz in view_model.paths.items() if name in self._lines}
         self.switch(self._on)
 
     def darken(self, dark: bool) -> None:
@@ -93,7 +93,9 @@ class Joints:
     Joints that stay at one place share a dot and a label. ``clicked(names, event)`` is called when somebody clicks on a dot.
     """
 
-    def __init__(self, server: viser.ViserServer, show: ViewModel, clicked: Callable[[tuple[str, ...], Any], None] | None = None):
+    def __init__(
+        self, server: viser.ViserServer, view_model: ViewModel, clicked: Callable[[tuple[str, ...], Any], None] | None = None
+    ):
         self._server, self._clicked = server, clicked
         self._on = True
         self._groups: list[tuple[tuple[str, ...], Real]] = []
@@ -102,16 +104,20 @@ class Joints:
         self._names: dict[tuple[str, ...], str] = {}
         self._picked: frozenset[str] = frozenset()
         self._corners: dict[tuple[str, ...], tuple[int, int]] = {}
-        self.update(show)
+        self.update(view_model)
 
-    def update(self, show: ViewModel) -> None:
-        self._size = show.size
-        driven = {drive.name for drive in show.drives}
-        self._groups = [(tuple(names), places) for names, places in joint_groups(show.joints, 1e-6 * show.size)]
+    def update(self, view_model: ViewModel) -> None:
+        self._size = view_model.size
+        driven = {drive.name for drive in view_model.drives}
+        self._groups = [(tuple(names), places) for names, places in joint_groups(view_model.joints, 1e-6 * view_model.size)]
         texts = {key: ", ".join(f"{name} (drive)" if name in driven else name for name in key) for key, _ in self._groups}
         if texts.keys() != self._corners.keys():  # else each name keeps its corner: none jumps about while a slider is dragged
             places = np.array([xyz[:, 0] + 1j * xyz[:, 1] for _, xyz in self._groups])
-            sides = corners(places, half_sizes(list(texts.values()), show.size / ACROSS), BESIDE * show.size) if texts else []
+            sides = (
+                corners(places, half_sizes(list(texts.values()), view_model.size / ACROSS), BESIDE * view_model.size)
+                if texts
+                else []
+            )
             self._corners = dict(zip(texts, sides, strict=True))
             for key in [key for key in self._labels if key not in texts]:
                 self._labels.pop(key).remove()
@@ -192,18 +198,18 @@ def joint_groups(joints: Mapping[str, Real], near: float) -> list[tuple[list[str
 class Masses:
     """Balls for point masses, below the nodes of their links, with what they weigh."""
 
-    def __init__(self, server: viser.ViserServer, show: ViewModel):
+    def __init__(self, server: viser.ViserServer, view_model: ViewModel):
         self._server = server
         self._on = True
         self._nodes: list[Any] = []
         self._drawn: list[Points] = []
-        self.update(show)
+        self.update(view_model)
 
     def __len__(self) -> int:
         return len(self._nodes)
 
-    def update(self, show: ViewModel) -> None:
-        wanted = list(show.picture.of(Points, "masses"))
+    def update(self, view_model: ViewModel) -> None:
+        wanted = list(view_model.picture.of(Points, "masses"))
         if [_weights(node) for node in wanted] == [_weights(node) for node in self._drawn]:
             return
         for old in self._nodes:
@@ -249,45 +255,46 @@ Name = tuple[str, str, tuple[str, ...]]
 KINDS = {"pin_slot": "pin in a slot"}
 
 
-def hover_names(show: ViewModel) -> dict[str, Name]:
+def hover_names(view_model: ViewModel) -> dict[str, Name]:
     """By the node that is drawn: what it is called, more words, and the names of its parts where it draws several things."""
     hovered: dict[str, Name] = {}
-    for link in show.poses:
-        hovered[link_path(link)] = (f"link {link}", "the fixed link" if link == show.frame else "click to look closer", ())
-    driven = {drive.name for drive in show.drives}
-    for names, _ in joint_groups(show.joints, 1e-6 * show.size):
-        words = [_joint(show, name) + (", driven" if name in driven else "") for name in names]
+    for link in view_model.poses:
+        hovered[link_path(link)] = (f"link {link}", "the fixed link" if link == view_model.frame else "click to look closer", ())
+    driven = {drive.name for drive in view_model.drives}
+    for names, _ in joint_groups(view_model.joints, 1e-6 * view_model.size):
+        words = [_joint(view_model, name) + (", driven" if name in driven else "") for name in names]
         if len(names) > 1:
             words = [f"{name}: {text}" for name, text in zip(names, words, strict=True)]
         hovered[f"{joint_path(names)}/dot"] = (f"joint {', '.join(names)}", "; ".join(words), ())
-    for name in show.paths:
+    for name in view_model.paths:
         hovered[dot_path(name)] = (f"point {name}", "a traced point, on its path", ())
-    for family, arrows in arrows_by_family(show).items():
+    for family, arrows in arrows_by_family(view_model).items():
         kind = FAMILIES[family]
         items = tuple(f"{kind.label}: {arrow.vector.item}" for arrow in arrows)
-        hovered[f"/vectors/{family}"] = (kind.label, f"{kind.meaning} [{show.units.reads(kind.unit)[0]}]", items)
-    for arc in show.picture.of(Arc):
+        hovered[f"/vectors/{family}"] = (kind.label, f"{kind.meaning} [{view_model.units.reads(kind.unit)[0]}]", items)
+    moment = f"a moment [{view_model.units.reads('N m')[0]}]"
+    for arc in view_model.picture.of(Arc):
         family, item = arc.group, arc.moment.item
-        hovered[arc_path(family, item)] = (f"{FAMILIES[family].label}: {item}", f"a moment [{show.units.reads('N m')[0]}]", ())
+        hovered[arc_path(family, item)] = (f"{FAMILIES[family].label}: {item}", moment, ())
     return hovered
 
 
-def _joint(show: ViewModel, name: str) -> str:
+def _joint(view_model: ViewModel, name: str) -> str:
     """Words for a joint: ``revolute, crank and coupler``."""
-    joint = show.numbers.joints[name]
+    joint = view_model.numbers.joints[name]
     return f"{KINDS.get(joint.kind, joint.kind)}, {' and '.join(joint.links)}"
 
 
 class HoverNames:
     """Tells all browsers, now and later, what is called how; ``update`` takes another run."""
 
-    def __init__(self, server: viser.ViserServer, show: ViewModel):
+    def __init__(self, server: viser.ViserServer, view_model: ViewModel):
         self._server = server
         self._names: Mapping[str, Name] = {}
-        self.update(show)
+        self.update(view_model)
 
-    def update(self, show: ViewModel) -> None:
-        names = hover_names(show)
+    def update(self, view_model: ViewModel) -> None:
+        names = hover_names(view_model)
         if names == self._names:
             return
         self._names = names

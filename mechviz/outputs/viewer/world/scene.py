@@ -41,32 +41,32 @@ class Scene3D:
     def __init__(
         self,
         server: viser.ViserServer,
-        show: ViewModel,
+        view_model: ViewModel,
         clicked_link: Callable[[str, Any], None] = _ignore,
         clicked_joints: Callable[[tuple[str, ...], Any], None] = _ignore,
         compared: Mapping[str, ViewModel] | None = None,
     ):
         self._server = server
-        self.current = show
+        self.current = view_model
         compared = {} if compared is None else compared
         prepare(server)
         with server.atomic():
-            self.stage = Stage(server, show.bounds, show.size, show.units)
+            self.stage = Stage(server, view_model.bounds, view_model.size, view_model.units)
             self.ghosts = {name: Ghost(server, other, f"/beside_{k}") for k, (name, other) in enumerate(compared.items())}
-            self.links = SolidNodes(server, show, clicked_link)
-            self.arrows = ArrowNodes(server, show)
-            self._paths = Paths(server, show)
-            self._lines = LineNodes(server, show)
-            self._bodies = BodyNodes(server, show)
-            self._masses = Masses(server, show)
-            self.joints = Joints(server, show, clicked_joints)
-            self.plans = PlanNodes(server, show)
+            self.links = SolidNodes(server, view_model, clicked_link)
+            self.arrows = ArrowNodes(server, view_model)
+            self._paths = Paths(server, view_model)
+            self._lines = LineNodes(server, view_model)
+            self._bodies = BodyNodes(server, view_model)
+            self._masses = Masses(server, view_model)
+            self.joints = Joints(server, view_model, clicked_joints)
+            self.plans = PlanNodes(server, view_model)
         self._posed: tuple[Any, ...] = (self.links, *self.ghosts.values(), self._paths, self.joints, self._bodies)
         for family in self.arrows.families:
-            self.switch_family(family, show.picture.marks and family in SHOWN_FIRST)
-        self.joints.switch(show.picture.marks)
-        self.bounds = self._box(show)
-        set_first_view(server, self.bounds, self._core(show))
+            self.switch_family(family, view_model.picture.marks and family in SHOWN_FIRST)
+        self.joints.switch(view_model.picture.marks)
+        self.bounds = self._box(view_model)
+        set_first_view(server, self.bounds, self._core(view_model))
         self.marks: Mapping[str, Callable[[bool], None]] = {
             "Paths": self._paths.switch,
             **({"Springs and dampers": self._switch_springs} if "springs" in self._lines.groups | self._bodies.groups else {}),
@@ -76,7 +76,7 @@ class Scene3D:
             "Grid": self.stage.switch,
         }
         self._screens: dict[int, tuple[int, int]] = {}
-        self.cameras = FittedCameras(server, self.bounds, self._core(show), self.stage)
+        self.cameras = FittedCameras(server, self.bounds, self._core(view_model), self.stage)
         server.on_client_connect(self._greet)
         server.on_client_disconnect(self._part)
 
@@ -85,17 +85,17 @@ class Scene3D:
         """The mechanism's size [m]."""
         return self.current.size
 
-    def update(self, show: ViewModel) -> None:
-        """Take the solids, the motion and the forces of ``show``, which is of the same scene with other values."""
-        self.current = show
-        self.links.update(show)
-        self.arrows.update(show)
-        self._paths.update(show)
-        self._lines.update(show)
-        self._bodies.update(show)
-        self._masses.update(show)
-        self.joints.update(show)
-        self.plans.update(show)
+    def update(self, view_model: ViewModel) -> None:
+        """Take the solids, the motion and the forces of ``view_model``, which is of the same scene with other values."""
+        self.current = view_model
+        self.links.update(view_model)
+        self.arrows.update(view_model)
+        self._paths.update(view_model)
+        self._lines.update(view_model)
+        self._bodies.update(view_model)
+        self._masses.update(view_model)
+        self.joints.update(view_model)
+        self.plans.update(view_model)
 
     def refit(self) -> None:
         """After an edit: look at the new extent, where the old view does not fit it any more, with cameras that nobody moved."""
@@ -164,25 +164,25 @@ class Scene3D:
         """Show or hide one of ``marks``."""
         self.marks[name](on)
 
-    def _box(self, show: ViewModel) -> Real:
-        box = _joined(show.bounds, self.arrows.reach(), BEYOND * show.size)
-        first = _joined(show.bounds, self.arrows.reach(show.opening), BEYOND_FIRST * show.size)
+    def _box(self, view_model: ViewModel) -> Real:
+        box = _joined(view_model.bounds, self.arrows.reach(), BEYOND * view_model.size)
+        first = _joined(view_model.bounds, self.arrows.reach(view_model.opening), BEYOND_FIRST * view_model.size)
         box = np.array([np.minimum(box[0], first[0]), np.maximum(box[1], first[1])])
-        for spring in show.picture.of(Body, "springs"):
+        for spring in view_model.picture.of(Body, "springs"):
             low, high = spring.reach()
-            box[0, :2] = np.minimum(box[0, :2], np.maximum(low, show.bounds[0, :2] - 0.5 * show.size))
-            box[1, :2] = np.maximum(box[1, :2], np.minimum(high, show.bounds[1, :2] + 0.5 * show.size))
+            box[0, :2] = np.minimum(box[0, :2], np.maximum(low, view_model.bounds[0, :2] - 0.5 * view_model.size))
+            box[1, :2] = np.maximum(box[1, :2], np.minimum(high, view_model.bounds[1, :2] + 0.5 * view_model.size))
         if self.plans.bounds is not None:
             box[0, :2] = np.minimum(box[0, :2], self.plans.bounds[0])
             box[1, :2] = np.maximum(box[1, :2], self.plans.bounds[1])
         return box
 
-    def _core(self, show: ViewModel) -> Real:
+    def _core(self, view_model: ViewModel) -> Real:
         """The box of what a view has to show large: the solids, and the drawings beside them."""
         if self.plans.bounds is None:
-            return show.bounds
-        beside = np.column_stack([self.plans.bounds, show.bounds[:, 2]])
-        return np.array([np.minimum(show.bounds[0], beside[0]), np.maximum(show.bounds[1], beside[1])])
+            return view_model.bounds
+        beside = np.column_stack([self.plans.bounds, view_model.bounds[:, 2]])
+        return np.array([np.minimum(view_model.bounds[0], beside[0]), np.maximum(view_model.bounds[1], beside[1])])
 
     async def _greet(self, client: viser.ClientHandle) -> None:
         self.cameras.follow(client)
@@ -206,10 +206,10 @@ GHOST_OPACITY = 0.28
 
 
 class Ghost:
-    """The links and paths of ``show`` in pale grey; ``switch`` draws them, made only when they are first wanted."""
+    """The links and paths of ``view_model`` in pale grey; ``switch`` draws them, made only when they are first wanted."""
 
-    def __init__(self, server: viser.ViserServer, show: ViewModel, base: str):
-        self._server, self._show, self._path = server, show, base
+    def __init__(self, server: viser.ViserServer, view_model: ViewModel, base: str):
+        self._server, self._view_model, self._path = server, view_model, base
         self._nodes: dict[str, viser.FrameHandle] = {}
         self._base: viser.FrameHandle | None = None
         self.on = False
@@ -226,21 +226,21 @@ class Ghost:
         """Where its links are at a frame, if it is drawn."""
         if self.on:
             for link, node in self._nodes.items():
-                pose = self._show.poses[link][min(frame, self._show.frames - 1)]
+                pose = self._view_model.poses[link][min(frame, self._view_model.frames - 1)]
                 yield node, np.array([pose[0], pose[1], 0.0]), quaternions(pose[2:])[0]
 
     def tracks(self) -> dict[str, tuple[Real, Real | None]]:
         """By the name of a node: its places (F, 3) and turns (F, 4) over the frames."""
         if not self.on:
             return {}
-        poses = {node.name: self._show.poses[link] for link, node in self._nodes.items()}
+        poses = {node.name: self._view_model.poses[link] for link, node in self._nodes.items()}
         return {n: (np.column_stack([p[:, :2], np.zeros(len(p))]), quaternions(p[:, 2])) for n, p in poses.items()}
 
     def _make(self) -> None:
-        scene, show = self._server.scene, self._show
+        scene, view_model = self._server.scene, self._view_model
         self._base = scene.add_frame(self._path, show_axes=False)
-        for link, body in show.bodies.items():
-            if link == show.frame:
+        for link, body in view_model.bodies.items():
+            if link == view_model.frame:
                 continue
             path = f"{self._path}/{link.replace('/', '_')}"
             self._nodes[link] = scene.add_frame(path, show_axes=False)
@@ -254,6 +254,6 @@ class Ghost:
                     cast_shadow=False,
                     receive_shadow=False,
                 )
-        for name, xyz in show.paths.items():
+        for name, xyz in view_model.paths.items():
             path = f"{self._path}/path {name.replace('/', '_')}"
             scene.add_line_segments(path, path_segments(xyz), GHOST_COLOR, thickness=1.5, thickness_units="screen")

@@ -92,37 +92,37 @@ class SolidNodes:
     ``clicked(link, event)`` is called when somebody clicks on a solid.
     """
 
-    def __init__(self, server: viser.ViserServer, show: ViewModel, clicked: Callable[[str, Any], None] | None = None):
+    def __init__(self, server: viser.ViserServer, view_model: ViewModel, clicked: Callable[[str, Any], None] | None = None):
         self._server, self._clicked = server, clicked
         self._opacity: float | None = None
         self._picked = ""
         self._height: float | None = None
-        self._size = show.size
+        self._size = view_model.size
         self._drawn: dict[str, Body] = {}
         self._nodes: dict[str, viser.FrameHandle] = {}
         self._meshes: dict[str, list[viser.MeshHandle]] = {}
         self._bodies: Mapping[str, Body] = {}
         self._moving: dict[str, tuple[Real, Real]] = {}
-        self.update(show)
+        self.update(view_model)
 
-    def update(self, show: ViewModel) -> None:
-        """Take the solids and the motion of ``show``; only what differs is sent."""
-        for link in [name for name in self._nodes if name not in show.poses]:
+    def update(self, view_model: ViewModel) -> None:
+        """Take the solids and the motion of ``view_model``; only what differs is sent."""
+        for link in [name for name in self._nodes if name not in view_model.poses]:
             self._nodes.pop(link).remove()
             self._meshes.pop(link, None)
-        for link, pose in show.poses.items():
+        for link, pose in view_model.poses.items():
             if link not in self._nodes:
                 self._nodes[link] = self._server.scene.add_frame(link_path(link), show_axes=False)
-            body = show.bodies.get(link)
+            body = view_model.bodies.get(link)
             if body is not None and self._bodies.get(link) is not body:
                 self._shape(link, self._cut_body(link, body))
             self._moving[link] = quaternions(pose[:, 2]), np.column_stack([pose[:, :2], np.zeros(len(pose))])
-        for solid in show.picture.of(BodyNode, "solids"):
+        for solid in view_model.picture.of(BodyNode, "solids"):
             if solid.poses is not None:  # it turns about an axis in the plane
                 shift, turn = (np.asarray(values, float) for values in (solid.poses.places, solid.poses.turns))
-                self._moving[solid.parent] = composed(show.poses[solid.parent], shift, turn)
-        self._moving = {link: self._moving[link] for link in show.poses if link != show.frame}
-        self._bodies = show.bodies
+                self._moving[solid.parent] = composed(view_model.poses[solid.parent], shift, turn)
+        self._moving = {link: self._moving[link] for link in view_model.poses if link != view_model.frame}
+        self._bodies = view_model.bodies
 
     def fade(self, opacity: float) -> None:
         """Draw all solids with an opacity, 1 is solid."""

@@ -84,7 +84,7 @@ def pieces_of(mesh: Mesh) -> tuple[Piece, ...]:
     return tuple(Piece(mesh.vertices[chosen], faces, color) for color, chosen, faces in mesh.pieces())
 
 
-def show_of_run(run: Run, built: Built, before: ViewModel | None = None) -> ViewModel:
+def view_model_of_run(run: Run, built: Built, before: ViewModel | None = None) -> ViewModel:
     """View model of a run with solids that were built for it, or for the same mechanism with other lengths.
 
     ``before``: what was shown so far of the same scene. Scales and heights are then kept as far as they still fit, so that
@@ -161,7 +161,7 @@ def alike(a: Any, b: Any) -> bool:
     return bool(a == b)
 
 
-def show_of_recording(recording: Recording) -> ViewModel:
+def view_model_of_recording(recording: Recording) -> ViewModel:
     """View model of a recording, complete or interrupted."""
     shown = presentation_in(recording)
     numbers = shown.catalogue.numbers
