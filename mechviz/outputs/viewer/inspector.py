@@ -39,7 +39,7 @@ from mechviz.studies.designs.figures import StoredStudy
 SLOW = 0.25  # [s] between changes of what need not follow every move of a slider
 PLOTS = 0.06  # [s] between changes of plots while the next value of a slider waits already
 PATIENCE = 0.01  # [s] for what has been drawn to be on its way, before more is computed
-CLOSER = "Look closer"
+DETAIL_TAB = "Look closer"
 LEFT_WIDTH, RIGHT_WIDTH = 300, 370  # [px]
 
 
@@ -127,7 +127,7 @@ class Inspector:
         tell_size(server, uuid_of(self.screen))
         right = gui.add_panel()
         self.plots = Plots(server, right.add_tab("Plots", viser.Icon.CHART_LINE), view_model, callback)
-        self.detail = DetailPanel(server, right.add_tab(CLOSER, viser.Icon.ZOOM_IN), view_model, drawn, self._picked)
+        self.detail = DetailPanel(server, right.add_tab(DETAIL_TAB, viser.Icon.ZOOM_IN), view_model, drawn, self._picked)
         if session is not None:
             with self.detail.tab:
                 self.trace = gui.add_checkbox("Trace the point that I click", False, hint="adds a point to the link, and its path")
@@ -396,7 +396,7 @@ class Inspector:
         item = f"cam {cams[0]}" if cams else f"link {link}"
         if item in known:
             self._alone(self.detail.look_at, item)
-            open_tab(event.client, CLOSER)
+            open_tab(event.client, DETAIL_TAB)
 
     def _clicked_joints(self, names: tuple[str, ...], event: Any) -> None:
         known = items_of(self.view_model)
@@ -404,7 +404,7 @@ class Inspector:
             for kind in ("cam", "joint", "drive"):
                 if f"{kind} {name}" in known:
                     self._alone(self.detail.look_at, f"{kind} {name}")
-                    open_tab(event.client, CLOSER)
+                    open_tab(event.client, DETAIL_TAB)
                     return
 
 

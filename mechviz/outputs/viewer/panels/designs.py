@@ -37,8 +37,8 @@ class Optimiser:
         self._server, self._session = server, session
         self._stopped = threading.Event()
         self._shown = np.zeros(0)
-        self._course: list[tuple[float, float]] = []  # designs looked at, and the best objective among them
-        self._told = 0.0
+        self._history: list[tuple[float, float]] = []  # designs looked at, and the best objective among them
+        self._reported_at = 0.0
         self.thread: threading.Thread | None = None
         gui = server.gui
         fonts: Any = {"font": "11px sans-serif", "labelFont": "12px sans-serif", "labelSize": 18}
@@ -66,7 +66,7 @@ class Optimiser:
             return
         problem = problem_of(self._session.run.scene)
         self._stopped.clear()
-        self._course, self._shown, self._told = [], problem.start, 0.0
+        self._history, self._shown, self._reported_at = [], problem.start, 0.0
         self.start.visible, self.stop.visible = False, True
         search = Search(problem, int(finite(self.seed.value, 0.0, 1e9, 0.0)))
         search.progress = partial(self._watch, search)
@@ -92,17 +92,17 @@ class Optimiser:
         """Show how far a search is, and its best design where that is a better one. Ends it where that was asked for."""
         if self._stopped.is_set():
             raise KeyboardInterrupt
-        if time.monotonic() - self._told < PAUSE:
+        if time.monotonic() - self._reported_at < PAUSE:
             return
-        self._told = time.monotonic()
+        self._reported_at = time.monotonic()
         term = search.problem.terms[objective]
         kept = violation <= KEPT
         limits_text = "all limits are kept" if kept else f"limits missed by {100.0 * violation:.3g} %"
         best = term.shown(value) if np.isfinite(value) else "none yet"
         self.report.content = words.hint(f"{stage}: {search.evaluations} designs. {term.text}: {best}; {limits_text}.")
         if kept and objective == 0:
-            self._course.append((float(search.evaluations), term.sign * value))
-            x, y = np.array(self._course).T
+            self._history.append((float(search.evaluations), term.sign * value))
+            x, y = np.array(self._history).T
             self.chart.data = x, y
             self.chart.visible = True
             self._take(search.problem, search.best(0)[0])

@@ -126,7 +126,7 @@ class Positions:
             )
             more = gui.add_button("Add a position", icon=viser.Icon.PLUS)
             fewer = gui.add_button("Remove the last position", icon=viser.Icon.MINUS)
-            self.told = gui.add_html("")
+            self.report = gui.add_html("")
         self.on.on_update(callback("Showing positions", lambda _: self._place(self._session.view_model)))
         self.choice.on_update(callback("Choosing a four-bar", lambda _: self.ask("solution", self.poses)))
         more.on_click(callback("Adding a position", lambda _: self.ask("one more", lengthened(self.poses))))
@@ -151,8 +151,8 @@ class Positions:
 
     def _explain(self) -> None:
         """Say which four-bars there are."""
-        found = rows(one.defects or self._session.view_model.units.text(one.transmission, "rad", 2) for one in self._choices)
-        tell(self.told, words.hint(f"Least transmission angle, or defects, of each solution. {found}") if found else "")
+        listed = rows(one.defects or self._session.view_model.units.text(one.transmission, "rad", 2) for one in self._choices)
+        tell(self.report, words.hint(f"Least transmission angle, or defects, of each solution. {listed}") if listed else "")
 
     def _place(self, view_model: ViewModel) -> None:
         """Put a handle on each position, except for the one that is held."""
@@ -196,7 +196,7 @@ class Drawing:
         self._line: Any = None
         self._under = (0.0, 0.0)  # size and height of the mechanism before which the sheet stands
         self._stroke: list[complex] = []
-        self._found: tuple[Complex, list[PathDesign]] = (np.zeros(0, complex), [])
+        self._designs: tuple[Complex, list[PathDesign]] = (np.zeros(0, complex), [])
         gui = server.gui
         with folder:
             gui.add_html(
@@ -207,7 +207,7 @@ class Drawing:
             )
             self.on = gui.add_checkbox("Draw a curve", False)
             self.choice = gui.add_slider("Four-bar", 1, OFFERED, 1, 1, hint="1 is nearest to the curve")
-            self.told = gui.add_html("")
+            self.report = gui.add_html("")
         self.on.on_update(callback("Drawing", lambda _: self._place(self._session.view_model)))
         self.choice.on_update(callback("Choosing a four-bar", lambda _: self._choose()))
 
@@ -221,15 +221,15 @@ class Drawing:
         """Take the curve of another run."""
         self._stroke = []
         self._place(view_model)
-        found = self._found[1] if self._known(self.wanted) else []
-        lines = rows(_quality(one, view_model.units) for one in found)
-        tell(self.told, words.hint(f"Distance (root mean square) and least transmission angle of each. {lines}") if lines else "")
+        listed = self._designs[1] if self._known(self.wanted) else []
+        lines = rows(_quality(one, view_model.units) for one in listed)
+        tell(self.report, words.hint(f"Distance (root mean square) and least transmission angle of each. {lines}") if lines else "")
 
     def drafted(self, draft: Draft, points: Complex, choice: int) -> Draft:
         """A draft of the four-bar of a number (1: the best) for points (K,) [m]. Raises `MechanismError` where there is none."""
         if not self._known(points):
-            self._found = (points, path_choices(points))
-        made = self._found[1][min(max(choice, 1), len(self._found[1])) - 1]
+            self._designs = (points, path_choices(points))
+        made = self._designs[1][min(max(choice, 1), len(self._designs[1])) - 1]
         return replace(draft, document=path_solutions([made], points)[0].scene.document)
 
     def ask(self, points: Complex) -> None:
@@ -238,7 +238,7 @@ class Drawing:
 
     def _known(self, points: Complex) -> bool:
         """Whether four-bars have been found for points (K,) [m], which a scene states in its own unit."""
-        return len(points) == len(self._found[0]) and np.allclose(points, self._found[0], rtol=1e-9, atol=0.0)
+        return len(points) == len(self._designs[0]) and np.allclose(points, self._designs[0], rtol=1e-9, atol=0.0)
 
     def _choose(self) -> None:
         if len(self.wanted):
@@ -287,7 +287,7 @@ class Drawing:
         self._trace(np.array(self._stroke))
         if event.phase == "end":
             points = drawn_points(np.array(self._stroke))
-            tell(self.told, words.hint("Looking for four-bars ..."))
+            tell(self.report, words.hint("Looking for four-bars ..."))
             self._release(event.client)
             self.ask(points)
 

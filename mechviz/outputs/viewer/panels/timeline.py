@@ -156,7 +156,7 @@ class Timeline:
         self._view_model, self._svg = view_model, ""
         self._options: tuple[str, ...] = ()
         self._moved = 0.0
-        self._happenings: dict[str, Event] = {}
+        self._events_by_label: dict[str, Event] = {}
         self._speeds, self._cycle = Speeds(view_model.cycle), float("nan")
         self.update(view_model)
         self.slider.on_update(callback("Scrubbing", lambda _: self._scrub()))
@@ -189,8 +189,8 @@ class Timeline:
             self.speed.value = self._speeds.labels[chosen] if chosen >= 0 else self._speeds.first
             self._player.set_rate(self._speeds.rate(self.speed.value))
         if view_model is before or view_model.events != before.events:
-            self._happenings = {_event_label(k, e): e for k, e in enumerate(view_model.events)}
-            self.events.options = (self._none, *self._happenings)
+            self._events_by_label = {_event_label(k, e): e for k, e in enumerate(view_model.events)}
+            self.events.options = (self._none, *self._events_by_label)
             self.events.value = self._none
         svg = health_svg(view_model.health, view_model.events, view_model.time)
         if svg != self._svg:
@@ -203,7 +203,7 @@ class Timeline:
 
     @property
     def _none(self) -> str:
-        count = len(self._happenings)
+        count = len(self._events_by_label)
         return f"{count} event{'s' if count > 1 else ''}" if count else NO_EVENT
 
     def place(self, view_model: ViewModel, frame: int) -> None:
@@ -246,7 +246,7 @@ class Timeline:
         self._player.set_rate(self._speeds.rate(self.speed.value))
 
     def _jump(self) -> None:
-        event = self._happenings.get(self.events.value)
+        event = self._events_by_label.get(self.events.value)
         if event is not None:
             self._player.seek(self.frame_at(event.time))
 
