@@ -34,8 +34,9 @@ from mechviz.outputs.viewer import words
 from mechviz.outputs.viewer.app import Viewer
 from mechviz.outputs.viewer.build import build, view_model_of_run
 from mechviz.outputs.viewer.panels.effects import plan_graph, plan_svg
-from mechviz.outputs.viewer.panels.plots import Curves, padded_range, peak_of, thinned
+from mechviz.outputs.viewer.panels.plots import peak_of
 from mechviz.outputs.viewer.panels.timeline import Speeds
+from mechviz.outputs.viewer.playback import Curves, padded_range, thinned
 from mechviz.outputs.viewer.player import Player
 from mechviz.outputs.viewer.server import ViewerError, finite
 from mechviz.outputs.viewer.viser_adapter import uuid_of

@@ -30,7 +30,7 @@ from browsing import (
 
 from mechviz import scene
 from mechviz.outputs.viewer.app import Viewer
-from mechviz.outputs.viewer.panels.plots import Curves
+from mechviz.outputs.viewer.playback import Curves
 from mechviz.outputs.viewer.viser_adapter import buffer_of, uuid_of
 from mechviz.outputs.viewer.world.arrows import arc_path
 from mechviz.outputs.viewer.world.camera import fit_view

@@ -16,11 +16,11 @@ import numpy as np
 import viser
 from viser import uplot
 
-from mechcore.arrays import Index, Real
+from mechcore.arrays import Real
 from mechcore.records import dataclass
 from mechviz.editor.worker import left_over
 from mechviz.outputs.exports.tables import KINDS, plot_file
-from mechviz.outputs.viewer.playback import NumberTrack, PlotTrack
+from mechviz.outputs.viewer.playback import Curves, NumberTrack, PlotTrack, at_places
 from mechviz.outputs.viewer.server import Callback, report
 from mechviz.outputs.viewer.view_model import ViewModel
 from mechviz.outputs.viewer.viser_adapter import uuid_of
@@ -29,73 +29,8 @@ from mechviz.quantities.catalogue import Axis, Quantity, QuantityGroup
 from mechviz.runs import Run
 from mechviz.studies.designs.sensitivity import Bands, bands_of, with_tolerances
 
-# From four points a pixel on uPlot draws by columns of pixels, in which a gap beside the cursor line swallows it; plots are about
-# 270 pixels wide
-MOST_POINTS = 900
 MOST_PLOTS = 24  # each is sent anew with every frame
 MOST_WAITING = 4  # plots to be saved; what is asked for beyond is left
-FILLED = 0.5  # of the range that curves fill at least, for it to stay
-
-
-def thinned(values: Real, most: int = MOST_POINTS) -> Index:
-    """Frames (n,) that are enough to draw curves (F, k): all, or the extremes of each curve in equal stretches."""
-    frames, curves = values.shape
-    if frames <= most:
-        return np.arange(frames)
-    stretches = np.array_split(np.arange(frames), max(1, most // (2 * curves)))
-    filled = np.where(np.isfinite(values), values, 0.0)
-    chosen = [np.array([0, frames - 1])]
-    for stretch in stretches:
-        part = filled[stretch]
-        chosen.append(stretch[0] + np.concatenate([part.argmin(axis=0), part.argmax(axis=0)]))
-    return np.unique(np.concatenate(chosen))
-
-
-def padded_range(values: Real) -> tuple[float, float]:
-    """A range of the vertical axis with some room around all finite values."""
-    finite = values[np.isfinite(values)]
-    low, high = (float(finite.min()), float(finite.max())) if len(finite) else (0.0, 1.0)
-    room = 0.06 * (high - low)
-    if room <= 1e-12 * max(abs(low), abs(high)):
-        room = max(0.1 * abs(low), 1e-12 if low else 1.0)  # a constant lies in the middle
-    return low - room, high + room
-
-
-class Curves:
-    """Curves ``y`` (F, k) over ``x`` (F,) as arrays for a plot, with a vertical line at one frame as the last of them.
-
-    The line needs two points at the same x. They are put in between the points of the curves, which pass through them.
-    """
-
-    def __init__(self, x: Real, y: Real):
-        order = np.arange(len(x)) if len(x) == 0 or x[-1] >= x[0] else np.arange(len(x))[::-1]  # plots want rising x
-        kept = order[np.isin(order, thinned(y))]
-        self._x, self._y = np.asarray(x, float), np.where(np.isfinite(y), y, np.nan)
-        self._shown_x, self._shown_y = self._x[kept], self._y[kept]
-        self.range = padded_range(self._y)
-
-    def keep_range(self, old: tuple[float, float]) -> None:
-        """Take an older range of the vertical axis where the curves still fill it well: while something is dragged, axes that
-        change all the time mean nothing."""
-        low, high = self.range
-        if old[0] <= low and high <= old[1] and high - low >= FILLED * (old[1] - old[0]):
-            self.range = old
-
-    def track(self, uuid: str) -> PlotTrack:
-        """How the line moves through the plot ``uuid`` over the frames."""
-        return PlotTrack(uuid, self._shown_x, self._shown_y, self._x, self._y, self.range)
-
-    def at(self, frame: int) -> tuple[Real, ...]:
-        """x, the curves and the cursor line, each (n + 2,), the cursor at ``frame``."""
-        now = self._x[frame]
-        k = int(np.searchsorted(self._shown_x, now))
-        x = np.insert(self._shown_x, [k, k], now)
-        y = np.insert(self._shown_y, [k, k], self._y[frame], axis=0)
-        cursor = np.full(len(x), np.nan)
-        cursor[k : k + 2] = self.range
-        return x, *np.ascontiguousarray(y.T), cursor
-
-
 HEIGHT = 164  # [px]
 NOTHING, REMOVE = "nothing else", "Remove"
 LAST = 1e9  # the order of what stands below all plots
@@ -115,13 +50,6 @@ NEARLY = 0.01  # part by which peaks up and down differ and still count as one
 CURSOR = "#c2255c"
 CURSOR_RATE = 12.0  # moves a second while playing: each sends the whole plot
 ANGLE_STEPS = (1, 2, 5, 10, 15, 30, 45, 90, 180, 360, 720, 1440, 3600)
-
-
-def at_places(values: Real, places: Real, wanted: Real) -> Real:
-    """Curves (F, k) at ``places`` (F,), which never decrease or increase, between them at those ``wanted`` (G,); NaN beyond."""
-    order = slice(None) if places[-1] >= places[0] else slice(None, None, -1)
-    columns = [np.interp(wanted, places[order], column[order], left=np.nan, right=np.nan) for column in values.T]
-    return np.column_stack(columns)
 
 
 def peak_of(values: Real, like: float = 0.0) -> float:
