@@ -71,8 +71,8 @@ def leg(r: Values, y: Values) -> Real:
 
 
 def _quotient(z: Plane, by: Plane) -> Plane:
-    """z / by, without warnings where ``by`` is an array: of NaN, too, quotients of complex numbers give them."""
-    if not isinstance(by, np.ndarray):
+    """z / by, without warnings where ``by`` is no plain number: of NaN, too, quotients of complex numbers give them."""
+    if type(by) is complex:  # numpy's numbers are complex, too, but of another type
         return z / by
     with np.errstate(**QUIET):
         return z / by

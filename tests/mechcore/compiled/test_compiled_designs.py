@@ -108,7 +108,7 @@ def test_designs_whose_links_turn_far_between_times_are_left_to_numpy(monkeypatc
         computed.extend(motion.model.designs)
         return {"pose": motion.pose("rocker")}
 
-    monkeypatch.setattr(design_program, "LARGEST", 0.04)  # [rad]: the longer crank moves the rocker by more
+    monkeypatch.setattr(design_program, "LARGEST_TURN", 0.04)  # [rad]: the longer crank moves the rocker by more
     a, b = (sweep(replace(compiled, executor=e), points, time, poses) for e in ("numpy", "c"))
     assert isinstance(b.program, DesignProgram)
     assert computed == [2, 1]
