@@ -28,7 +28,7 @@ def equilibrium_of(name, frames=9):
 @pytest.mark.parametrize("dense", [equations.DENSE, 0], ids=["full", "sparse"])
 def test_all_equations_at_once_give_what_the_groups_gave(name, dense, monkeypatch):
     """Newton and Euler for every link, without cuts, trees or virtual work; of many links by a sparse matrix."""
-    monkeypatch.setattr(equations, "DENSE", dense)
+    monkeypatch.setattr(equations, "DENSE_UNKNOWNS", dense)
     equilibrium = equilibrium_of(name)
     assert equilibrium.determinate and equilibrium.matrix.shape[1] == equilibrium.matrix.shape[2]
     known = np.isfinite(equilibrium.values).all(axis=1)
@@ -72,7 +72,7 @@ def test_a_sparse_matrix_tells_positions_at_which_it_is_singular(monkeypatch):
     """All rods and bars of the chain on one line, twice a turn: nothing decides how the bars are pressed."""
     full = equilibrium_of("four-bar-chain", 8)
     singular = np.linalg.cond(full.matrix) > 1e12
-    monkeypatch.setattr(equations, "DENSE", 0)
+    monkeypatch.setattr(equations, "DENSE_UNKNOWNS", 0)
     sparse = equilibrium_of("four-bar-chain", 8)
     assert singular.sum() == 2
     assert np.isnan(sparse.at_once()).all(axis=1).tolist() == singular.tolist()
