@@ -25,7 +25,7 @@ def equilibrium_of(name, frames=9):
 
 
 @pytest.mark.parametrize("name", NAMES)
-@pytest.mark.parametrize("dense", [equations.DENSE, 0], ids=["full", "sparse"])
+@pytest.mark.parametrize("dense", [equations.DENSE_UNKNOWNS, 0], ids=["full", "sparse"])
 def test_all_equations_at_once_give_what_the_groups_gave(name, dense, monkeypatch):
     """Newton and Euler for every link, without cuts, trees or virtual work; of many links by a sparse matrix."""
     monkeypatch.setattr(equations, "DENSE_UNKNOWNS", dense)
