@@ -111,7 +111,7 @@ class Rows:
 def rates_at_once(motion: Motion, frames: slice) -> tuple[Real, Real, int]:
     """Velocities and accelerations (frames, links, 3) [m/s, rad/s; m/s^2, rad/s^2] of moving links, and the number of equations.
 
-    Where they do not decide all rates, at singular positions, those that are shortest; NaN of more unknowns than ``DENSE_UNKNOWNS``.
+    At singular positions, where they do not decide all rates, the shortest ones; of more unknowns than ``DENSE_UNKNOWNS`` NaN.
     """
     rows, model = Rows(motion, frames), motion.model
     scale, size = model.length_scale, 3 * len(model.links)
