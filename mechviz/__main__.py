@@ -5,10 +5,9 @@ from __future__ import annotations
 import gc
 import os
 import signal
-from typing import Any
 
 
-def _leave(number: int, frame: Any) -> None:
+def _leave(number: int, frame: object) -> None:
     """Ends the program at once. For as long as no file has been begun: a library that is loading may swallow an exception."""
     os.write(2, b"\nInterrupted: nothing was written.\n")
     os._exit(128 + number)

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from dataclasses import dataclass as dataclass
 else:
 
-    def dataclass(cls: type | None = None, /, **options: Any) -> Any:
+    def dataclass(cls: type | None = None, /, **options: object) -> Any:
         """The class as a dataclass with these options, which is completed by its first instance, or whoever asks for its fields."""
         if cls is None:
             return lambda owner: dataclass(owner, **options)
@@ -72,7 +72,7 @@ class _Lazy:
             self.done = True
 
 
-def _restore(this: Any, state: dict[str, Any]) -> None:
+def _restore(this: object, state: dict[str, Any]) -> None:
     """Restore the state, as ``pickle`` and ``copy`` do by themselves."""
     this.__dict__.update(state)
 
@@ -82,18 +82,18 @@ Place = tuple[Any, ...]
 """Names of fields and numbers of entries, from outside inwards."""
 
 
-def numbers_in(thing: Any, place: Place = ()) -> list[tuple[Place, float]]:
+def numbers_in(thing: object, place: Place = ()) -> list[tuple[Place, float]]:
     """The numbers of a dataclass or tuple, each with its place; those that other objects keep to themselves left out."""
     return [(at, number) for at, number, kept in _numbers(thing, place, False) if not kept]
 
 
-def kept_numbers(thing: Any, place: Place = ()) -> list[tuple[Place, float]]:
+def kept_numbers(thing: object, place: Place = ()) -> list[tuple[Place, float]]:
     """The numbers that `numbers_in` leaves out: of objects such as tables that make something of them once and for all, so that
     other numbers in their places would change nothing."""
     return [(at, number) for at, number, kept in _numbers(thing, place, False) if kept]
 
 
-def _numbers(thing: Any, place: Place, kept: bool) -> Iterator[tuple[Place, float, bool]]:
+def _numbers(thing: object, place: Place, kept: bool) -> Iterator[tuple[Place, float, bool]]:
     if isinstance(thing, float):
         yield place, thing, kept
     elif isinstance(thing, tuple):

@@ -152,7 +152,7 @@ def _travel(motion: Any, size: float) -> Real:
     return far
 
 
-def _bend(motion: Any) -> float:
+def _bend(motion: object) -> float:
     """How much rates change where positions change by one: largest acceleration over the square of the largest velocity, lengths in
     sizes of the mechanism. A frame that is misplaced has the rates of another place. 1 where nothing moves."""
     speed, acceleration = _peaks(motion)

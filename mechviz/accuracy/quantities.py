@@ -45,7 +45,7 @@ class Quantity:
         return between(time, self.values, t, order, self.rate, self.second)
 
 
-def quantities(motion: Any, forces: Any) -> list[Quantity]:
+def quantities(motion: object, forces: object) -> list[Quantity]:
     """Poses, velocities, accelerations of all moving links, places of traced points; reactions and efforts where there are forces.
 
     Lengths are relative to the mechanism's size, angles to a radian, all else to its own peak; frames without a value are left out
@@ -56,7 +56,7 @@ def quantities(motion: Any, forces: Any) -> list[Quantity]:
     return list(each_quantity(motion, forces))
 
 
-def each_quantity(motion: Any, forces: Any) -> Iterator[Quantity]:
+def each_quantity(motion: object, forces: object) -> Iterator[Quantity]:
     """The same one after the other: of a long run of many bodies they take much memory together."""
     yield from _kinematics(motion)
     yield from _points(motion)

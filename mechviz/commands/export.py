@@ -120,7 +120,7 @@ def export(
         warn_of_accuracy(run)
         times = None if step is None else even_times(run, step)
 
-        def export_to(target: Path, write: Callable[..., Any], *more: Any, **options: Any) -> Any:
+        def export_to(target: Path, write: Callable[..., Any], *more: object, **options: object) -> Any:
             with progress_bar(f"exporting {target.name}"):
                 return write(run, target, *more, **options)
 

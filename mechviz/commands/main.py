@@ -152,7 +152,7 @@ def _with_finite_numbers(function: Callable[..., None]) -> Callable[..., None]:
     """A command whose options refuse infinity and what is no number, by name."""
 
     @wraps(function)
-    def checked(**given: Any) -> None:
+    def checked(**given: object) -> None:
         for name, value in given.items():
             if isinstance(value, float) and not math.isfinite(value):
                 stated = get_args(get_type_hints(function, include_extras=True)[name])[1:]

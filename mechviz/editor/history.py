@@ -43,7 +43,7 @@ class Draft:
         """The draft with other values at some places. Raises `SceneError`."""
         return replace(self, document=changed_document(self.document, changes, self.name, self.folder))
 
-    def with_value(self, place: Place, value: Any) -> Draft:
+    def with_value(self, place: Place, value: object) -> Draft:
         """The draft with another value at a place. Raises `SceneError`."""
         return self.changed({place: value})
 

@@ -180,7 +180,7 @@ def _editable(leaf: Leaf) -> bool:
     return is_number(leaf.value) or quantity is not None or bool(_options(leaf))
 
 
-def is_number(value: Any) -> bool:
+def is_number(value: object) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 

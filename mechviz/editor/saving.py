@@ -90,7 +90,7 @@ def _change_value(table: Any, key: Any, before: Any, after: Any) -> None:
         table[key] = tomlkit.value(value_text(after))
 
 
-def _body(table: Any) -> list[tuple[Any, Item]]:
+def _body(table: object) -> list[tuple[Any, Item]]:
     """The entries of a table with their comments. Raises where its parts stand apart in the text."""
     if isinstance(table, Container):
         return table.body

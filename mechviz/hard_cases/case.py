@@ -77,7 +77,7 @@ class Case:
         return replace(outcome, seconds=time.perf_counter() - start)
 
 
-def compare(name: str, got: Any, want: Any, bound: float, *, scale: float | None = None) -> Check:
+def compare(name: str, got: object, want: object, bound: float, *, scale: float | None = None) -> Check:
     """Largest difference, relative to ``scale`` (default: the largest expected value)."""
     got, want = np.asarray(got, float), np.asarray(want, float)
     size = float(np.max(np.abs(want))) if scale is None else scale
@@ -104,7 +104,7 @@ def moved(
     return Outcome(summary, tuple(every), residual, condition, tuple(said))
 
 
-def refused(attempt: Callable[[], Any], *patterns: str, checks: Callable[[str], Sequence[Check]] = lambda _: ()) -> Outcome:
+def refused(attempt: Callable[[], object], *patterns: str, checks: Callable[[str], Sequence[Check]] = lambda _: ()) -> Outcome:
     """The outcome of something that has to be refused in words that match every pattern; ``checks`` look at the words."""
     try:
         attempt()

@@ -93,7 +93,7 @@ def _chain(n: int, method: Method = "auto") -> Outcome:
     return _outcome(simulation, f"{turned:.15g} rad turned", checks, drift=1e-9)
 
 
-def _pendulum_at(angle: float, t: Any) -> Any:
+def _pendulum_at(angle: float, t: object) -> Any:
     """phi of a pendulum J = 0.4, m d = 0.525 released at ``angle``: sin(phi/2) = k cd(w t) (theory of elliptic functions)."""
     w = np.sqrt(1.5 * G * 0.35 / 0.4)
     k = np.sin(0.5 * angle)

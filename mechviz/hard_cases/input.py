@@ -31,7 +31,7 @@ BASE: dict[str, Any] = {
 """A sound crank-rocker, which the cases spoil."""
 
 
-def _changed(**changes: Any) -> dict[str, Any]:
+def _changed(**changes: object) -> dict[str, Any]:
     """The crank-rocker with values changed, each at a path such as ``links__crank__mass``; None takes a key away."""
     data: dict[str, Any] = json.loads(json.dumps(BASE))
     for path, value in changes.items():
@@ -46,7 +46,7 @@ def _changed(**changes: Any) -> dict[str, Any]:
     return data
 
 
-def _faulty(attempt: Callable[[], Any], *expected: tuple[str, str, str]) -> Outcome:
+def _faulty(attempt: Callable[[], object], *expected: tuple[str, str, str]) -> Outcome:
     """The outcome of a scene with exactly the expected faults: (path, part of what is wrong, part of the remedy)."""
     try:
         attempt()
@@ -65,7 +65,7 @@ def _faulty(attempt: Callable[[], Any], *expected: tuple[str, str, str]) -> Outc
     return Outcome("accepted without a word", (judged("refused", False),))
 
 
-def _spoiled(*expected: tuple[str, str, str], **changes: Any) -> Callable[[], Outcome]:
+def _spoiled(*expected: tuple[str, str, str], **changes: object) -> Callable[[], Outcome]:
     return lambda: _faulty(lambda: _solved(Scene.build(**_changed(**changes))), *expected)
 
 

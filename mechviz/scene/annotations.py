@@ -40,7 +40,7 @@ def hints_of(cls: type[Table]) -> dict[str, Any]:
     }
 
 
-def peel(annotation: Any, value: Any) -> tuple[Any, list[Any]]:
+def peel(annotation: object, value: object) -> tuple[Any, list[Any]]:
     """The type under ``Annotated``, ``| None`` and unions that a value decides, plain or validated, and the marks on the way."""
     marks: list[Any] = []
     while True:
@@ -59,7 +59,7 @@ def peel(annotation: Any, value: Any) -> tuple[Any, list[Any]]:
             return annotation, marks
 
 
-def inner_types(kind: Any, count: int) -> list[Any]:
+def inner_types(kind: object, count: int) -> list[Any]:
     """The types of so many entries of a list or tuple type."""
     inner = get_args(kind) or (Any,)
     row = get_origin(kind) is list or inner[1:] == (...,)
@@ -75,7 +75,7 @@ def stated_keys(table: Table, among: Iterable[str] | None = None) -> Iterable[st
 
 
 def leaves(
-    value: Any, keys: Callable[[Table], Iterable[str]] = stated_keys, annotation: Any = None, path: Place = ()
+    value: object, keys: Callable[[Table], Iterable[str]] = stated_keys, annotation: object = None, path: Place = ()
 ) -> Iterator[Leaf]:
     """The values of a document, or of one of its tables, in order; ``keys`` chooses those of a table to look at."""
     kind, marks = peel(annotation, value)
@@ -105,7 +105,7 @@ def leaf_at(value: Any, place: Place) -> Leaf:
     return Leaf(place, value, *peel(annotation, value))
 
 
-def raw_leaves(raw: Any, annotation: Any, path: Place = ()) -> Iterator[Leaf]:
+def raw_leaves(raw: object, annotation: object, path: Place = ()) -> Iterator[Leaf]:
     """The values that hold no others of plain data for a type, as far as they are where that type has a place."""
     kind, marks = peel(annotation, raw)
     origin = get_origin(kind)
@@ -123,7 +123,7 @@ def raw_leaves(raw: Any, annotation: Any, path: Place = ()) -> Iterator[Leaf]:
         yield Leaf(path, raw, kind, marks)
 
 
-def raw_value(raw: Any, path: Iterable[str | int]) -> Any:
+def raw_value(raw: object, path: Iterable[str | int]) -> Any:
     """The value at a place of plain data, None where there is none."""
     for part in path:
         if not isinstance(raw, Mapping | list):

@@ -46,7 +46,7 @@ class SceneBuilder:
         }
         self._faults: list[Fault] = []
 
-    def _add(self, section: str, name: str, entry: Any) -> SceneBuilder:
+    def _add(self, section: str, name: str, entry: object) -> SceneBuilder:
         entries = self._data.setdefault(section, {})
         if name in entries:
             self._faults.append(Fault(f"{section}.{name}", "is given twice.", "Give each a name of its own."))
@@ -75,7 +75,7 @@ class SceneBuilder:
         body = {"mass": mass, "centre": centre, "inertia": inertia, "shape": shape, "gravity": gravity, "lumps": list(lumps)}
         return self._add("links", name, {"points": places, **body})
 
-    def joint(self, name: str, kind: str, first: str, second: str, /, **keys: Any) -> SceneBuilder:
+    def joint(self, name: str, kind: str, first: str, second: str, /, **keys: object) -> SceneBuilder:
         """A joint of a kind between two links. ``keys`` are those of a scene file: ``at="B"``, ``side="left"``, ``drive={...}``."""
         return self._add("joints", name, {kind: [first, second], **keys})
 
@@ -101,7 +101,7 @@ class SceneBuilder:
         """A free moment on a link, counter-clockwise positive."""
         return self._add("loads", name, {"torque": moment, "on": on, "table": table})
 
-    def load(self, name: str, **entry: Any) -> SceneBuilder:
+    def load(self, name: str, **entry: object) -> SceneBuilder:
         """Any load, by the keys of a scene file: ``spring=("frame.P", "boom.Q"), stiffness="2 N/mm", free_length="80 mm"``."""
         return self._add("loads", name, entry)
 
@@ -111,7 +111,7 @@ class SceneBuilder:
             self._add("sketch", name, place)
         return self
 
-    def friction(self, **defaults: Any) -> SceneBuilder:
+    def friction(self, **defaults: object) -> SceneBuilder:
         """Friction of all revolute, sliding and slot joints that do not say otherwise.
 
         ``coefficient``, ``radius`` of pins, ``length`` of bearings.
@@ -205,7 +205,7 @@ class SceneBuilder:
         self._data["trace"].extend(points)
         return self
 
-    def watch(self, name: str, **entry: Any) -> SceneBuilder:
+    def watch(self, name: str, **entry: object) -> SceneBuilder:
         """A value to look out for while forces move the mechanism, by the keys of a scene file: ``joint="A", at="90 deg"``."""
         return self._add("watch", name, entry)
 
@@ -238,7 +238,7 @@ class SceneBuilder:
 def _method(kind: str) -> Callable[..., SceneBuilder]:
     """The method that adds a joint of a kind."""
 
-    def add(self: SceneBuilder, name: str, first: str, second: str, /, **keys: Any) -> SceneBuilder:
+    def add(self: SceneBuilder, name: str, first: str, second: str, /, **keys: object) -> SceneBuilder:
         return self.joint(name, kind, first, second, **keys)
 
     own = [Parameter(key, Parameter.KEYWORD_ONLY, default=None) for key in KINDS[kind].keys]

@@ -93,11 +93,11 @@ class RunDocument(Table):
     """Free coordinates: how the motion is found. Default "auto"; "radau" for stiff forces."""
 
 
-def _is_list(value: Any) -> str:
+def _is_list(value: object) -> str:
     return "<list>" if isinstance(value, list | tuple) else "<table>"
 
 
-def _point_table(value: Any) -> Any:
+def _point_table(value: object) -> Any:
     if not isinstance(value, dict):
         hint = 'Write them like { A = [0, 0], B = [60, 0] }, or ["A", "B"] for points of the sketch.'
         raise fault(f"{describe(value)} where points are wanted.", hint)
@@ -176,7 +176,7 @@ class Pose(Table):
     """Angle of the link's frame."""
 
 
-def _is_table(value: Any) -> str:
+def _is_table(value: object) -> str:
     return "<table>" if isinstance(value, dict | Pose) else "<list>"  # writing asks too, with the finished pose
 
 
@@ -291,7 +291,7 @@ class SceneDocument(Table):
         return dict(with_values(data, changes)) if changes else data
 
 
-def _missing(data: Any, place: Place) -> bool:
+def _missing(data: object, place: Place) -> bool:
     try:
         value_at(data, place)
     except LookupError:

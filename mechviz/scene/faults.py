@@ -136,7 +136,7 @@ def in_file_order(faults: Iterable[Fault], document: Mapping[str, Any]) -> list[
     return sorted(dict.fromkeys(faults), key=place)
 
 
-def _paths(value: Any, path: str) -> Iterator[str]:
+def _paths(value: object, path: str) -> Iterator[str]:
     if path:
         yield path
     if isinstance(value, Mapping):
@@ -215,7 +215,7 @@ def _in_scene(document: SceneDocument, path: str) -> str:
     return f"{name}.{joint.traits.core_path(joint, inner)}"
 
 
-def _split(place: Any, path: str) -> tuple[str | None, str]:
+def _split(place: object, path: str) -> tuple[str | None, str]:
     """The key of a place with which a path goes on, and what comes after it; None where it has no such key. Names hold dots."""
     keys = place if isinstance(place, Mapping) else getattr(type(place), "model_fields", ())
     fitting = [key for key in keys if path == key or path.startswith((f"{key}.", f"{key}["))]

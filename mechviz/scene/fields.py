@@ -50,7 +50,7 @@ def faults(every: list[tuple[str, str, str]]) -> PydanticCustomError:
     return PydanticCustomError("scene", "faults of a scene", {"faults": every})
 
 
-def describe(value: Any) -> str:
+def describe(value: object) -> str:
     """A value of a scene as a user wrote it, short."""
     if isinstance(value, bool):
         return "true" if value else "false"
@@ -66,7 +66,7 @@ def describe(value: Any) -> str:
     return text if len(text) <= 40 else f"{text[:37]}..."
 
 
-def _finite(value: Any, wanted: str) -> float:
+def _finite(value: object, wanted: str) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise fault(f"{describe(value)} where {wanted} is wanted.", "Write a number without quotes, such as 0.5.")
     try:
@@ -78,7 +78,7 @@ def _finite(value: Any, wanted: str) -> float:
     return number + 0.0  # a minus zero means nothing, and would be lost where zero is the default
 
 
-def _number(value: Any) -> float:
+def _number(value: object) -> float:
     return _finite(value, "a plain number")
 
 
@@ -94,7 +94,7 @@ class Quantity:
     least: Literal["", "zero", "above zero"] = ""
     word: str = ""
 
-    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+    def __get_pydantic_core_schema__(self, source: object, handler: GetCoreSchemaHandler) -> CoreSchema:
         return core_schema.no_info_plain_validator_function(self._check)
 
     def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
@@ -111,7 +111,7 @@ class Quantity:
     def _words(self) -> str:
         return " or ".join(KINDS[kind].words for kind in self.kinds)
 
-    def _check(self, value: Any) -> float | str:
+    def _check(self, value: object) -> float | str:
         if self.word and value == self.word:
             return self.word
         if not isinstance(value, str):
@@ -136,7 +136,7 @@ class Quantity:
             raise fault(f"{describe(value)} is zero.", "Give a positive value.")
 
 
-def value_or_list(value: Any) -> str:
+def value_or_list(value: object) -> str:
     return "<list>" if isinstance(value, list | tuple) else "<value>"
 
 
@@ -189,7 +189,7 @@ Condition = Annotated[
 Number = Annotated[float, PlainValidator(_number), WithJsonSchema({"type": "number"})]
 
 
-def _text(value: Any) -> str:
+def _text(value: object) -> str:
     if not isinstance(value, str):
         raise fault(f"{describe(value)} where a text is wanted.", "Put it in quotes.")
     try:
@@ -199,7 +199,7 @@ def _text(value: Any) -> str:
     return value
 
 
-def _flag(value: Any) -> bool:
+def _flag(value: object) -> bool:
     if not isinstance(value, bool):
         raise fault(f"{describe(value)} where true or false is wanted.", "Write true or false, without quotes.")
     return value
@@ -255,7 +255,7 @@ class UnitName:
 
     kind: str
 
-    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+    def __get_pydantic_core_schema__(self, source: object, handler: GetCoreSchemaHandler) -> CoreSchema:
         return core_schema.no_info_plain_validator_function(self._check)
 
     def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
@@ -265,7 +265,7 @@ class UnitName:
     def _example(self) -> str:
         return KINDS[self.kind].example.split(" ", 1)[1]
 
-    def _check(self, value: Any) -> str:
+    def _check(self, value: object) -> str:
         if not isinstance(value, str):
             raise fault(f"{describe(value)} where the name of a unit is wanted.", f"Write it like '{self._example}'.")
         try:
@@ -277,7 +277,7 @@ class UnitName:
         return value.strip()
 
 
-def _exactly_two(value: Any) -> Any:
+def _exactly_two(value: object) -> Any:
     if not isinstance(value, list | tuple):
         raise fault(f"{describe(value)} where a pair of numbers is wanted.", "Write it like [x, y].")
     if len(value) != 2:
@@ -286,7 +286,7 @@ def _exactly_two(value: Any) -> Any:
     return value
 
 
-def _direction(value: Any) -> list[float] | list[str]:
+def _direction(value: object) -> list[float] | list[str]:
     if not isinstance(value, list | tuple) or len(value) != 2:
         raise fault(
             f"{describe(value)} where a direction is wanted.",
@@ -372,7 +372,7 @@ class Table(BaseModel):
                 _building.table = own
 
     @classmethod
-    def __get_pydantic_core_schema__(cls, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+    def __get_pydantic_core_schema__(cls, source: object, handler: GetCoreSchemaHandler) -> CoreSchema:
         if _building.table is cls:
             return handler(source)
         return core_schema.no_info_plain_validator_function(
@@ -414,12 +414,12 @@ class Table(BaseModel):
         self._invalid_keys = frozenset(keys)
 
 
-def table_or_value(value: Any) -> str:
+def table_or_value(value: object) -> str:
     """Tag of an entry that is a table or a plain value: as read, or as validated."""
     return "<table>" if isinstance(value, dict | Table) else "<value>"
 
 
-def name_or_list(value: Any) -> str:
+def name_or_list(value: object) -> str:
     """Tag of an entry that is a name or a list, as a point is."""
     return "<name>" if isinstance(value, str) else "<list>"
 
@@ -446,7 +446,7 @@ def _classes(module: str) -> dict[str, ast.ClassDef]:
     return {node.name: node for node in tree.body if isinstance(node, ast.ClassDef)}
 
 
-def is_whole(value: Any) -> bool:
+def is_whole(value: object) -> bool:
     """Whether nothing in a value of the document stands for something that could not be read."""
     if isinstance(value, Table):
         return not value.invalid_keys and all(is_whole(getattr(value, key)) for key in type(value).model_fields)

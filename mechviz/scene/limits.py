@@ -49,7 +49,7 @@ def check_drawn(links: int) -> None:
         raise MechanismError(_too_large("links", what, "Draw a part of it, or export its numbers"))
 
 
-def _keys(value: Any) -> int:
+def _keys(value: object) -> int:
     if isinstance(value, Mapping):
         return len(value) + sum(map(_keys, value.values()))
     return sum(map(_keys, value)) if isinstance(value, list) else 0

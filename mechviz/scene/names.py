@@ -69,7 +69,7 @@ def _marking(cls: type[Table], sort: Any) -> tuple[str, ...]:
     return tuple(key for key, hint in hints_of(cls).items() if _marks(hint, sort))
 
 
-def _marks(annotation: Any, sort: type) -> bool:
+def _marks(annotation: object, sort: type) -> bool:
     if isinstance(annotation, type) and issubclass(annotation, Table):
         return True
     return isinstance(annotation, sort) or any(_marks(inner, sort) for inner in get_args(annotation))

@@ -55,7 +55,7 @@ class Scene:
     curves: Mapping[str, JoinedSegments] = field(default_factory=dict, repr=False)  # of its segments, by their paths
 
     @classmethod
-    def build(cls, *, name: str = "scene", folder: SceneFolder | Path | str | None = None, **document: Any) -> Scene:
+    def build(cls, *, name: str = "scene", folder: SceneFolder | Path | str | None = None, **document: object) -> Scene:
         """A scene from the tables of a scene file: ``Scene.build(title=..., units={...}, links={...}, joints={...})``.
 
         Tuples may stand for lists and numpy numbers for numbers. ``folder`` is where the files that it names are, by default the
@@ -246,7 +246,7 @@ def _read(raw: Mapping[str, Any], name: str, folder: SceneFolder, *, source: str
     return _assembled(reading, name, folder, former, source, file)
 
 
-def _with_present_keys(value: Any, path: str, former: dict[str, str]) -> Any:
+def _with_present_keys(value: object, path: str, former: dict[str, str]) -> Any:
     """A part of a scene's data with the present names of keys; ``former`` takes the former ones by their places."""
     if not isinstance(value, Mapping):
         return value
@@ -274,7 +274,7 @@ def _assembled(
     )
 
 
-def _plain(value: Any) -> Any:
+def _plain(value: object) -> Any:
     """Python values as TOML would hold them: lists for tuples and arrays, plain numbers for numpy's; no None."""
     if isinstance(value, Mapping):
         return {str(key): _plain(inner) for key, inner in value.items() if inner is not None}
@@ -285,7 +285,7 @@ def _plain(value: Any) -> Any:
     return value
 
 
-def _for_editors(schema: Any) -> Any:
+def _for_editors(schema: object) -> Any:
     """Three changes: TOML has no null, so an optional key is one that may be left out; every name must fit the pattern; and every
     number may be an expression."""
     if isinstance(schema, list):

@@ -56,7 +56,7 @@ def measure(scene: Scene, *, repeats: int = 7, outputs: Any = None, executor: Ex
     frames = None if scene.simulation is not None else default_times(mechanism, scene.frames, scene.cycles)
     walls: dict[str, list[float]] = {}
 
-    def clocked(name: str, work: Callable[[], Any]) -> Any:
+    def clocked(name: str, work: Callable[[], object]) -> Any:
         start = time.perf_counter()
         result = work()
         walls.setdefault(name, []).append(time.perf_counter() - start)
@@ -100,7 +100,7 @@ def _friction(motion: Motion) -> None:
     solve_friction(motion, *sum_up(applied, len(motion.model.links)))
 
 
-def _read(result: Any, names: tuple[str, ...]) -> None:
+def _read(result: object, names: tuple[str, ...]) -> None:
     """Work out what is worked out when first asked for."""
     for name in names:
         getattr(result, name)
@@ -132,7 +132,7 @@ class Timed:
     repeats: int
 
 
-def timed(work: Callable[[], Any], budget: float = BUDGET, least: int = LEAST) -> Timed:
+def timed(work: Callable[[], object], budget: float = BUDGET, least: int = LEAST) -> Timed:
     """Time some work: once to warm up, then until the budget is spent, at least ``least`` and at most 25 times."""
     work()
     times: list[float] = []
@@ -155,7 +155,7 @@ def _timed(times: list[float]) -> Timed:
 
 
 def side_by_side(
-    first: Callable[[], Any], second: Callable[[], Any], budget: float = BUDGET, least: int = LEAST
+    first: Callable[[], object], second: Callable[[], object], budget: float = BUDGET, least: int = LEAST
 ) -> tuple[Timed, Timed]:
     """Time two works in turns, so that whatever else the machine does meets both alike."""
     for work in (first, second):

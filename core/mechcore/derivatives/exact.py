@@ -134,7 +134,7 @@ class Derivatives:
         given = [interpolant.frames for interpolants in (self.nominal.interpolants or {}).values() for interpolant in interpolants]
         return np.unique(np.concatenate(given)) if given else np.zeros(0, np.intp)
 
-    def adjoint(self, result: Any, weights: Real) -> Real:
+    def adjoint(self, result: object, weights: Real) -> Real:
         """Derivatives (M, P) of M sums of a result, each with ``weights`` (M, ...), by the parameters: one way back through the
         computation, however many parameters there are."""
         out = np.zeros((len(weights), len(self.parameters)))
@@ -165,7 +165,7 @@ class Derivatives:
 
         return slopes(at, self._nominal, parameter)
 
-    def _leaf(self, number: Any, slopes: Sequence[Any]) -> Traced:
+    def _leaf(self, number: object, slopes: Sequence[Any]) -> Traced:
         leaf = self.tape.variable(number)
         zero = np.zeros_like(leaf.value)
         self._slopes[leaf.number] = [zero if d is None else np.broadcast_to(d, zero.shape).astype(zero.dtype) for d in slopes]
@@ -175,7 +175,7 @@ class Derivatives:
         """States the derivatives of a variable of the tape by each parameter."""
         self._slopes[leaf.number] = list(by_parameters)
 
-    def beside(self, of: Callable[[Model], Any], number: Any, key: Place) -> Any:
+    def beside(self, of: Callable[[Model], Any], number: object, key: Place) -> Any:
         """``number``, traced or not, which follows from the model's motion, with what it also follows from the parameters by way of
         ``of``: numbers that the compiled mechanism keeps to itself, at the nominal motion."""
         if key not in self.leaves:
@@ -257,7 +257,7 @@ class Derivatives:
                 raise Untraced(f"friction decides which flank of a gear, or which span of a belt, carries at {sided or joint}")
         return solved
 
-    def _get(self, place: Place, plain: Any) -> Any:
+    def _get(self, place: Place, plain: object) -> Any:
         return self.leaves.get(place, plain)
 
     @cached_property

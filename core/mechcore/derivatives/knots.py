@@ -37,7 +37,7 @@ def aligned(mechanism: Mechanism, nominal: Mechanism) -> Mechanism:
     return replace(mechanism, joints=tuple(joints), drives=tuple(drives))
 
 
-def _law(own: Any, nominal: Any) -> Any:
+def _law(own: object, nominal: object) -> Any:
     if isinstance(own, CurveOverMaster) and isinstance(nominal, CurveOverMaster):
         return replace(own, curve=_on_knots(own.curve, nominal.curve), master=_law(own.master, nominal.master))
     if isinstance(own, Piecewise) and isinstance(nominal, Piecewise) and own.knots != nominal.knots:

@@ -270,7 +270,7 @@ class _PhaseFriction(TracedFriction):
         return -sum((self.value(i) * self.elements[i].rate for i in slides), np.zeros(self.motion.frames))
 
 
-def _plain(x: Any) -> Any:
+def _plain(x: object) -> Any:
     return getattr(x, "value", x)
 
 

@@ -49,7 +49,7 @@ class SteadyPart(PartUnderForces):
         super().__init__(simulation, changes, before, times)
         self._speeds, self._later = speeds, later
 
-    def of(self, *results: Any) -> list[Real]:
+    def of(self, *results: object) -> list[Real]:
         out = []
         for known in super().of(*results):
             own, speed, time = known[:-2], known[-2], known[-1]
@@ -57,7 +57,7 @@ class SteadyPart(PartUnderForces):
             out.append(own + np.multiply.outer(self._speeds, speed) + np.multiply.outer(self._later, along))
         return out
 
-    def adjoint(self, result: Any, weights: Real) -> Real:
+    def adjoint(self, result: object, weights: Real) -> Real:
         known = super().adjoint(result, weights)
         times = self.nominal.time.reshape(-1, *[1] * (weights.ndim - 2))
         along = super().adjoint(result, weights * times)[:, -1]

@@ -30,7 +30,7 @@ Contacts = dict[str, tuple[Plane, Plane]]
 
 
 def with_friction(
-    motion: Motion, force: list[Any], moment: list[Any], signs: Iterable[Any] | None, tolerance: Any
+    motion: Motion, force: list[Any], moment: list[Any], signs: Iterable[Any] | None, tolerance: object
 ) -> tuple[Transmitted, Contacts, list[Any]]:
     """As `solve_friction` on symbols, for the ``signs`` of the elements' rates if they are given; and the normal loads, the error
     of their equations, the steps that these take, and whether they are found so, on the flanks that carry without friction.
@@ -122,7 +122,7 @@ class ForcesProgram:
         """Whether dry friction is in it."""
         return bool(self._solution)
 
-    def _put(self, vector: Any, number: Any = 0.0) -> None:
+    def _put(self, vector: object, number: object = 0.0) -> None:
         """Rows of what is not plain."""
         if isinstance(vector, Symbol):
             self._kernel.put_plane(vector)
@@ -149,10 +149,10 @@ class ForcesProgram:
             given |= {f"sign {i}": e.sign for i, e in enumerate(elements)} | {"tolerance": motion.accuracy.friction}
         rows = Rows(self._kernel(motion.frames, given)[0])
 
-        def plane(value: Any) -> Any:
+        def plane(value: object) -> Any:
             return rows.plane() if isinstance(value, Symbol) else value
 
-        def real(value: Any) -> Any:
+        def real(value: object) -> Any:
             return rows.real() if isinstance(value, Symbol) else value
 
         transmitted = [(plane(f), real(couple)) for f, couple in self._transmitted]

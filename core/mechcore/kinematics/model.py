@@ -145,7 +145,7 @@ class Model:
     def _point_sums(self) -> dict[tuple[int, complex], VectorSum | None]:
         return {}
 
-    def point_sum(self, k: int, local: Any) -> VectorSum | None:
+    def point_sum(self, k: int, local: object) -> VectorSum | None:
         """The place of a point of link ``k``, given in link axes, as a sum; None where the path to the frame is long."""
         if not isinstance(local, complex):  # one place per design of a sweep
             return self._sum_to(k, local)

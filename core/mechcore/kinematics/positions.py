@@ -98,7 +98,7 @@ def _place_relation(model: Model, block: Block, state: State) -> None:
         state.slide[i] = -known / c
 
 
-def _place_general(model: Model, block: Block, state: State, start: Any) -> None:
+def _place_general(model: Model, block: Block, state: State, start: object) -> None:
     """Newton on all loops of the block; lengths in units of the mechanism's size."""
     size = model.length_scale
     n_angles = len(block.angles)

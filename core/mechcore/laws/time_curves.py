@@ -17,18 +17,18 @@ KNOWN = Rest, ConstantSpeed, Oscillation, Piecewise, Table, Sine, Step, Ramp
 NO_WAVES = np.zeros((0, 3))
 
 
-def numbers_of_time(function: Any) -> tuple[float, ...] | None:
+def numbers_of_time(function: object) -> tuple[float, ...] | None:
     """The numbers of the motion curve of a law or signal, as programs in C take them; None where there is none."""
     return _numbers(function) if isinstance(function, KNOWN) else None
 
 
 @lru_cache(256)
-def _numbers(function: Any) -> tuple[float, ...] | None:
+def _numbers(function: object) -> tuple[float, ...] | None:
     curve = curve_of_time(function)
     return None if curve is None else curve.numbers
 
 
-def curve_of_time(function: Any) -> MotionCurve | None:
+def curve_of_time(function: object) -> MotionCurve | None:
     """The motion curve that has the values of a law of a drive or of a signal, at times from zero on; None where none has."""
     if isinstance(function, Rest):
         return _one([function.position])

@@ -251,7 +251,7 @@ def _known(_: Compiled) -> dict[Any, DesignProgram | str]:
     return {}
 
 
-def _operands(value: Any) -> tuple[list[Any], int | None]:
+def _operands(value: object) -> tuple[list[Any], int | None]:
     """The numbers of a result, and how many there are side by side; None of a single one."""
     if isinstance(value, SymbolRows):
         return list(value.columns), len(value.columns)

@@ -41,7 +41,7 @@ def over_parts(compute: Callable[..., T]) -> Callable[..., T]:
     """Answers of a motion, of each of its parts where it has several."""
 
     @wraps(compute)
-    def joined(motion: Motion, *args: Any) -> T:
+    def joined(motion: Motion, *args: object) -> T:
         return motion.over_parts(lambda part: compute(part, *args))
 
     return joined

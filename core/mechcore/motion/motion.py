@@ -79,7 +79,7 @@ class Motion:
         """The frames and the motion of every part: one, but where charts or phases change in a motion under forces."""
         return ((np.arange(self.frames), self),)
 
-    def over_parts(self, compute: Callable[..., T], *values: Any) -> T:
+    def over_parts(self, compute: Callable[..., T], *values: object) -> T:
         """``compute(part, *values)``, values (F, ...) being those of the part's frames, put together frame by frame.
 
         The result is an array (F, ...), or a dictionary or a dataclass of such.

@@ -33,7 +33,7 @@ class lazy(Generic[Value]):
     def __get__(self, holder: None, owner: type) -> lazy[Value]: ...
     @overload
     def __get__(self, holder: object, owner: type) -> Value: ...
-    def __get__(self, holder: Any, owner: type) -> lazy[Value] | Value:
+    def __get__(self, holder: object, owner: type) -> lazy[Value] | Value:
         if holder is None:
             return self
         value = holder.__dict__[self.name] = self.work(holder)

@@ -314,7 +314,7 @@ def _guide_height(model: Model, cam: CamDrawing) -> float:
     return -math.inf if at is None else float(((complex(*at) - cam.placed.centre / cam.size) * np.conj(cam.placed.axes)).imag)
 
 
-def _moved(shape: Any, at: complex, turn: complex) -> Any:
+def _moved(shape: object, at: complex, turn: complex) -> Any:
     """A shape of the theory's axes about a point, in the axes of a link."""
     from shapely import affinity
 

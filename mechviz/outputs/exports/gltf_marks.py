@@ -230,7 +230,7 @@ def _turned(profile: list[tuple[float, float]], color: Color) -> Shape:
     return Shape(np.vstack(vertices), np.vstack(normals), np.vstack(faces).astype(np.uint32), color)
 
 
-def _flat(z: Complex, faces: Any, color: Color) -> Shape:
+def _flat(z: Complex, faces: object, color: Color) -> Shape:
     """Something flat, seen from the front."""
     vertices = np.column_stack([z.real, z.imag, np.zeros(len(z))])
     return Shape(vertices, np.tile([0.0, 0.0, 1.0], (len(z), 1)), np.asarray(faces, np.uint32), color)

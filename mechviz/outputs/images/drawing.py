@@ -58,7 +58,7 @@ def svg_of(
     scale = 0.94 * min(width / (high[0] - low[0]), height / (high[1] - low[1]))
     middle = 0.5 * (low + high)
 
-    def place(xy: Any) -> Real:
+    def place(xy: object) -> Real:
         return np.asarray(np.array([0.5 * width, 0.5 * height]) + (np.asarray(xy, float) - middle) * scale * np.array([1.0, -1.0]))
 
     on = {g["name"]: g.get("dark" if dark else "light") for g in header["groups"] if g["shown"]}

@@ -207,7 +207,7 @@ def _plane(z: Any) -> Real:
     return np.stack([z.real, z.imag, np.zeros(z.shape)], axis=-1)
 
 
-def _height(points: Any) -> float:
+def _height(points: object) -> float:
     """Height z [m] at which something planar lies."""
     z = np.asarray(points, float)[..., 2]
     return float(np.nanmean(z)) if np.isfinite(z).any() else 0.0

@@ -324,7 +324,7 @@ def faults_of(recording: Recording) -> Iterator[str]:
             yield from (f"{path}: {words}" for words in dict.fromkeys(_entity_faults(recording, path, time, path in poses)))
 
 
-def _entity_faults(recording: Recording, path: str, time: Any, pose: bool) -> Iterator[str]:
+def _entity_faults(recording: Recording, path: str, time: object, pose: bool) -> Iterator[str]:
     """Faults of an entity; ``pose``: its numbers are places."""
     parts = parts_of(path)
     scalars = Kind() if pose else COMPONENTS["Scalars:scalars"]._replace(endless=not (units_of(parts) and parts[:2] in FINITE))

@@ -137,7 +137,7 @@ def forget_streams() -> None:
 
 
 @contextmanager
-def recording_file(path: Path, blueprint: Any, recording_id: str | None, title: str) -> Iterator[Part]:
+def recording_file(path: Path, blueprint: object, recording_id: str | None, title: str) -> Iterator[Part]:
     """A recording stream whose file takes the place of ``path`` if the block succeeds.
 
     Interrupted (Ctrl-C, or SIGTERM turned into `SystemExit`) it leaves what it had under `part_path`, and a note on the
@@ -183,7 +183,7 @@ def recording_file(path: Path, blueprint: Any, recording_id: str | None, title: 
 
 
 @contextmanager
-def live_file(path: Path, port: int | None, title: str, blueprint: Any) -> Iterator[tuple[Part, str | None]]:
+def live_file(path: Path, port: int | None, title: str, blueprint: object) -> Iterator[tuple[Part, str | None]]:
     """A recording stream into the unfinished file beside ``path``, and to viewers on ``port`` of this machine (0: a free one),
     whose address it gives. The file stays if the block is interrupted, and a note on the exception says so; else it goes."""
     import rerun as rr

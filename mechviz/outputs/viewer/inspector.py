@@ -300,7 +300,7 @@ class Inspector:
         if not self._closed:
             self.playback.send_to(client, self._player.clock)
 
-    def _alone(self, action: Callable[..., None], *arguments: Any) -> None:
+    def _alone(self, action: Callable[..., None], *arguments: object) -> None:
         with self._lock:
             action(*arguments)
 

@@ -155,15 +155,15 @@ NEARLY_ONE = 1e-3
 Check = Callable[[Any], bool]
 
 
-def is_number(value: Any) -> bool:
+def is_number(value: object) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value) and abs(value) <= LARGEST
 
 
-def is_text(value: Any) -> bool:
+def is_text(value: object) -> bool:
     return isinstance(value, str) and len(value) <= LONGEST_TEXT
 
 
-def _is_name(value: Any) -> bool:
+def _is_name(value: object) -> bool:
     return isinstance(value, str) and len(value) <= LONGEST_NAME
 
 
@@ -187,7 +187,7 @@ def _or_none(check: Check) -> Check:
     return lambda value: value is None or check(value)
 
 
-def _is_update(value: Any) -> bool:
+def _is_update(value: object) -> bool:
     return isinstance(value, dict) and set(value) == {"value"}
 
 
@@ -234,7 +234,7 @@ KINDS: Mapping[str, Mapping[str, Check]] = {
 }
 
 
-def is_value(control: Any, value: Any) -> bool:
+def is_value(control: object, value: object) -> bool:
     """Whether a page of ours can give this value to a control. Sliders take numbers beyond their ends, which can be typed."""
     if isinstance(control, viser.GuiSliderHandle):
         return is_number(value)
@@ -332,7 +332,7 @@ class Changes:
         self._lock = threading.Lock()
         self._open: dict[int, Change] = {}  # by control
 
-    def remember(self, control: Any) -> None:
+    def remember(self, control: object) -> None:
         """A browser is about to set a control. Of several changes the value before the first one counts; those of controls that
         are no more are forgotten."""
         if isinstance(control, WITH_STATE):
@@ -342,7 +342,7 @@ class Changes:
                 if change is None or change.action is None:
                     self._open[id(control)] = Change(control, control.value)
 
-    def run(self, action: Callable[[Any], None], event: Any) -> None:
+    def run(self, action: Callable[[Any], None], event: object) -> None:
         """Do what a callback does; undo the change where that fails, and raise why."""
         with self._lock:
             change = self._open.get(id(getattr(event, "target", None)))

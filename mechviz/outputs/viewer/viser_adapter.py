@@ -246,7 +246,7 @@ class SharedBuffer(_infra.AsyncMessageBuffer):
             return self._sent.wait_for(lambda: self.done or all(n >= newest for n in self._reached.values()), timeout)
 
 
-async def _produce(websocket: Any, buffer: Any, client_id: int, backlog_done_message: Any = None) -> None:
+async def _produce(websocket: object, buffer: object, client_id: int, backlog_done_message: object = None) -> None:
     """In place of viser's function of this purpose, which it still is for all other buffers."""
     if isinstance(buffer, SharedBuffer) and buffer.persistent_messages:
         await buffer.serve(websocket, client_id, backlog_done_message)
@@ -270,7 +270,7 @@ class _Checked:
 
 
 @contextlib.contextmanager
-def replaced(owner: Any, name: str, value: Any) -> Iterator[None]:
+def replaced(owner: object, name: str, value: object) -> Iterator[None]:
     """Within it an attribute of a module has another value. Not for several threads at once."""
     before = getattr(owner, name)
     setattr(owner, name, value)
@@ -284,7 +284,7 @@ def start(host: str, port: int, label: str, admits: Callable[[bytes], bool]) -> 
     """A server of viser with a `SharedBuffer`, which gets only messages that ``admits(data)`` accepts."""
     plain = infra.WebsockServer
 
-    def checked(*args: Any, message_class: type[infra.Message], **options: Any) -> infra.WebsockServer:
+    def checked(*args: object, message_class: type[infra.Message], **options: object) -> infra.WebsockServer:
         reader: Any = _Checked(message_class, admits)
         return plain(*args, message_class=reader, **options)
 

@@ -98,7 +98,7 @@ class _Copy:
             new["drive"] = {**new["drive"], "program": program}
         return new
 
-    def _renamed(self, value: Any) -> Any:
+    def _renamed(self, value: object) -> Any:
         """A value in which the names of what is copied, and points of it, are those of the copy."""
         if isinstance(value, str):
             if value in self.names:
@@ -119,7 +119,7 @@ class _Copy:
         return f"{total!r} {KINDS[kind].si}"
 
 
-def _plain(value: Any) -> bool:
+def _plain(value: object) -> bool:
     """Whether it names points without their links."""
     return not isinstance(value, str) or "." not in value
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal, get_args
+from typing import Annotated, Literal, get_args
 
 from pydantic import Discriminator, Field, PlainValidator, Tag, WithJsonSchema, model_validator
 
@@ -196,14 +196,14 @@ TOLERANCE = 1e-9
 """Where the scene states none."""
 
 
-def _restitution(value: Any) -> float:
+def _restitution(value: object) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 <= value <= 1.0:
         remedy = "Give a number from 0 (it stays there) to 1 (it loses nothing)."
         raise fault(f"{describe(value)} is no coefficient of restitution.", remedy)
     return float(value)
 
 
-def _tolerance(value: Any) -> float:
+def _tolerance(value: object) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float) or not 1e-14 <= value <= 0.1:
         raise fault(f"{describe(value)} is no tolerance.", "Give a number from 1e-14 to 0.1, such as 1e-9.")
     return float(value)

@@ -25,7 +25,7 @@ MOST = 1000.0
 """Largest coefficient of friction: beyond anything that is meant seriously."""
 
 
-def _coefficient(value: Any) -> float:
+def _coefficient(value: object) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise fault(f"{describe(value)} where a coefficient of friction is wanted.", "Write a plain number such as 0.1.")
     if value < 0.0:
@@ -249,14 +249,14 @@ LEAST_RESTITUTION = 0.05
 """Below this the losses that Hunt and Crossley's law needs are beyond any contact."""
 
 
-def _restitution(value: Any) -> float:
+def _restitution(value: object) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float) or not LEAST_RESTITUTION <= value <= 1.0:
         remedy = f"Give a number from {LEAST_RESTITUTION:g} (nearly all is lost) to 1 (nothing is)."
         raise fault(f"{describe(value)} is no coefficient of restitution of a bearing.", remedy)
     return float(value)
 
 
-def _exponent(value: Any) -> float:
+def _exponent(value: object) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float) or not 1.0 <= value <= 4.0:
         raise fault(f"{describe(value)} is no exponent of a contact.", "Give 1 (a line presses) to 1.5 (a point, after Hertz).")
     return float(value)

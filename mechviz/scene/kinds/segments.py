@@ -359,7 +359,7 @@ class RadiusSegment(SegmentTable, _OverPolarAngle):
     """Radius at its end. Without it an arc about the axis."""
 
 
-def former_laws(value: Any, path: str = "") -> Iterator[tuple[str, str, str]]:
+def former_laws(value: object, path: str = "") -> Iterator[tuple[str, str, str]]:
     """Laws of a document (or of a part of it) that are called by a former name: place, that name, the present one."""
     if isinstance(value, SegmentTable) and isinstance(value.law, str) and value.law in FORMER_NAMES:
         yield f"{path}.law", value.law, FORMER_NAMES[value.law]

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 class Stated:
     """Marks a plain number, or a text that is a quantity or an expression of any kind; pydantic calls the two methods."""
 
-    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+    def __get_pydantic_core_schema__(self, source: object, handler: GetCoreSchemaHandler) -> CoreSchema:
         return core_schema.no_info_plain_validator_function(self._check)
 
     def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
@@ -42,7 +42,7 @@ class Stated:
             "examples": ["30 mm", "2*r + 5 mm", 3],
         }
 
-    def _check(self, value: Any) -> float | str:
+    def _check(self, value: object) -> float | str:
         if isinstance(value, bool) or not isinstance(value, int | float | str):
             raise fault(f"{describe(value)} where a value is wanted.", "Write it like '30 mm'; a plain number has no unit.")
         return value
@@ -67,7 +67,7 @@ ParameterEntry = Annotated[
 ]
 
 
-def _target(value: Any) -> float:
+def _target(value: object) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float) or not TIGHTEST <= value <= LOOSEST:
         why = f"{describe(value)} is no accuracy."
         raise fault(why, f"Give the wanted relative error, a number from {TIGHTEST:g} to {LOOSEST:g}, such as 1e-6.")
@@ -82,7 +82,7 @@ Target = Annotated[
 def _within(low: float, high: float) -> PlainValidator:
     """A plain number between two bounds."""
 
-    def check(value: Any) -> float:
+    def check(value: object) -> float:
         if isinstance(value, bool) or not isinstance(value, int | float) or not low <= value <= high:
             raise fault(f"{describe(value)} is out of range.", f"Give a number from {low:g} to {high:g}.")
         return float(value)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import Field, PlainValidator, WithJsonSchema, model_validator
 
@@ -170,7 +170,7 @@ ARGUMENTS = ("position", "velocity", "time", "x", "y", "vx", "vy", "speed")
 _OF_PAIRS, _OF_POINTS = ("position", "velocity"), ("x", "y", "vx", "vy", "speed")
 
 
-def _smooth(value: Any) -> Smoothness:
+def _smooth(value: object) -> Smoothness:
     if isinstance(value, bool):
         return value
     if value == "spline":

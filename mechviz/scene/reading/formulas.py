@@ -177,13 +177,13 @@ def parameter_words(document: SceneDocument) -> list[str]:
     return lines
 
 
-def _expression_or_none(value: Any) -> Expression | None:
+def _expression_or_none(value: object) -> Expression | None:
     with suppress(QuantityError):
         return _expression(value)
     return None
 
 
-def _units(raw: Any) -> Units:
+def _units(raw: object) -> Units:
     """The scene's units, as far as they can be read."""
     try:
         units = Units(**raw) if isinstance(raw, Mapping) else Units()
@@ -261,7 +261,7 @@ def _parameters(entries: Mapping[str, Any], result: Resolved) -> None:
             _bounds(name, entries[name], expressions[name], amounts, result)
 
 
-def _expression(value: Any) -> Expression:
+def _expression(value: object) -> Expression:
     """Expression or number of a parameter's value. Raises `QuantityError` where it says nothing."""
     if isinstance(value, bool) or not isinstance(value, int | float | str):
         raise QuantityError("a parameter without a value.", "Write it like r = '30 mm'; a plain number has no unit.")
@@ -291,7 +291,7 @@ def _note_cycles(waiting: Mapping[str, Expression], result: Resolved) -> None:
             result.faults.append(Fault(f"parameters.{first}", said, "Give one of them a value of its own."))
 
 
-def _bounds(name: str, entry: Any, expression: Expression, amounts: Mapping[str, Amount], result: Resolved) -> None:
+def _bounds(name: str, entry: object, expression: Expression, amounts: Mapping[str, Amount], result: Resolved) -> None:
     """A parameter with its range and tolerance, which must be of its kind."""
     amount, path = amounts[name], f"parameters.{name}"
     numbers: dict[str, float] = {}

@@ -38,7 +38,7 @@ class SpellingRepairs(str):
     __slots__ = ()
 
 
-def read_table(cls: type[Table], raw: Any, loc: Loc, faults: list[Fault]) -> Table:
+def read_table(cls: type[Table], raw: object, loc: Loc, faults: list[Fault]) -> Table:
     """A table of the document from plain data, with stand-ins for what could not be read; the faults of form are noted."""
     if not isinstance(raw, Mapping):
         faults += [fault for place, detail in _validated(cls, raw)[1] for fault in words_of(detail, (*loc, *place))]
@@ -96,13 +96,13 @@ def _keys_repaired(cls: type[Table], raw: Mapping[str, Any], loc: Loc, faults: l
     return taken
 
 
-def _keys_within(annotation: Any, raw: Any) -> Iterable[str]:
+def _keys_within(annotation: object, raw: object) -> Iterable[str]:
     """The keys of a value that is a table, if it is one."""
     kind, _ = peel(annotation, raw)
     return hints_of(kind) if isinstance(kind, type) and issubclass(kind, Table) else ()
 
 
-def _fits(annotation: Any, raw: Any, loc: Loc) -> bool:
+def _fits(annotation: object, raw: object, loc: Loc) -> bool:
     """Whether a value is of the kind that is wanted at a place, whatever is wrong inside it."""
     faults: list[Fault] = []
     _read(annotation, raw, loc, faults)
@@ -127,7 +127,7 @@ def _faults_of_the_whole(table: Table, raw: Mapping[str, Any], loc: Loc, guessed
     return faults
 
 
-def _read(annotation: Any, raw: Any, loc: Loc, faults: list[Fault]) -> tuple[Any, bool]:
+def _read(annotation: object, raw: object, loc: Loc, faults: list[Fault]) -> tuple[Any, bool]:
     """A value with stand-ins for what could not be read, and whether it is of the right form as a whole."""
     kind, marks = peel(annotation, raw)
     if isinstance(kind, type) and issubclass(kind, Table):
@@ -178,7 +178,7 @@ def _length(marks: list[Any]) -> tuple[int | None, int | None]:
     return least, most
 
 
-def _stand_in(annotation: Any, raw: Any) -> Any:
+def _stand_in(annotation: object, raw: object) -> Any:
     """Stand-in for a value that could not be read."""
     kind, marks = peel(annotation, raw)
     origin = get_origin(kind)
@@ -404,7 +404,7 @@ _WANTED = {
 }
 
 
-def _wrong_length(path: str, loc: Loc, value: Any, context: Mapping[str, Any]) -> Fault:
+def _wrong_length(path: str, loc: Loc, value: object, context: Mapping[str, Any]) -> Fault:
     """A list or table with too few or too many entries."""
     n = len(value) if isinstance(value, list | dict) else context.get("actual_length", 0)
     if loc[-1] in KINDS:

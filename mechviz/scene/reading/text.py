@@ -153,7 +153,7 @@ def parse_toml(text: str, name: str) -> dict[str, Any]:
     return data
 
 
-def _is_shallow(value: Any, levels: int) -> bool:
+def _is_shallow(value: object, levels: int) -> bool:
     """Are tables and lists nested at most this deep?"""
     inner = value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
     return levels > 0 and all(_is_shallow(item, levels - 1) for item in inner)
@@ -189,7 +189,7 @@ def toml_text(data: Mapping[str, Any]) -> str:
     return "\n".join(lines).lstrip("\n") + "\n"
 
 
-def _is_section(key: str, value: Any) -> bool:
+def _is_section(key: str, value: object) -> bool:
     return isinstance(value, Mapping) and key != "units"  # units read best on one line, at the top
 
 

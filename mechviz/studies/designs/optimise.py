@@ -11,7 +11,7 @@ from concurrent.futures import Executor
 from contextlib import suppress
 from dataclasses import field
 from itertools import product
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -106,7 +106,7 @@ class Search:
             penalised = 10.0 * worst * (1.0 + own.violations)  # every design that misses a limit is worse than any that does not
             return np.asarray(np.where(own.feasible, own.objectives[:, objective], penalised))
 
-        def report(intermediate_result: Any) -> None:
+        def report(intermediate_result: object) -> None:
             self.report_progress("differential evolution", objective)
 
         differential_evolution(

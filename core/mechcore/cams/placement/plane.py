@@ -45,7 +45,7 @@ def on_knots(law: MotionCurve, x: Real) -> Real:
     return np.where(close, near, x)
 
 
-def argument_of(cam: Any, motion: Motion) -> Real:
+def argument_of(cam: object, motion: Motion) -> Real:
     """Place of the driving link of a placed cam in its law (F): [rad] within one turn of ``links[0]`` on the ``carrier``, or [m]
     on its ``bed``."""
     return motion.over_parts(partial(_argument, cam))

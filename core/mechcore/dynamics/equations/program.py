@@ -226,7 +226,7 @@ Written: TypeAlias = tuple[WrittenEquations, tuple[Unknown, ...]]
 """A program and the unknowns that it follows."""
 
 
-def written(compiled: Compiled, traced: Callable[[Compiled], TracedEquations], kind: Any = None) -> Written | str:
+def written(compiled: Compiled, traced: Callable[[Compiled], TracedEquations], kind: object = None) -> Written | str:
     """The program of equations that are ``traced``, of some ``kind``, or why C does not have them, in words."""
     known = compiled.model.once(_known)
     start = compiled.angles.start

@@ -436,7 +436,7 @@ def _stuck(t: float, h: float) -> MechanismError:
     return MechanismError(Fault("dynamics", why, remedy))
 
 
-def _first_window(q: Real, v: Real, a: Real, span: float, scale: Any) -> float:
+def _first_window(q: Real, v: Real, a: Real, span: float, scale: object) -> float:
     speed, change = float(np.max(np.abs(v) / scale)), float(np.max(np.abs(a) / scale))
     h = span
     if speed:

@@ -315,7 +315,7 @@ def relative_rate(motion: Motion, rates: Rates, what: Movement, j: int, links: t
     return _over_frames(motion, value)
 
 
-def _over_frames(motion: Motion, value: Any) -> Real:
+def _over_frames(motion: Motion, value: object) -> Real:
     if not (motion.shape and isinstance(value, np.ndarray | float | int)):  # what stands for an array
         return cast(Real, value)
     return np.array(np.broadcast_to(np.asarray(value, float), (motion.frames,)))

@@ -6,7 +6,6 @@ import json
 import threading
 from dataclasses import replace
 from html import escape
-from typing import Any
 
 import viser
 
@@ -107,7 +106,7 @@ class AccuracyTab:
         svg = chart_svg(figure, words).partition("<svg ")[2]  # without the prolog of a file
         self.diagram.content = f'<div onclick="{code}"><svg style="width:100%;height:auto;cursor:pointer" {svg}</div>'
 
-    def _pick(self, _: Any) -> None:
+    def _pick(self, _: object) -> None:
         point = self._named.get(str(self.choice.value))
         if point is not None:
             self._session.follow_scene()
@@ -122,7 +121,7 @@ class AccuracyTab:
         """All entries, that of the present run among them."""
         return tuple(dict.fromkeys((*WANTED, self._wanted())))
 
-    def _want(self, _: Any) -> None:
+    def _want(self, _: object) -> None:
         target = WANTED.get(str(self.wanted.value), self._session.run.accuracy.target)
         if target != self._session.run.accuracy.target:
             self._session.follow_scene()

@@ -156,7 +156,7 @@ class Controls:
         text.on_update(self._callback(f"Changing {r.title}", partial(self._typed, r.key)))
         self.texts[r.key] = text
 
-    def _typed(self, key: str, _: Any) -> None:
+    def _typed(self, key: str, _: object) -> None:
         r, text = self._rows.get(key), self.texts.get(key)
         if r is not None and text is not None and not self._says(r):
             typed = text.value
@@ -168,7 +168,7 @@ class Controls:
             return not r.changes(self.texts[r.key].value)
         return False
 
-    def _moved(self, key: str, _: Any) -> None:
+    def _moved(self, key: str, _: object) -> None:
         p, slider = self._parameters.get(key), self.sliders.get(key)
         if p is None or slider is None:
             return  # the scene has no such value any more
@@ -187,7 +187,7 @@ class Controls:
         if value < slider.min:
             slider.min = value
 
-    def _chosen(self, key: str, _: Any) -> None:
+    def _chosen(self, key: str, _: object) -> None:
         c, chosen = self._choices.get(key), self.lists.get(key)
         if c is not None and chosen is not None and chosen.value in c.options:
             option = chosen.value

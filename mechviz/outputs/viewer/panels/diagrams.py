@@ -283,7 +283,7 @@ class Diagrams:
             if box.value != on:
                 box.value = on
 
-    def _ask(self, key: str, name: str, _: Any) -> None:
+    def _ask(self, key: str, name: str, _: object) -> None:
         assert self._session is not None
         on = bool(self.asked[key, name].value)
         self._wanted = on

@@ -6,7 +6,6 @@ from collections.abc import Iterable
 from functools import partial
 from html import escape
 from itertools import pairwise
-from typing import Any
 
 import viser
 
@@ -231,10 +230,10 @@ class EffectsTab:
         effort = "reaction" if not drives else "drive force" if drives[0].sliding else "drive torque"
         self.table.content = words.contributions(shares, effort, self._session.view_model.units)
 
-    def _switch_effect(self, name: str, _: Any) -> None:
+    def _switch_effect(self, name: str, _: object) -> None:
         on = bool(self.effects[name].value)
         self._session.change(f"effect {name}", lambda draft: draft.with_effect(name, on))
 
-    def _switch_load(self, name: str, _: Any) -> None:
+    def _switch_load(self, name: str, _: object) -> None:
         on = bool(self.loads[name].value)
         self._session.change(f"load {name}", lambda draft: draft.with_load(name, on))

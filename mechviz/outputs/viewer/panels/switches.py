@@ -93,15 +93,15 @@ class Switches:
         if chosen is not None:
             self._scene.look(event.client, chosen)
 
-    def _mark(self, name: str, _: Any) -> None:
+    def _mark(self, name: str, _: object) -> None:
         self._scene.switch_mark(name, bool(self.marks[name].value))
         self._changed()
 
-    def _switch(self, family: str, _: Any) -> None:
+    def _switch(self, family: str, _: object) -> None:
         self._scene.switch_family(family, bool(self.families[family].value))
         self._changed()
 
-    def _enlarge(self, label: str, families: tuple[str, ...], _: Any) -> None:
+    def _enlarge(self, label: str, families: tuple[str, ...], _: object) -> None:
         slider = self.sizes[label]
         value = finite(slider.value, 0.1, 5.0, 1.0)
         if value != slider.value:

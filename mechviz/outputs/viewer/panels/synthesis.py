@@ -298,7 +298,7 @@ def _quality(made: PathDesign, units: Units) -> str:
     return f"{units.text(distance, 'm', 3)}, {units.text(angle, 'rad', 2)}"
 
 
-def on_sheet(eye: Any, seen: Any, height: float) -> complex | None:
+def on_sheet(eye: object, seen: object, height: float) -> complex | None:
     """Where the line from the eye through a place that is seen meets the sheet of a height; None where it does not. All in m."""
     start, along = np.asarray(eye, float), np.asarray(seen, float) - np.asarray(eye, float)
     with np.errstate(all="ignore"):

@@ -274,5 +274,5 @@ def _event_label(k: int, event: Event) -> str:
     return text if len(text) <= LONGEST_EVENT else f"{text[: LONGEST_EVENT - 1]}…"
 
 
-def _ignoring_event(action: Callable[[], None], _: Any) -> None:
+def _ignoring_event(action: Callable[[], None], _: object) -> None:
     action()

@@ -175,7 +175,7 @@ class FittedCameras:
             if client.client_id in self._server.get_clients():
                 self._fit(client, client.camera)
 
-        async def update(_: Any) -> None:
+        async def update(_: object) -> None:
             nonlocal timer
             if timer is not None:
                 timer.cancel()

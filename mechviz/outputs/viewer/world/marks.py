@@ -174,7 +174,7 @@ class Joints:
         clicked = self._clicked
         if clicked is not None:
 
-            async def hit(event: Any) -> None:
+            async def hit(event: object) -> None:
                 clicked(key, event)
 
             dot.on_click(hit)

@@ -30,7 +30,7 @@ BEYOND_FIRST = 0.4  # ... and so far those of the frame that is shown first
 FITS_STILL = 0.7  # a mechanism whose box has at least this part of the view's is left where it is
 
 
-def _ignore(_what: Any, _event: Any) -> None:
+def _ignore(_what: object, _event: object) -> None:
     """Nobody wants to know of clicks."""
 
 
