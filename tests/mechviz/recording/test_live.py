@@ -146,13 +146,13 @@ def test_the_viewer_shows_a_motion_from_its_first_frames_on():
         assert run is not None and run.motion.frames < scene.frames
         with Viewer(run, port=0, growing=True) as viewer:
             viewer.grow(run, computing.duration)
-            first = viewer.inspector.show
+            first = viewer.inspector.view_model
             assert viewer.frame == first.frames - 1 == run.motion.frames - 1
             assert all(len(a.vector.value) == first.frames for a in first.picture.of(Arrow, "reaction"))  # forces, too
             assert reached.wait(PATIENCE)
             later = computing.running.so_far()
             viewer.grow(later, computing.duration)
-            assert viewer.inspector.show.frames == later.motion.frames >= first.frames
+            assert viewer.inspector.view_model.frames == later.motion.frames >= first.frames
             assert viewer.frame == viewer.timeline.slider.max == later.motion.frames - 1  # who is at the end goes along
             viewer.set_frame(0)
             go_on.set()
@@ -187,7 +187,7 @@ def test_a_motion_that_ends_early_is_kept_on_show(scene):
         assert isinstance(computing.error, MechanismError) and computing.run is None
         with Viewer(run, port=0, growing=True) as viewer:
             viewer.fail(computing.error)
-            assert "the rope breaks" in viewer.growth.words and viewer.inspector.show.frames == run.motion.frames
+            assert "the rope breaks" in viewer.growth.words and viewer.inspector.view_model.frames == run.motion.frames
     with Computing(lambda observe: run_scene(scene, observe=observe), scene) as computing:
         computing.stop()
         while computing.wait():
