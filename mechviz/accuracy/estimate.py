@@ -23,7 +23,7 @@ whether the results can be trusted.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -32,6 +32,7 @@ from numpy.typing import NDArray
 from mechcore.arrays import Real
 from mechcore.constants import TURN
 from mechcore.errors import Fault, MechanismError
+from mechcore.motion.motion import Motion
 from mechcore.numerics.interpolation import between, differentiate
 from mechcore.records import dataclass
 from mechviz.accuracy.quantities import (
@@ -115,7 +116,7 @@ def estimate_errors(run: Run) -> ErrorEstimate:
     return ErrorEstimate(position, velocity, acceleration, reaction, apart, order)
 
 
-def lost_turns(motion: Any) -> Real:
+def lost_turns(motion: Motion) -> Real:
     """Whole turns [rad] by which angles of links and coordinates of joints have jumped until each frame (F,), the largest of all:
     where one goes on by a turn more or less than its rates at both frames say. Loads by such an angle are wrong from there on."""
     worst, step = np.zeros(motion.frames), np.diff(motion.time)
@@ -143,7 +144,7 @@ def _unbalanced(run: Run) -> Real:
     return np.asarray(0.5 * np.maximum.accumulate(np.where(missing > QUADRATURE, missing, 0.0)))
 
 
-def _travel(motion: Any, size: float) -> Real:
+def _travel(motion: Motion, size: float) -> Real:
     """How large the numbers are that positions come from (F,): far from the origin and after many turns digits are lost."""
     far = np.ones(motion.frames)
     for link in motion.model.links[1:]:
@@ -152,14 +153,14 @@ def _travel(motion: Any, size: float) -> Real:
     return far
 
 
-def _bend(motion: object) -> float:
+def _bend(motion: Motion) -> float:
     """How much rates change where positions change by one: largest acceleration over the square of the largest velocity, lengths in
     sizes of the mechanism. A frame that is misplaced has the rates of another place. 1 where nothing moves."""
     speed, acceleration = _peaks(motion)
     return acceleration / speed**2 if speed > 0.0 else 0.0
 
 
-def _peaks(motion: Any) -> tuple[float, float]:
+def _peaks(motion: Motion) -> tuple[float, float]:
     """Largest velocity and acceleration, lengths in sizes of the mechanism; where nothing moves, those of `quantities`."""
     if stands_still(motion):
         pace = pace_of_rest(motion)
@@ -314,7 +315,7 @@ def integration_error(simulation: Simulation, time: Real, simulate: Callable[...
     return np.asarray(np.interp(time, some, np.maximum.accumulate(np.nan_to_num(apart))) + ROUNDING + simulation.unseen[0])
 
 
-def poses_apart(one: Any, other: Any) -> Real:
+def poses_apart(one: Motion, other: Motion) -> Real:
     """Largest distance (F,) of the links in two motions at the same times, lengths in sizes of the mechanism, angles in radians."""
     worst = np.zeros(one.frames)
     for link in one.model.links[1:]:

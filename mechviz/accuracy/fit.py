@@ -16,8 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechcore.accuracy import Accuracy
-from mechcore.arrays import Real
+from mechcore.arrays import Index, Real
 from mechcore.forces.kinetostatics import solve_forces
+from mechcore.motion.motion import Motion
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
 from mechcore.records import dataclass
 from mechviz.accuracy.estimate import integration_error
@@ -101,7 +102,7 @@ def achieved(at: Provider, end: float, frames: int, order: int) -> Fit:
     return Fit(frames, float(np.max(worst[~bad], initial=0.0)), jumps, there=there, left_out=float(np.mean(bad)))
 
 
-def _rows(q: Quantity, rows: Any) -> Quantity:
+def _rows(q: Quantity, rows: Index | slice) -> Quantity:
     return replace(
         q,
         values=q.values[rows],
@@ -252,7 +253,7 @@ def _digits(every: Sequence[Quantity], target: float, *, balanced: bool) -> Lite
     return "float32" if not balanced and rounding(every) <= DIGITS_SHARE * target else "float64"
 
 
-def plain_stride(motion: Any) -> int:
+def plain_stride(motion: Motion) -> int:
     """Every how many frames arrows are drawn where nothing else is asked for: all up to 720 frames a cycle of the first drive."""
     if motion.frames < 2:
         return 1
@@ -261,7 +262,7 @@ def plain_stride(motion: Any) -> int:
     return max(1, int(frames_a_cycle / PICTURES_A_CYCLE))
 
 
-def _pictures(every: Sequence[Quantity], motion: Any, target: float, thin: int) -> int:
+def _pictures(every: Sequence[Quantity], motion: Motion, target: float, thin: int) -> int:
     """Every so many recorded frames have pictures: as few as joined by straight lines stay within the target, the last one among
     them; not fewer than without a target, as viewers hold the last picture while the mechanism moves on."""
     time = motion.time

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mechcore.arrays import Real
+from mechcore.forces.kinetostatics import Forces
 from mechcore.kinematics.columns import matrix_of
 from mechcore.motion.motion import Motion
 from mechcore.numerics.interpolation import between
@@ -45,7 +46,7 @@ class Quantity:
         return between(time, self.values, t, order, self.rate, self.second)
 
 
-def quantities(motion: object, forces: object) -> list[Quantity]:
+def quantities(motion: Motion, forces: Forces | None) -> list[Quantity]:
     """Poses, velocities, accelerations of all moving links, places of traced points; reactions and efforts where there are forces.
 
     Lengths are relative to the mechanism's size, angles to a radian, all else to its own peak; frames without a value are left out
@@ -56,7 +57,7 @@ def quantities(motion: object, forces: object) -> list[Quantity]:
     return list(each_quantity(motion, forces))
 
 
-def each_quantity(motion: object, forces: object) -> Iterator[Quantity]:
+def each_quantity(motion: Motion, forces: Forces | None) -> Iterator[Quantity]:
     """The same one after the other: of a long run of many bodies they take much memory together."""
     yield from _kinematics(motion)
     yield from _points(motion)
@@ -64,7 +65,7 @@ def each_quantity(motion: object, forces: object) -> Iterator[Quantity]:
         yield from reactions(motion, forces)
 
 
-def _kinematics(motion: Any) -> Iterator[Quantity]:
+def _kinematics(motion: Motion) -> Iterator[Quantity]:
     moving, parts = links_of(motion)[1:], {"place": slice(0, 2), "angle": slice(2, 3)}
     peaks = {what: [0.0, 0.0] for what in parts}
     for k in moving:
@@ -85,7 +86,7 @@ def _kinematics(motion: Any) -> Iterator[Quantity]:
                 yield Quantity(f"acceleration of {k} ({what})", "acceleration", a, scale)
 
 
-def stands_still(motion: Any) -> bool:
+def stands_still(motion: Motion) -> bool:
     """Whether no link ever moves by more than rounding."""
     if motion.frames < 2:
         return False
@@ -93,19 +94,19 @@ def stands_still(motion: Any) -> bool:
     return all(bool((np.ptp(motion.pose(k), axis=0) <= STILL * unit).all()) for k in motion.model.links[1:])
 
 
-def pace_of_rest(motion: Any) -> float:
+def pace_of_rest(motion: Motion) -> float:
     """The rate [1/s] to which rates of a mechanism that stands still are relative: once in the run, 1 of one instant."""
     return 1.0 / (float(np.ptp(motion.time)) or 1.0)
 
 
-def _points(motion: Any) -> Iterator[Quantity]:
+def _points(motion: Motion) -> Iterator[Quantity]:
     """Places of traced points: on a link that turns evenly they still go along an arc."""
     for link, point in motion.mechanism.traced:
         x, v, a = (np.asarray(motion.point(link, point, d)) for d in (0, 1, 2))
         yield Quantity(f"point {point} of {link}", "position", x, motion.model.length_scale, v, a)
 
 
-def reactions(motion: Any, forces: Any) -> Iterator[Quantity]:
+def reactions(motion: Motion, forces: Forces) -> Iterator[Quantity]:
     """Those of the reactions and of the drives' efforts."""
     names = [j.name for j in joints_of(motion)]
     peaks = [(_peak(r[:, :2]), _peak(r[:, 2:])) for r in map(forces.reaction, names)]
@@ -154,7 +155,7 @@ def passages_of(motion: Motion) -> list[Passage]:
     return [passage for rows, part in motion.parts for passage in _passages(np.asarray(rows), part)]
 
 
-def _passages(rows: NDArray[np.intp], part: Any) -> Iterator[Passage]:
+def _passages(rows: NDArray[np.intp], part: Motion) -> Iterator[Passage]:
     for block, cols in zip(part.model.blocks, part.columns, strict=True):
         if block.kind in ("check", "relation"):
             continue

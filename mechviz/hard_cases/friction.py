@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from mechcore.dynamics.simulate import simulate
+from mechcore.dynamics.simulation import Simulation
 from mechcore.forces.friction.events import friction_events
 from mechcore.forces.friction.normal_loads import solve_normal_loads, stability
 from mechcore.forces.friction.solve import FrictionResult
@@ -183,7 +184,7 @@ def _small_coefficients() -> Outcome:
     )
 
 
-def _simulated(simulation: Any, summary: str, checks: list[Check]) -> Outcome:
+def _simulated(simulation: Simulation, summary: str, checks: list[Check]) -> Outcome:
     t = np.linspace(0.0, simulation.duration, 101)
     motion = simulation.motion(t)
     drift = float(np.max(np.abs(simulation.drift(t))))

@@ -6,9 +6,10 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from mechcore.forces.kinetostatics import Forces, solve_forces
-from mechcore.laws.timed import ConstantSpeed, Free
+from mechcore.laws.timed import ConstantSpeed, Free, Law
 from mechcore.motion.motion import Motion
 from mechcore.motion.solve import compile_mechanism, solve_motion
 from mechcore.spec.loads import Factor, Force, Load, Torque
@@ -84,7 +85,7 @@ def slider_crank(
     )
 
 
-def chain(n: int, drive: Any) -> Mechanism:
+def chain(n: int, drive: Law) -> Mechanism:
     """The linkage of the IFToMM benchmark: n unit parallelograms in a row of uniform bars of 1 kg, all flat at the same instant."""
     bar: dict[str, Any] = {"mass": 1.0, "centre": (0.5, 0.0), "inertia": 1.0 / 12.0}
     links = [Link(name="frame", points={f"A{k}": (float(k), 0.0) for k in range(n + 1)})]
@@ -155,14 +156,14 @@ def pendulum(
     )
 
 
-def at(mechanism: Mechanism, positions: object, speed: float = 1.0, acceleration: float = 0.0) -> Motion:
+def at(mechanism: Mechanism, positions: ArrayLike, speed: float = 1.0, acceleration: float = 0.0) -> Motion:
     """Motion at positions (n,) of the first drive."""
     q = np.atleast_1d(np.asarray(positions, float))
     given = {mechanism.drives[0].joint: (q, np.full_like(q, speed), np.full_like(q, acceleration))}
     return solve_motion(compile_mechanism(mechanism), np.arange(len(q)), drives=given)
 
 
-def load_at(mechanism: Mechanism, positions: object, speed: float = 1.0, acceleration: float = 0.0) -> Forces:
+def load_at(mechanism: Mechanism, positions: ArrayLike, speed: float = 1.0, acceleration: float = 0.0) -> Forces:
     """Forces at positions (n,) of the first drive."""
     return solve_forces(at(mechanism, positions, speed, acceleration))
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mechcore.arrays import Complex, Integers, Real, Single
+from mechcore.arrays import Complex, Integers, Real, Single, Values
 from mechviz.quantities.vectors import Moment, Vector, centre_name, point_name
 
 if TYPE_CHECKING:
@@ -109,7 +109,7 @@ def ribbon_faces(places: int) -> Integers:
     return np.vstack([np.column_stack([k, k + 2, k + 1]), np.column_stack([k + 1, k + 2, k + 3])])
 
 
-def about_z(angle: object) -> Real:
+def about_z(angle: Values) -> Real:
     """Unit quaternions (..., 4) of turns by ``angle`` (...) [rad]; continuous where the angle is."""
     half = 0.5 * np.asarray(angle, float)
     nothing = np.zeros_like(half)

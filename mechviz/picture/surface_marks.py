@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from mechcore.arrays import Flags, Index, Integers, Real, Single
+from mechcore.arrays import Flags, Index, Integers, Real, Single, Values
 from mechcore.cams.followers import Roller
 from mechcore.cams.placement.inverse import PlacedInverse
 from mechcore.cams.placement.plane import PlacedCam
@@ -113,7 +113,9 @@ def find_rollers(run: Run, solids: Solids) -> list[SurfaceMark]:
     return marks
 
 
-def _beside(run: Run, solids: Solids, cam: PlacedSpatial, link: str, at: tuple[float, float], force: Any) -> Iterator[SurfaceMark]:
+def _beside(
+    run: Run, solids: Solids, cam: PlacedSpatial, link: str, at: tuple[float, float], force: Values
+) -> Iterator[SurfaceMark]:
     """Stripes on the mantles of rollers that stand before a cam whose axis lies in the plane."""
     solid, radius = solids.links[link], cam.face.radius
     for kind, part in zip(solid.kinds, solid.shells, strict=True):
@@ -131,7 +133,9 @@ def _beside(run: Run, solids: Solids, cam: PlacedSpatial, link: str, at: tuple[f
         yield SurfaceMark("roller", name, link, (float(x), float(y), low), turned, *_stripes(radius, high - low))
 
 
-def _along(run: Run, solids: Solids, cam: PlacedSpatial, link: str, at: tuple[float, float], force: Any) -> Iterator[SurfaceMark]:
+def _along(
+    run: Run, solids: Solids, cam: PlacedSpatial, link: str, at: tuple[float, float], force: Values
+) -> Iterator[SurfaceMark]:
     """Stripes on the mantle of a roller whose axis lies in the plane, along its arm."""
     assert cam.pivot is not None
     solid, radius = solids.links[link], cam.face.radius

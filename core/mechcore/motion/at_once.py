@@ -315,7 +315,7 @@ def _balanced(matrix: Real, rhs: Real) -> Real:
     return np.where(idle[..., None, :] & np.isfinite(x), 0.0, x)  # or links that carry nothing would balance to rounding of others
 
 
-def _traced(matrix: Any, rhs: Any) -> Any:
+def _traced(matrix: Any, rhs: Real) -> Any:
     """The same with its slopes, where there is one solution only."""
     if matrix.shape[-1] != matrix.shape[-2]:
         raise Untraced("statics does not determine all reactions")

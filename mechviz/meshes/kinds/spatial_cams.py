@@ -7,7 +7,7 @@ between the surface is ruled, as the flank of a cylindrical roller nearly is. Le
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from shapely.geometry import LineString, Polygon
@@ -19,7 +19,7 @@ from mechcore.records import dataclass
 from mechcore.spec.mechanism import CamJoint, Mechanism, Vec2
 from mechviz.meshes.extrude import Part, Prism, Shell, bored, plate, revolve
 from mechviz.meshes.outline import disc, key_outline, keyed_bore, keyway_reach
-from mechviz.meshes.shading import PIN
+from mechviz.meshes.shading import PIN, Color
 
 if TYPE_CHECKING:
     from mechcore.cams.placement.spatial import PlacedSpatial
@@ -214,7 +214,7 @@ def _cam_parts(model: Model, drawing: SpatialDrawing, height: float) -> list[Par
     mates = frozenset([drawing.joint])
     spot = disc(drawing.bore, 0.2 * r, 12)
 
-    def part(link: str, kind: str, shell: Shell, color: Any = None) -> Part:
+    def part(link: str, kind: str, shell: Shell, color: Color | None = None) -> Part:
         points = _space(drawing, shell.vertices, height) if link == drawing.cam else _still(drawing, shell.vertices, height)
         low, high = float(points[:, 2].min()), float(points[:, 2].max())
         return Part(link, kind, _outwards(Shell(points, shell.faces)), color, (Prism(spot, low, high),), mates)

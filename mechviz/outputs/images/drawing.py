@@ -58,7 +58,7 @@ def svg_of(
     scale = 0.94 * min(width / (high[0] - low[0]), height / (high[1] - low[1]))
     middle = 0.5 * (low + high)
 
-    def place(xy: object) -> Real:
+    def place(xy: Real) -> Real:
         return np.asarray(np.array([0.5 * width, 0.5 * height]) + (np.asarray(xy, float) - middle) * scale * np.array([1.0, -1.0]))
 
     on = {g["name"]: g.get("dark" if dark else "light") for g in header["groups"] if g["shown"]}
@@ -111,7 +111,7 @@ def _solids(header: dict[str, Any], arrays: list[Any], frame: float, shown: Any)
                 yield float(z) * 1e-6, inside, inside if "spin" in link else _shaded(inside, 0.62), shape
 
 
-def turned(points: Any, quaternion: Any) -> Any:
+def turned(points: Real, quaternion: list[float]) -> Any:
     """Points (n, 3) turned by a quaternion (x, y, z, w), which need not be of unit length."""
     *v, w = np.asarray(quaternion) / np.linalg.norm(quaternion)
     return points + 2.0 * np.cross(v, np.cross(v, points) + w * points)

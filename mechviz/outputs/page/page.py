@@ -170,7 +170,7 @@ def _phases(plots: list[Plot]) -> list[Plot]:
     return phases
 
 
-def pack_plot(plot: Plot, pack: Any) -> dict[str, Any]:
+def pack_plot(plot: Plot, pack: Pack) -> dict[str, Any]:
     """A plot for the page's header."""
     more = {} if plot.x is None else {"x": pack.floats(plot.x), "x_title": plot.x_title, "equal": plot.equal}
     more |= {} if plot.half is None else {"half": pack.floats(plot.half)}

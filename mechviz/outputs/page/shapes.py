@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from mechcore.arrays import Flags, Real
+from mechcore.arrays import Complex, Flags, Real, Single
 from mechviz.outputs.page.pack import Frames, Pack, Progress, quiet
 from mechviz.outputs.rerun.nodes import MOTION, THICK, THIN, arc_strips, sweep_of
 from mechviz.picture.arrows import visible
@@ -171,7 +171,9 @@ def _arrows(
     return {**shape, **_look(count, colors, radii, labels)}, np.concatenate([starts, starts + vectors])
 
 
-def _points(places: Any, colors: Sequence[Color], radii: Sequence[float], labels: Sequence[str], pack: Pack) -> tuple[Shape, Real]:
+def _points(
+    places: Real | Single, colors: Sequence[Color], radii: Sequence[float], labels: Sequence[str], pack: Pack
+) -> tuple[Shape, Real]:
     """Points (F, n, 3), or (1, n, 3) at rest."""
     count, flat = places.shape[1], np.asarray(places, float)[..., :2]
     shape = {"kind": "points", "count": count, "moves": len(places) > 1, "z": _height(places), "points": pack.places(flat)}
@@ -202,12 +204,12 @@ def _spin(poses: Poses, frames: Frames) -> Real:
     return np.column_stack([shifts, turns])
 
 
-def _plane(z: Any) -> Real:
+def _plane(z: Complex) -> Real:
     """Places of the plane (...) as (..., 3)."""
     return np.stack([z.real, z.imag, np.zeros(z.shape)], axis=-1)
 
 
-def _height(points: object) -> float:
+def _height(points: Real | Single) -> float:
     """Height z [m] at which something planar lies."""
     z = np.asarray(points, float)[..., 2]
     return float(np.nanmean(z)) if np.isfinite(z).any() else 0.0

@@ -33,6 +33,8 @@ from mechviz.scene.reading.formulas import parameter_words
 from mechviz.studies.equations import equation_table
 
 if TYPE_CHECKING:
+    import rerun as rr
+
     from mechcore.kinematics.model import Model
     from mechviz.meshes.solids import Solids
 
@@ -151,7 +153,7 @@ SCHEMA = 2
 
 
 def describe_run(
-    stream: Any, run: Run, solids: Solids, picture: Picture, stages: list[Stage], every: int, *, complete: bool
+    stream: rr.RecordingStream, run: Run, solids: Solids, picture: Picture, stages: list[Stage], every: int, *, complete: bool
 ) -> None:
     """Scene, properties and notes: at the start, so that an interrupted recording has them, and again when it is complete."""
     import rerun as rr

@@ -30,6 +30,8 @@ from mechviz.picture.nodes import FARTHEST
 from mechviz.scene.units import MILLIMETRES, Units
 
 if TYPE_CHECKING:
+    import pyarrow as pa
+
     from mechviz.outputs.rerun.reader import Recording
 
 LARGEST = 1e150  # of any other number: its square is one, too
@@ -354,7 +356,7 @@ def _entity_faults(recording: Recording, path: str, time: object, pose: bool) ->
         yield from _table_faults(recording, path, time, counts.get("Scalars:scalars"))
 
 
-def _read_column(column: Any, kind: Kind, name: str, moving: bool) -> Any:
+def _read_column(column: pa.Array, kind: Kind, name: str, moving: bool) -> Any:
     """How many instances (n,) each row of a column of arrow has. ValueError says what is wrong with it."""
     import pyarrow as pa
 

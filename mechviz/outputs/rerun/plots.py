@@ -20,6 +20,8 @@ from mechviz.quantities.tables import rounding_of_efforts
 from mechviz.quantities.vectors import point_name
 
 if TYPE_CHECKING:
+    import rerun as rr
+
     from mechviz.runs import Run
 
 PALETTE = (
@@ -371,7 +373,7 @@ def mark_path(view: str) -> str:
     return entity("plots", "events", view)
 
 
-def send_marks(stream: Any, timelines: Timelines, times: Real, spans: Mapping[str, tuple[float, float]]) -> None:
+def send_marks(stream: rr.RecordingStream, timelines: Timelines, times: Real, spans: Mapping[str, tuple[float, float]]) -> None:
     """Lines at times [s] for each plot, by its name, from one end of its axis to the other."""
     import rerun as rr
 
@@ -427,7 +429,7 @@ def lane_styles(run: Run) -> Iterator[Static]:
         yield Static(entity("state", name), rr.StateConfiguration(values=values, labels=labels, colors=colors))
 
 
-def send_lanes(stream: Any, timelines: Timelines, run: Run) -> None:
+def send_lanes(stream: rr.RecordingStream, timelines: Timelines, run: Run) -> None:
     """One row for every change of state."""
     import rerun as rr
 

@@ -14,11 +14,14 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 from mechviz.files import OutputError, check_target, put_in_place, reason
 from mechviz.outputs.rerun.entities import APPLICATION, RecordingError
 from mechviz.outputs.rerun.rerun_adapter import send_blueprint
+
+if TYPE_CHECKING:
+    import rerun as rr
 
 PIECE = 1 << 20
 
@@ -106,7 +109,7 @@ def part_path(path: Path) -> Path:
 class Part:
     """An open recording stream; ``frames`` counts those that are safe in the file."""
 
-    def __init__(self, stream: Any, pump: Pump):
+    def __init__(self, stream: rr.RecordingStream, pump: Pump):
         self.stream = stream
         self.frames = 0
         self._pump = pump

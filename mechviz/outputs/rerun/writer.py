@@ -54,6 +54,8 @@ from mechviz.quantities.vectors import FORCE_FAMILIES
 from mechviz.runs import Run, Running, Stage, stopwatch
 
 if TYPE_CHECKING:
+    import rerun as rr
+
     from mechcore.dynamics.simulation import Simulation
     from mechviz.meshes.solids import Solids
     from mechviz.runs import Run
@@ -203,7 +205,7 @@ def write_recording(
     )
 
 
-def _send_events(stream: Any, timelines: Timelines, events: Sequence[Event]) -> None:
+def _send_events(stream: rr.RecordingStream, timelines: Timelines, events: Sequence[Event]) -> None:
     if not events:
         return
     import rerun as rr

@@ -386,7 +386,7 @@ class Inspector:
         self.scene.joints.pick([name] if kind in ("joint", "drive", "cam") else [])
         self.scene.links.pick(name if kind == "link" else "")
 
-    def _clicked_link(self, link: str, event: Any) -> None:
+    def _clicked_link(self, link: str, event: viser.SceneNodePointerEvent[viser.MeshHandle]) -> None:
         if self._tracing and self._session is not None:
             spot = traced_at(self.view_model, link, self._player.frame, event.ray_origin, event.ray_direction)
             self._session.change(f"trace {link}", lambda draft: with_traced(draft, link, spot))

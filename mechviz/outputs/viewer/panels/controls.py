@@ -180,7 +180,7 @@ class Controls:
             slider.value = value
         self._session.move(p, value)
 
-    def _widen(self, slider: Any, value: float) -> None:
+    def _widen(self, slider: viser.GuiSliderHandle[float], value: float) -> None:
         """A typed value may lie beyond the range of the slider, which then reaches as far."""
         if value > slider.max:
             slider.max = value

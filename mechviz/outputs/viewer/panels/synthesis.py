@@ -174,7 +174,7 @@ class Positions:
             elif k != self._held:
                 self._nodes[k].position, self._nodes[k].wxyz = position, turned
 
-    def _dragged(self, k: int, event: Any) -> None:
+    def _dragged(self, k: int, event: viser.TransformControlsEvent) -> None:
         """The four-bar follows when the handle is let go: until then the picture under the mouse stays as it is."""
         self._held = k if event.phase != "end" else -1
         x, y, _ = (float(v) for v in event.target.position)
@@ -277,7 +277,7 @@ class Drawing:
         else:
             self._line.points = segments
 
-    def _drawn(self, event: Any) -> None:
+    def _drawn(self, event: viser.ScenePointerEvent) -> None:
         """The mouse has moved; where its button is let go, four-bars are looked for."""
         if event.phase == "start":
             self._stroke = [complex(*event.start_position[:2])]

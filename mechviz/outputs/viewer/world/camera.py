@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import json
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 import viser
@@ -214,7 +213,7 @@ class FittedCameras:
         self._stage.face(client, ground=PRESETS[preset].ground)
         self._set(client, fit_view(self._bounds, aspect, PRESETS[preset], self._core))
 
-    def _fit(self, client: viser.ClientHandle, camera: Any) -> None:
+    def _fit(self, client: viser.ClientHandle, camera: viser.CameraHandle) -> None:
         """Fit the view, unless the user has moved the camera or the view fits already."""
         if self._closed or camera.image_height <= 0 or camera.image_width <= 0:
             return

@@ -96,7 +96,7 @@ class Pivots:
             elif name != self._held:
                 self._nodes[name].position = (x, y, view_model.z_top)
 
-    def _dragged(self, name: str, event: Any) -> None:
+    def _dragged(self, name: str, event: viser.TransformControlsEvent) -> None:
         phase = getattr(event, "phase", "update")
         self._held = name if phase in ("start", "update") else ""
         if phase == "start":

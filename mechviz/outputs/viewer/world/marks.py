@@ -174,7 +174,7 @@ class Joints:
         clicked = self._clicked
         if clicked is not None:
 
-            async def hit(event: object) -> None:
+            async def hit(event: viser.SceneNodePointerEvent[viser.IcosphereHandle]) -> None:
                 clicked(key, event)
 
             dot.on_click(hit)

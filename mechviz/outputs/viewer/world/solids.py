@@ -196,7 +196,7 @@ class SolidNodes:
             self._meshes[link].append(mesh)
 
     def _listen(self, mesh: viser.MeshHandle, link: str, clicked: Callable[[str, Any], None]) -> None:
-        async def hit(event: object) -> None:
+        async def hit(event: viser.SceneNodePointerEvent[viser.MeshHandle]) -> None:
             clicked(link, event)
 
         mesh.on_click(hit)
