@@ -62,7 +62,7 @@ def test_positions_are_dragged_added_and_taken_away(solutions):
         assert poses_in(session.run.scene).places == pytest.approx(wanted.places, abs=1e-12)
         assert poses_in(session.run.scene).angles == pytest.approx(wanted.angles, abs=1e-9)
         assert max(passes(session.run, wanted)) < 2e-3
-        assert "1: " in tab.told.content
+        assert "1: " in tab.report.content
         tab.ask("one more", lengthened(tab.poses))
         assert session.wait(rested=True)
         assert len(tab.poses.places) == len(tab._nodes) == 4
@@ -158,7 +158,7 @@ def test_a_drawn_curve_is_followed_and_undone():
         assert far_from_path(session.run, OVAL) < 1e-3  # an ellipse is nearly a coupler curve
         assert len(tab.wanted) == 20 and abs(tab.wanted[-1] - tab.wanted[0]) == 0.0
         assert far_from_path(session.run, tab.wanted) < 1e-3
-        assert "1: " in tab.told.content
+        assert "1: " in tab.report.content
         first = session.run.scene.document.links["crank"].points
         tab.choice.value = 2
         tab._choose()
