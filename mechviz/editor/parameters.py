@@ -332,25 +332,28 @@ def _plane_cam(document: SceneDocument, path: Place) -> bool:
 
 def _turn(document: SceneDocument, path: Place) -> float:
     """Half a turn in the unit of an angle in the document."""
-    value = value_at(document, path)
-    unit = split(value)[1] if isinstance(value, str) else document.units.angle
+    return math.pi / _unit_at(document, path, "angle")
+
+
+def _unit_at(document: SceneDocument, path: Place, kind: str) -> float:
+    """SI units in the unit of a quantity in the document: its own, where it states one."""
+    value, units = value_at(document, path), document.unit_system
     try:
-        return math.pi / float(unit_factor(unit, "angle"))
+        return float(unit_factor(split(value)[1], kind) if isinstance(value, str) else units.factor(kind))
     except QuantityError:
-        return 180.0
+        return float(units.factor(kind))
 
 
 def _link_size(document: SceneDocument, path: Place) -> float:
-    """The largest coordinate of a link's points, as a bare number of the scene where that can be said."""
+    """The largest coordinate of a link's points, or else of all links, in the unit of a length in the document."""
     units = document.unit_system
-    links = [document.links[str(path[1])]] if path[0] == "links" else list(document.links.values())
-    numbers = [
-        abs(units.si(v, "length")) for link in links if isinstance(link.points, dict) for xy in link.points.values() for v in xy
-    ]
-    largest = max(numbers, default=0.0)
-    if not largest and path[0] == "links":
-        return _link_size(document, ("sketch",))
-    return largest / float(units.factor("length"))
+    own = [document.links[str(path[1])]] if path[0] == "links" else []
+    for links in (own, document.links.values()):
+        places = (v for link in links if isinstance(link.points, dict) for xy in link.points.values() for v in xy)
+        largest = max((abs(units.si(v, "length")) for v in places), default=0.0)
+        if largest:
+            return largest / _unit_at(document, path, "length")
+    return 0.0
 
 
 def _scaled(parameters: list[Parameter]) -> list[Parameter]:

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 import trimesh
 from patience import PATIENCE
+from retold import retold
 
 from mechcore.accuracy import Accuracy
 from mechcore.laws.catalogue import RISES
@@ -132,6 +133,16 @@ def test_every_value_lies_in_its_range_and_written_back_says_the_same(name):
     again = find_parameters(draft.scene())
     assert [(p.key, p.title) for p in again] == [(p.key, p.title) for p in parameters]
     np.testing.assert_allclose([p.value for p in again], [p.value for p in parameters], rtol=1e-11)
+
+
+def test_ranges_are_those_of_the_units_that_values_state():
+    """Values in mm and degrees have the same sliders in a scene in mm as in one whose bare numbers are inches and radians."""
+    for name in ("cam-roller", "stephenson-six-bar"):
+        there = {p.key: p for p in find_parameters(gallery_scene(name))}
+        for p in find_parameters(retold(name, length="in", angle="rad")):
+            usual = there[p.key]
+            if usual.unit == p.unit:
+                assert (p.low, p.high) == pytest.approx((usual.low, usual.high), rel=1e-9), p.key
 
 
 def test_lengths_masses_speeds_springs_and_laws_are_there_with_their_units():
