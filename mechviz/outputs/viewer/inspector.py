@@ -116,6 +116,9 @@ class Inspector:
             for name in beside or {}:
                 self._offer_comparison(f"Compare with {name}", name, callback)
         self.switches = Switches(server, view, self.scene, player, drawn, self._changed, self._darken)
+        with self.switches.arrows:
+            self.values = gui.add_checkbox("Values beside arrows", False, hint="at the ends of all arrows that are drawn")
+        self.values.on_update(callback("Writing values beside arrows", lambda _: self.hover.beside(bool(self.values.value))))
         if session is None:
             with tabs.add_tab("About", viser.Icon.INFO_CIRCLE):
                 gui.add_html(view_model.notes)
@@ -145,7 +148,7 @@ class Inspector:
         right.dock_right()
         right.set_width(RIGHT_WIDTH)
         self.timeline = Timeline(server, view_model, player, callback)
-        self.hover = HoverNames(server, view_model)
+        self.hover = HoverNames(server, view_model, self.scene.arrows)
         self.plots.changed = self._changed
         server.on_client_connect(self._greet)
         server.on_client_disconnect(playback.forget)
@@ -324,6 +327,7 @@ class Inspector:
     def _changed(self) -> None:
         """Draw what is chosen now, and say so in the legend."""
         self._explain()
+        self.hover.update(self.view_model)
         self.playback.change()
         self._player.refresh()
 

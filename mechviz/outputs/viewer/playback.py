@@ -98,22 +98,22 @@ class Tracks:
         """The tracks for the script, as JSON."""
         return json.dumps(
             {
-                "time": _packed(self.time, np.float64),
+                "time": packed(self.time, np.float64),
                 "slider": self.slider,
                 "seen": self.seen,
-                "poses": [[t.name, _packed(t.places), None if t.turns is None else _packed(t.turns)] for t in self.poses],
+                "poses": [[t.name, packed(t.places), None if t.turns is None else packed(t.turns)] for t in self.poses],
                 "points": [
                     [
                         t.name,
                         t.prop,
-                        _packed(t.values),
-                        _packed(t.counts),
-                        None if t.steady is None else _packed(t.steady, np.uint8),
+                        packed(t.values),
+                        packed(t.counts),
+                        None if t.steady is None else packed(t.steady, np.uint8),
                     ]
                     for t in self.points
                 ],
-                "numbers": [[t.key, _packed(t.values), t.digits, t.suffix] for t in self.numbers],
-                "plots": [[t.uuid, *(_packed(v) for v in (t.shown_x, t.shown_y.T, t.x, t.y.T)), list(t.ends)] for t in self.plots],
+                "numbers": [[t.key, packed(t.values), t.digits, t.suffix] for t in self.numbers],
+                "plots": [[t.uuid, *(packed(v) for v in (t.shown_x, t.shown_y.T, t.x, t.y.T)), list(t.ends)] for t in self.plots],
             }
         )
 
@@ -213,7 +213,8 @@ class BrowserPlayback:
         client.flush()
 
 
-def _packed(values: NDArray[Any], kind: Any = np.float32) -> str:
+def packed(values: NDArray[Any], kind: Any = np.float32) -> str:
+    """Numbers for a page: their bytes in base64."""
     return base64.b64encode(np.ascontiguousarray(values, kind).tobytes()).decode("ascii")
 
 

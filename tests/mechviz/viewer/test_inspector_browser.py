@@ -38,6 +38,7 @@ from mechviz.outputs.viewer import app
 from mechviz.outputs.viewer.app import Viewer
 from mechviz.outputs.viewer.panels import accuracy as accuracy_tab
 from mechviz.outputs.viewer.viser_adapter import uuid_of
+from mechviz.outputs.viewer.world.arrows import arrows_by_family
 from mechviz.outputs.viewer.world.camera import PRESETS
 from mechviz.outputs.viewer.world.labels import SMALL, typeset
 from mechviz.outputs.viewer.world.solids import link_path
@@ -375,6 +376,39 @@ def test_a_pivot_is_dragged_and_everything_follows(viewer, page):
     assert viewer.run.motion.mechanism.links[0].points["E"][1] == pytest.approx(0.0, abs=1e-3)
     _until_drawn(viewer, page)
     page.get_by_label("Drag pivots").uncheck()
+
+
+TOLD = "() => { const b = document.getElementById('mechviz-hover'); return b.style.display === 'none' ? '' : b.innerText; }"
+BESIDE = "() => [...document.getElementById('mechviz-values').children].map(plate => plate.textContent)"
+
+
+def test_arrows_tell_their_values_at_the_pointer_and_beside_them_when_asked(viewer, page):
+    view_model, forces = viewer.inspector.view_model, viewer.run.forces
+    reactions = [arrow.vector.item for arrow in arrows_by_family(view_model)["reaction"]]
+
+    def told(joint: str, digits: int) -> str:
+        return f"{float(f'{np.hypot(*forces.reaction(joint)[viewer.frame, :2]):.{digits}g}'):g} N"
+
+    ends = viewer.scene.arrows.points("reaction", viewer.frame)
+    assert len(ends) == len(reactions), "all are drawn"
+    at = ends[reactions.index("D")].astype(float)
+    page.mouse.move(*page.evaluate(PROJECTED, (0.2 * at[0] + 0.8 * at[1]).tolist()))
+    until(page, lambda: page.evaluate(TOLD).split("\n")[0] == f"Reactions: D, {told('D', 5)}", "the arrow with its value")
+    open_tab(page, "View")
+    page.get_by_label("Values beside arrows", exact=True).check()
+    for frame in (300, 320):
+        viewer.set_frame(frame)
+        torque = float(f"{forces.effort('A')[frame]:.4g}")
+        wanted = {f"{joint}: {told(joint, 4)}" for joint in reactions} | {f"A: {torque:g} N m".replace("-", "−")}
+        until(page, lambda wanted=wanted: wanted <= set(page.evaluate(BESIDE)), f"values at frame {frame}")
+    page.get_by_label("Reactions", exact=True).uncheck()
+    until(
+        page, lambda: not [text for text in page.evaluate(BESIDE) if text.endswith(" N") and text[0] in "BDE"], "none of reactions"
+    )
+    page.get_by_label("Reactions", exact=True).check()
+    page.get_by_label("Values beside arrows", exact=True).uncheck()
+    until(page, lambda: not viewer.inspector.values.value, "heard")
+    page.wait_for_function("() => document.getElementById('mechviz-values').style.display === 'none'")
 
 
 def test_cameras_2d_and_dark(viewer, page):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import base64
 import contextlib
 import gc
 import html
@@ -40,10 +41,10 @@ from mechviz.outputs.viewer.playback import Curves, padded_range, thinned
 from mechviz.outputs.viewer.player import Player
 from mechviz.outputs.viewer.server import ViewerError, finite
 from mechviz.outputs.viewer.viser_adapter import uuid_of
-from mechviz.outputs.viewer.world.arrows import ARC_FACES, arc_vertices, arrow_points
+from mechviz.outputs.viewer.world.arrows import ARC_FACES, arc_vertices, arrow_points, arrows_by_family
 from mechviz.outputs.viewer.world.camera import FIELD_OF_VIEW, PRESETS, USUAL_ASPECT, fit_view, grid_cell
 from mechviz.outputs.viewer.world.constructions import arrow_lines, placed
-from mechviz.outputs.viewer.world.marks import joint_groups
+from mechviz.outputs.viewer.world.marks import hover_values, joint_groups
 from mechviz.outputs.viewer.world.solids import link_path, quaternions
 from mechviz.picture import overlays
 from mechviz.picture.build import solids_of
@@ -916,3 +917,20 @@ def test_serving_ends_cleanly_on_a_signal(number):
         with contextlib.suppress(ProcessLookupError):
             process.kill()
     assert process.returncode == 0 and "The viewer has stopped." in out and err == ""
+
+
+def test_values_of_arrows_are_told_where_there_are_not_too_many(four_bar, monkeypatch):
+    with Viewer(four_bar, port=0) as viewer:
+        view_model, arrows = viewer.inspector.view_model, viewer.scene.arrows
+        told = hover_values(view_model, arrows)["/vectors/reaction"]
+        values = np.frombuffer(base64.b64decode(told["values"]), np.float32).reshape(-1, told["count"])
+        names = [arrow.vector.item for arrow in arrows_by_family(view_model)["reaction"]]
+        for k, name in enumerate(names):
+            np.testing.assert_allclose(values[:, k], np.hypot(*four_bar.forces.reaction(name)[:, :2].T), rtol=1e-5)
+        tips = np.frombuffer(base64.b64decode(told["tips"]), np.float32).reshape(len(values), -1, 3)
+        for frame in (0, 5):
+            np.testing.assert_allclose(
+                tips[frame][np.isfinite(tips[frame, :, 0])], arrows.points("reaction", frame)[:, 1], rtol=1e-5
+            )
+        monkeypatch.setattr("mechviz.outputs.viewer.world.marks.MOST_TOLD", 10)
+        assert hover_values(view_model, arrows) == {}

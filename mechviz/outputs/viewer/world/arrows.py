@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from typing import NamedTuple
 
 import numpy as np
 import viser
 
-from mechcore.arrays import Real, Single
+from mechcore.arrays import Flags, Real, Single
 from mechviz.outputs.viewer.playback import PointTrack, ragged
 from mechviz.outputs.viewer.view_model import ViewModel
 from mechviz.picture.nodes import Arc, Arrow
@@ -50,6 +51,25 @@ def arc_vertices(centre: Real, turn: float, radius: float, width: float, z: floa
     return np.column_stack([flat.real, flat.imag, np.full(len(flat), z)]).astype(np.float32)
 
 
+class Told(NamedTuple):
+    """What a node draws over the run: ``values`` (F, n) in an SI unit ``si``, and where each arrow begins (an arc: its middle) and
+    ends, ``starts`` and ``tips`` (F, n, 3) [m], NaN where it is not drawn."""
+
+    node: str
+    family: str
+    si: str
+    values: Real
+    starts: Real
+    tips: Real
+
+
+def _ends(starts: Real, tips: Real, z: Real, seen: Flags) -> tuple[Real, Real]:
+    """Places (F, n, 2) at heights (n,) as places (F, n, 3), NaN where they are not ``seen`` (F, n)."""
+    heights = np.broadcast_to(z[None, :, None], (*seen.shape, 1))
+    first, last = (np.where(seen[..., None], np.concatenate([at, heights], axis=2), np.nan) for at in (starts, tips))
+    return first, last
+
+
 class ArrowNodes:
     """The arrows of all families: ``show`` draws those of a frame, ``switch`` and ``enlarge`` change what and how large."""
 
@@ -65,6 +85,7 @@ class ArrowNodes:
     def update(self, view_model: ViewModel) -> None:
         """Take the vectors and moments of ``view_model`` from the next ``show(frame)`` on."""
         self._present = tuple(family for family in FAMILIES if family in view_model.families)
+        self._scales = view_model.scales
         self._tracks: dict[str, tuple[Real, Real, Real]] = {}
         for family, arrows in arrows_by_family(view_model).items():
             if family not in self._nodes:
@@ -170,6 +191,21 @@ class ArrowNodes:
                 values = np.stack([empty if c is None else c for c in corners]).reshape(len(corners), -1)
                 counts = np.array([0 if c is None else values.shape[1] for c in corners])
                 yield PointTrack(arc_path(*key), "vertices", values, counts)
+
+    def told(self) -> Iterator[Told]:
+        """What each node draws over the run."""
+        for family, (origins, lengths, z) in self._tracks.items():
+            drawn = lengths * self._factors[family]
+            with np.errstate(invalid="ignore"):
+                seen = np.hypot(drawn[..., 0], drawn[..., 1]) >= LEAST_ARROW * self._size
+            sizes = np.hypot(lengths[..., 0], lengths[..., 1]) * self._scales.per_metre(family)
+            yield Told(f"/vectors/{family}", family, FAMILIES[family].unit, sizes, *_ends(origins, origins + drawn, z, seen))
+        for key, (arc, origins, turns) in self._turns.items():
+            turn = np.clip(turns * self._factors[key[0]], -LARGEST_TURN, LARGEST_TURN)
+            tips = origins + arc.radius * np.stack([np.cos(turn), np.sin(turn)], axis=1)
+            seen, z = np.abs(turn) >= ARC_TIP, np.array([arc.height])
+            ends = _ends(origins[:, None], tips[:, None], z, seen[:, None])
+            yield Told(arc_path(*key), key[0], "N m", np.asarray(arc.moment.value)[:, None], *ends)
 
     def _color(self, family: str) -> tuple[int, int, int]:
         return FAMILIES[family].on_dark if self._dark else FAMILIES[family].color

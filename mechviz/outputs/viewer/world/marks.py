@@ -11,9 +11,10 @@ import numpy as np
 import viser
 
 from mechcore.arrays import Real, Single
+from mechviz.outputs.viewer.playback import packed
 from mechviz.outputs.viewer.view_model import ViewModel
 from mechviz.outputs.viewer.viser_adapter import Posed, run_script
-from mechviz.outputs.viewer.world.arrows import arc_path, arrows_by_family
+from mechviz.outputs.viewer.world.arrows import ArrowNodes, arc_path, arrows_by_family
 from mechviz.outputs.viewer.world.labels import CORNERS, corners, half_sizes
 from mechviz.outputs.viewer.world.solids import link_path
 from mechviz.picture.nodes import Arc, Points
@@ -285,17 +286,50 @@ def _joint(view_model: ViewModel, name: str) -> str:
     return f"{KINDS.get(joint.kind, joint.kind)}, {' and '.join(joint.links)}"
 
 
-class HoverNames:
-    """Tells all browsers, now and later, what is called how; ``update`` takes another run."""
+MOST_TOLD = 60_000  # arrows times frames of which values are told, some 2 MB
+NOTHING = 1e-9  # of the largest value of a node: rounding
 
-    def __init__(self, server: viser.ViserServer, view_model: ViewModel):
-        self._server = server
-        self._names: Mapping[str, Name] = {}
+
+def hover_values(view_model: ViewModel, arrows: ArrowNodes) -> dict[str, dict[str, Any]]:
+    """By the node that draws arrows: the unit and the values over the frames, and where the arrows begin and end.
+
+    Nothing of a motion of so many arrows and frames that it would be too much to send.
+    """
+    told = list(arrows.told())
+    if sum(each.values.size for each in told) > MOST_TOLD:
+        return {}
+    values = {}
+    for each in told:
+        unit, factor = view_model.units.reads(each.si)
+        largest = float(np.max(np.abs(each.values), initial=0.0, where=np.isfinite(each.values)))
+        values[each.node] = {
+            "unit": unit,
+            "color": "rgb({},{},{})".format(*FAMILIES[each.family].on_dark),
+            "count": each.values.shape[1],
+            "nothing": NOTHING * factor * largest,
+            "values": packed(factor * each.values),
+            "starts": packed(each.starts),
+            "tips": packed(each.tips),
+        }
+    return values
+
+
+class HoverNames:
+    """Tells all browsers, now and later, what is called how, and the values of arrows; ``update`` takes another run."""
+
+    def __init__(self, server: viser.ViserServer, view_model: ViewModel, arrows: ArrowNodes):
+        self._server, self._arrows = server, arrows
+        self._said = ""
         self.update(view_model)
 
     def update(self, view_model: ViewModel) -> None:
-        names = hover_names(view_model)
-        if names == self._names:
-            return
-        self._names = names
-        run_script(self._server, f"{SCRIPT}window.mechvizHover.names = {json.dumps(names)};", "hover")
+        """Take what another run, or another size of its arrows, shows."""
+        names, values = json.dumps(hover_names(view_model)), json.dumps(hover_values(view_model, self._arrows))
+        said = f"window.mechvizHover.names = {names}; window.mechvizHover.tell({values});"
+        if said != self._said:
+            self._said = said
+            run_script(self._server, SCRIPT + said, "hover")
+
+    def beside(self, on: bool) -> None:
+        """Write the values beside all arrows that are drawn, or no more."""
+        run_script(self._server, f"window.mechvizHover.beside({json.dumps(on)});", "values beside arrows")
