@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from mechcore.motion.events import Event
     from mechcore.motion.motion import Motion
 
-HEIGHT = 640  # [px] of the frame
+FRAME_HEIGHT = 640  # [px] of the frame
 
 
 def bundle_of(shown: Presentation, text: str) -> dict[str, str]:
@@ -51,12 +51,12 @@ def bundle_of(shown: Presentation, text: str) -> dict[str, str]:
     frame = (
         f'<iframe srcdoc="{escape(page, quote=True)}" sandbox="allow-scripts allow-downloads" '
         f'title="{escape(shown.title, quote=True)}" '
-        f'style="width: 100%; height: {HEIGHT}px; border: 0"></iframe>'
+        f'style="width: 100%; height: {FRAME_HEIGHT}px; border: 0"></iframe>'
     )
     return {"text/html": frame, "image/svg+xml": svg_of(shown, width=800, height=500), "text/plain": text}
 
 
-LONG = 1.0  # [s] from which on a run shows its progress
+LONG_RUN = 1.0  # [s] from which on a run shows its progress
 
 
 class UnknownKey(KeyError):
@@ -264,7 +264,7 @@ def run(
     settings: dict[str, Any] = {"frames": frames, "cycles": cycles, "accuracy": accuracy, "executor": executor}
     if not progress:
         return Result(run_scene(solved, **settings))
-    with progress_bar(f"solving {solved.name}", after=LONG) as bar:
+    with progress_bar(f"solving {solved.name}", after=LONG_RUN) as bar:
         return Result(run_scene(solved, **settings, progress=bar.stage, advance=lambda t, end: bar(round(1e3 * t / end), 1000)))
 
 

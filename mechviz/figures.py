@@ -21,9 +21,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 COLOURS = ("#1b6ca8", "#c8553d", "#3a7d44", "#7b4b94", "#b08900", "#2a9d8f", "#6c757d", "#d6336c")
-ENDINGS = (".svg", ".png", ".pdf")
-DOTS = 160.0  # an inch of a PNG
-DECADES = 100.0  # times the median, from which on a scale goes by decades
+PICTURE_SUFFIXES = (".svg", ".png", ".pdf")
+DOTS_AN_INCH = 160.0  # an inch of a PNG
+DECADE_RATIO = 100.0  # times the median, from which on a scale goes by decades
 STYLE = {
     "axes.prop_cycle": f"cycler('color', {list(COLOURS)})",
     "axes.axisbelow": True, "axes.edgecolor": "#9aa3ad", "axes.grid": True, "axes.labelsize": "medium",
@@ -45,12 +45,12 @@ def chart(width: float, height: float) -> Iterator[Figure]:
 
 def over_decades(values: Real) -> bool:
     """Whether values are all positive, and the greatest so far beyond most of them that an even scale would show no others."""
-    return bool(len(values)) and float(values.min()) > 0.0 and float(values.max()) > DECADES * float(np.median(values))
+    return bool(len(values)) and float(values.min()) > 0.0 and float(values.max()) > DECADE_RATIO * float(np.median(values))
 
 
 def check_ending(path: Path) -> None:
     """Raise `OutputError` where no chart can be written to a file of this name."""
-    if path.suffix.lower() not in ENDINGS:
+    if path.suffix.lower() not in PICTURE_SUFFIXES:
         raise OutputError(f"'{path}': charts are written as SVG, PNG or PDF.", "Give a name that ends in .svg, .png or .pdf.")
 
 
@@ -62,7 +62,9 @@ def save_chart(figure: Figure, path: Path, titles: Mapping[str, str] | None = No
         if ending == ".svg":
             temporary.write_text(chart_svg(figure, titles), encoding="utf-8")
         else:
-            figure.savefig(temporary, format=ending[1:], dpi=DOTS, metadata={"CreationDate": None} if ending == ".pdf" else None)
+            figure.savefig(
+                temporary, format=ending[1:], dpi=DOTS_AN_INCH, metadata={"CreationDate": None} if ending == ".pdf" else None
+            )
 
 
 def chart_svg(figure: Figure, titles: Mapping[str, str] | None = None) -> str:

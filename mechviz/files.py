@@ -16,7 +16,7 @@ from typing import BinaryIO
 NOT_REGULAR = "it is not a regular file"
 _UNSAFE = re.compile(r"[^\w .+-]")
 
-LARGE = "MECHVIZ_LARGE"
+LARGE_VARIABLE = "MECHVIZ_LARGE"
 """Environment variable that lifts limits of sizes (`mechviz.scene.limits`), as the option ``--large`` of the commands does."""
 
 

@@ -52,15 +52,15 @@ if TYPE_CHECKING:
     from mechviz.runs import Run
 
 ROUNDING = 2.2e-16
-SUMS = 4.0  # roundings of the largest force on the way to a small one
-NOTHING = 1e-9  # of the largest force: what is smaller is rounding
+FORCE_ROUNDINGS = 4.0  # roundings of the largest force on the way to a small one
+SMALL_FORCE = 1e-9  # of the largest force: what is smaller is rounding
 LARGEST_CONDITION = 1e6  # beyond it the branch on both sides gives the frame
-TIGHTER = 0.01  # tolerance of the companion of a motion under forces
-TIGHTEST = 1e-13
-SAMPLED = 257  # frames at which a companion is compared
-QUADRATURE = 1e-4  # of the largest energy: less may be missing in the works, where contacts are stiff, and not in the motion
-UNSURE = 2.0  # [rad] that an angle may go from a frame to the next for a lost turn to be distinguished from a motion
-AROUND = 1  # places at four times the distance, on both sides, that show how errors fall
+COMPANION_TOLERANCE = 0.01  # tolerance of the companion of a motion under forces
+LEAST_TOLERANCE = 1e-13
+SAMPLED_FRAMES = 257  # frames at which a companion is compared
+QUADRATURE_ERROR = 1e-4  # of the largest energy: less may be missing in the works, where contacts are stiff, and not in the motion
+UNSURE_TURN = 2.0  # [rad] that an angle may go from a frame to the next for a lost turn to be distinguished from a motion
+PLACES_AROUND = 1  # places at four times the distance, on both sides, that show how errors fall
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,7 +127,7 @@ def lost_turns(motion: Motion) -> Real:
             gone = step * (0.5 * (v[1:] + v[:-1]) - step / 12.0 * np.diff(a))
             missing = np.diff(q) - gone
             turns = np.round(missing / TURN)
-            unsure = np.abs(missing - TURN * turns) + step * (np.abs(v[1:]) + np.abs(v[:-1])) > UNSURE
+            unsure = np.abs(missing - TURN * turns) + step * (np.abs(v[1:]) + np.abs(v[:-1])) > UNSURE_TURN
         jumps = np.nan_to_num(np.where(unsure, 0.0, turns))
         worst[1:] = np.maximum(worst[1:], TURN * np.abs(np.cumsum(jumps)))
     return worst
@@ -141,7 +141,7 @@ def _unbalanced(run: Run) -> Real:
     total = kinetic + potential - work + lost
     size = max(float(np.abs(x).max()) for x in (kinetic, potential - potential[0], work, lost))
     missing = np.nan_to_num(np.abs(total[1:] - total[0])) / max(size, 1e-300)
-    return np.asarray(0.5 * np.maximum.accumulate(np.where(missing > QUADRATURE, missing, 0.0)))
+    return np.asarray(0.5 * np.maximum.accumulate(np.where(missing > QUADRATURE_ERROR, missing, 0.0)))
 
 
 def _travel(motion: Motion, size: float) -> Real:
@@ -192,8 +192,8 @@ def _cancelled(run: Run) -> float:
     worst = 0.0
     for is_force, scale, own in peaks:
         largest = force if is_force else moment
-        if own > NOTHING * largest:
-            worst = max(worst, SUMS * ROUNDING * largest / scale)
+        if own > SMALL_FORCE * largest:
+            worst = max(worst, FORCE_ROUNDINGS * ROUNDING * largest / scale)
         elif scale > 10.0 * own:  # else it is compared with itself
             worst = max(worst, own / scale)
     return worst
@@ -249,7 +249,7 @@ def _gain(twice: Real, four: Real, order: int) -> Real:
     next to the ends, where polynomials are one-sided and errors of different distances say little of each other, on the whole."""
     twice, four = np.nan_to_num(twice), np.nan_to_num(four)
     places = np.minimum(np.arange(len(twice)) // 2, len(four) - 1)
-    around, other = _largest_around(twice, 2 * AROUND), _largest_around(four, AROUND)[places]
+    around, other = _largest_around(twice, 2 * PLACES_AROUND), _largest_around(four, PLACES_AROUND)[places]
     edge = order // 2 + 1
     for part in (slice(None, edge), slice(-edge, None)):
         around[part], other[part] = twice.max(), four.max()
@@ -293,9 +293,11 @@ def _companion(simulation: Simulation, simulate: Callable[..., Simulation]) -> S
 def _tighter(simulation: Simulation, simulate: Callable[..., Simulation]) -> Simulation | None:
     try:
         if simulation.method == "energy":
-            return simulate(TIGHTEST, "gauss", simulation)
+            return simulate(LEAST_TOLERANCE, "gauss", simulation)
         method = "radau" if simulation.method == "radau" else None
-        return simulate(max(TIGHTER * simulation.tolerance, 4.0 * simulation.unseen[0], TIGHTEST), method, simulation)
+        return simulate(
+            max(COMPANION_TOLERANCE * simulation.tolerance, 4.0 * simulation.unseen[0], LEAST_TOLERANCE), method, simulation
+        )
     except MechanismError:
         return None
 
@@ -309,7 +311,7 @@ def integration_error(simulation: Simulation, time: Real, simulate: Callable[...
     companion = _companion(simulation, simulate)
     if companion is None:
         return np.full(len(time), np.nan)
-    some = np.unique(np.linspace(0.0, simulation.duration, SAMPLED))
+    some = np.unique(np.linspace(0.0, simulation.duration, SAMPLED_FRAMES))
     some = some[some <= companion.duration]
     apart = poses_apart(simulation.view(some), companion.view(some))
     return np.asarray(np.interp(time, some, np.maximum.accumulate(np.nan_to_num(apart))) + ROUNDING + simulation.unseen[0])

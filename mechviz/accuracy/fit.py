@@ -32,17 +32,17 @@ if TYPE_CHECKING:
 
 Provider = Callable[[Real], list[Quantity]]
 
-FEWEST, MOST = 16, 200_000  # frames a cycle
+FEWEST_FRAMES, MOST = 16, 200_000  # frames a cycle
 MOST_FRAMES = 1_000_000  # of a run
 MOST_POSES = 2_000_000  # frames of all links: a gigabyte
-ROUNDS = 7
-SHARE = 0.9  # of the wanted error for the frames: digits and tolerances have the rest
-NEAR = 0.25  # of that: nearer than this is near enough
+FIT_ROUNDS = 7
+FRAMES_SHARE = 0.9  # of the wanted error for the frames: digits and tolerances have the rest
+NEAR_ENOUGH = 0.25  # of that: nearer than this is near enough
 STANDS_OUT = 30.0  # times the errors around it: an interval that holds a jump or a bend
 MOST_LEFT_OUT = 0.1  # of the intervals: where jumps are closer to each other, more frames separate them
-WORTH = 16.0  # times as many frames for what stands out, at most
-SLOWEST = 0.7  # order by which its error has to fall: that of a bend is 1, that of a jump 0
-ENOUGH = 1e-13  # rounding
+MOST_REFINEMENT = 16.0  # times as many frames for what stands out, at most
+LEAST_ORDER = 0.7  # order by which its error has to fall: that of a bend is 1, that of a jump 0
+ENOUGH_ERROR = 1e-13  # rounding
 NEARLY_ROUNDING = 1e-9  # where reactions of ill-conditioned positions may lie
 
 
@@ -135,14 +135,14 @@ def fit_frames(scene: Scene, accuracy: Accuracy, simulation: Simulation | None =
     assert accuracy.target is not None
     at, end, order = provider(scene, accuracy, simulation), duration(scene, simulation), accuracy.interpolation
     parts = scene.cycles if simulation is None else 1
-    goal = max(SHARE * accuracy.target, ENOUGH)
+    goal = max(FRAMES_SHARE * accuracy.target, ENOUGH_ERROR)
     frames, best, crowded = 48 * parts, None, None
     links = len(scene.mechanism.links)
     check_frames(links, frames)
     most = min(MOST * parts, MOST_FRAMES, MOST_POSES // links)
-    low, high = FEWEST * parts, most
+    low, high = FEWEST_FRAMES * parts, most
     last: Fit | None = None
-    for _ in range(ROUNDS):
+    for _ in range(FIT_ROUNDS):
         fit = achieved(at, end, frames, order)
         if _rounding(last, fit, goal):
             return last or fit
@@ -154,7 +154,7 @@ def fit_frames(scene: Scene, accuracy: Accuracy, simulation: Simulation | None =
         elif fit.error <= goal:
             best = fit if best is None or fit.frames < best.frames else best
             high = min(high, frames)
-            if fit.error >= NEAR * goal or frames <= FEWEST * parts:
+            if fit.error >= NEAR_ENOUGH * goal or frames <= FEWEST_FRAMES * parts:
                 break
         else:
             low = max(low, frames + 1)
@@ -175,16 +175,16 @@ def fit_frames(scene: Scene, accuracy: Accuracy, simulation: Simulation | None =
 
 def _past_bends(at: Provider, end: float, order: int, fit: Fit, target: float, most: int) -> Fit:
     """More frames where what stands out is no jump but a bend, or a narrow peak, whose error falls with them: as many as reach the
-    target there too, where that is at most `WORTH` times as many. Else the frames that were found."""
-    now, limit = fit, min(most, int(WORTH * fit.frames))
+    target there too, where that is at most `MOST_REFINEMENT` times as many. Else the frames that were found."""
+    now, limit = fit, min(most, int(MOST_REFINEMENT * fit.frames))
     for _ in range(3):
         if now.there <= target:
             return now
         finer = achieved(at, end, min(2 * now.frames, limit), order)
         slope = np.log(max(now.there / max(finer.there, 1e-300), 1e-300)) / np.log(max(finer.frames / now.frames, 1.0 + 1e-9))
-        if slope < SLOWEST:
+        if slope < LEAST_ORDER:
             return fit
-        wanted = int(np.ceil(now.frames * (1.1 * now.there / (SHARE * target)) ** (1.0 / slope)))
+        wanted = int(np.ceil(now.frames * (1.1 * now.there / (FRAMES_SHARE * target)) ** (1.0 / slope)))
         if wanted > limit:
             return fit
         now = achieved(at, end, wanted, order)
@@ -211,16 +211,16 @@ def simulated(accuracy: Accuracy, simulate: Callable[..., Simulation]) -> Simula
     return simulation
 
 
-FINEST = 1e-5
+FINEST_CHORD = 1e-5
 """Of the mechanism's size: meshes get no finer by themselves. It is a twenty-fifth of a pixel where the mechanism fills a screen of
 4,000; meshes are kept in float32, and below that their facets cost far more than everything else."""
 
-PROFILE = 1080  # points of a cam's profile where nothing else is asked for
+PROFILE_POINTS = 1080  # points of a cam's profile where nothing else is asked for
 MOST_POINTS = 20_000
 PICTURES_A_CYCLE = 720
 """Arrows are for looking: where a cycle has more frames than this, not every frame gets its own."""
 DIGITS_SHARE = 0.1  # of the target for the digits: the frames have the rest, see `fit`
-SINGLE = 2.0**-24  # largest relative error of a number that is rounded to float32
+SINGLE_ROUNDING = 2.0**-24  # largest relative error of a number that is rounded to float32
 
 
 def fixed_settings(run: Run) -> Accuracy:
@@ -228,9 +228,9 @@ def fixed_settings(run: Run) -> Accuracy:
     settings = run.accuracy
     filled: dict[str, Any] = {}
     if settings.target is None:
-        filled = {"profile": settings.profile or PROFILE, "numbers": settings.numbers or "float64"}
+        filled = {"profile": settings.profile or PROFILE_POINTS, "numbers": settings.numbers or "float64"}
         return replace(settings, **filled)
-    chord = settings.chord if settings.chord is not None else max(settings.target, FINEST) * run.motion.model.length_scale
+    chord = settings.chord if settings.chord is not None else max(settings.target, FINEST_CHORD) * run.motion.model.length_scale
     every = quantities(run.motion, run.forces)
     return replace(
         settings,
@@ -244,7 +244,7 @@ def fixed_settings(run: Run) -> Accuracy:
 def rounding(every: Sequence[Quantity]) -> float:
     """The largest relative error that rounding to float32 makes of quantities."""
     sizes = [float(np.abs(q.values[np.isfinite(q.values)]).max(initial=0.0)) / q.scale for q in every]
-    return SINGLE * max(sizes, default=0.0)
+    return SINGLE_ROUNDING * max(sizes, default=0.0)
 
 
 def _digits(every: Sequence[Quantity], target: float, *, balanced: bool) -> Literal["float64", "float32"]:
@@ -294,7 +294,7 @@ def _points(run: Run, chord: float) -> int:
     """Points with which the profiles of all planar cams are within ``chord`` [m]: their error falls with their square."""
     contours = [p.contour for p in plane_cams(run)]
     if not contours:
-        return PROFILE
+        return PROFILE_POINTS
     count = 360
     for _ in range(4):
         away = max(profile_away(c, count) for c in contours)
@@ -380,7 +380,7 @@ def _kept(run: Run, target: float) -> str:
     kept = run.kept
     assert kept.chord is not None
     relative = kept.chord / run.motion.model.length_scale
-    finer = "" if relative <= target * (1 + 1e-9) else f", no finer than {FINEST:g} of the size unless chord says so"
+    finer = "" if relative <= target * (1 + 1e-9) else f", no finer than {FINEST_CHORD:g} of the size unless chord says so"
     forces = " (links are to be in balance to 1e-8)" if run.forces is not None and kept.numbers == "float64" else ""
     every = "every recorded frame" if kept.pictures == 1 else f"every {kept.pictures}th recorded frame"
     chord = run.scene.units.show(kept.chord, "length", 3)

@@ -25,8 +25,8 @@ from mechviz.quantities.items import joints_of, links_of
 KINDS = ("position", "velocity", "acceleration", "reaction")
 """Of the quantities; efforts of drives count as reactions."""
 
-LEAST = 1e-6  # of the largest of its kind: what never grows beyond that is compared with it
-STILL = 1e-9  # of the mechanism's size, or radians: a motion that never goes farther is rounding, or next to it
+LEAST_SCALE = 1e-6  # of the largest of its kind: what never grows beyond that is compared with it
+STILL_TRAVEL = 1e-9  # of the mechanism's size, or radians: a motion that never goes farther is rounding, or next to it
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,9 +80,9 @@ def _kinematics(motion: Motion) -> Iterator[Quantity]:
             x, v, a = (rows[:, part] for rows in every)
             yield Quantity(f"{what} of {k}", "position", x, unit, v, a, turns=what == "angle")
             if fast:
-                yield Quantity(f"velocity of {k} ({what})", "velocity", v, max(_peak(v), LEAST * fast, unit * pace), a)
+                yield Quantity(f"velocity of {k} ({what})", "velocity", v, max(_peak(v), LEAST_SCALE * fast, unit * pace), a)
             if strong:
-                scale = max(_peak(a), LEAST * strong, LEAST * fast**2 / unit, unit * pace * pace)
+                scale = max(_peak(a), LEAST_SCALE * strong, LEAST_SCALE * fast**2 / unit, unit * pace * pace)
                 yield Quantity(f"acceleration of {k} ({what})", "acceleration", a, scale)
 
 
@@ -91,7 +91,7 @@ def stands_still(motion: Motion) -> bool:
     if motion.frames < 2:
         return False
     unit = np.array([motion.model.length_scale, motion.model.length_scale, 1.0])
-    return all(bool((np.ptp(motion.pose(k), axis=0) <= STILL * unit).all()) for k in motion.model.links[1:])
+    return all(bool((np.ptp(motion.pose(k), axis=0) <= STILL_TRAVEL * unit).all()) for k in motion.model.links[1:])
 
 
 def pace_of_rest(motion: Motion) -> float:
@@ -111,12 +111,12 @@ def reactions(motion: Motion, forces: Forces) -> Iterator[Quantity]:
     names = [j.name for j in joints_of(motion)]
     peaks = [(_peak(r[:, :2]), _peak(r[:, 2:])) for r in map(forces.reaction, names)]
     largest = max((force for force, _ in peaks), default=0.0)
-    moment = max([LEAST * largest * motion.model.length_scale, *(couple for _, couple in peaks)])
+    moment = max([LEAST_SCALE * largest * motion.model.length_scale, *(couple for _, couple in peaks)])
     for name, (force, couple) in zip(names, peaks, strict=True):
         r = forces.reaction(name)
         if largest:
-            yield Quantity(f"reaction {name}", "reaction", r[:, :2], max(force, LEAST * largest))
-        if couple > LEAST * moment:
+            yield Quantity(f"reaction {name}", "reaction", r[:, :2], max(force, LEAST_SCALE * largest))
+        if couple > LEAST_SCALE * moment:
             yield Quantity(f"couple {name}", "reaction", r[:, 2:], couple)
     for drive in motion.mechanism.drives:
         effort = forces.effort(drive.joint)[:, None]
@@ -138,8 +138,8 @@ def errors_between(coarse: list[Quantity], time: Real, fine: list[Quantity], t: 
     return out
 
 
-MARKED = 1e-3  # part of the scale: jumps that are smaller may be rounding next to the singular position
-NEAREST = 0.01  # of the distance of two frames: closer to a pole a value has no bound
+MARKED_JUMP = 1e-3  # part of the scale: jumps that are smaller may be rounding next to the singular position
+NEAREST_POLE = 0.01  # of the distance of two frames: closer to a pole a value has no bound
 
 
 @dataclass(frozen=True)
@@ -172,7 +172,7 @@ def _passages(rows: NDArray[np.intp], part: Motion) -> Iterator[Passage]:
 
 
 def size_at(passage: Passage, q: Quantity) -> float:
-    """How large a quantity gets at a singular position, `NEAREST` to it, relative to its scale; 0 where it has no pole there.
+    """How large a quantity gets at a singular position, `NEAREST_POLE` to it, relative to its scale; 0 where it has no pole there.
 
     At a pole it jumps from one side to the other by more than it changes before and after, and the other way.
     """
@@ -180,9 +180,9 @@ def size_at(passage: Passage, q: Quantity) -> float:
     if q.kind == "position" or not 0 < k < len(q.values) - 2:
         return 0.0
     before, jump, after = np.diff(q.values[k - 1 : k + 3], axis=0)
-    marked = np.abs(jump) > np.maximum(np.maximum(np.abs(before), np.abs(after)), MARKED * q.scale)
+    marked = np.abs(jump) > np.maximum(np.maximum(np.abs(before), np.abs(after)), MARKED_JUMP * q.scale)
     pole = marked & (jump * before < 0.0) & (jump * after < 0.0)
     if not pole.any():
         return 0.0
     strength = np.abs(jump[pole]).max() * passage.share * (1.0 - passage.share)  # A of A / x, x in distances of frames
-    return float(strength / NEAREST / q.scale)
+    return float(strength / NEAREST_POLE / q.scale)

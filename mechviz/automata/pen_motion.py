@@ -23,7 +23,7 @@ from mechcore.texts import as_length
 from mechviz.scene.folder import SceneFolder
 from mechviz.scene.scene import Scene, loads
 
-HALF = 2.0  # the smoothing reaches this many h to either side
+SMOOTHING_REACH = 2.0  # the smoothing reaches this many h to either side
 _SMOOTH = 0.3  # h over the time in which the pen comes to full speed
 _FINE = 3.0  # samples of a stroke within h at full speed
 _GRID = 6  # places of the smoothed motion within h
@@ -31,7 +31,7 @@ _SLOWEST = 0.01  # of the full speed
 _ROUNDS = 40  # of slowing down where the line misses its stroke
 _RAMPS = (0.004, 0.0057, 0.008, 0.0113, 0.016, 0.0226, 0.032, 0.045)  # ways to full speed, over the size of the drawing
 _WINDOW = 10  # samples to either side among which the nearest place of a line is
-DOWN = 0.25  # of the lift: below it the pen is on the paper
+PEN_DOWN = 0.25  # of the lift: below it the pen is on the paper
 _OFF = 0.36  # of the time of a cycloidal lift: after it the pen is higher than that
 _NOTHING = 1e-9  # of a range [rad]
 _EVEN = 0.2  # a speed counts as even within this part of the full one
@@ -142,22 +142,22 @@ def _timed(lines: list[Complex], caps: list[Real], a: float, h: float, rise: flo
     total = sum(t[-1] for t in (*own, *between))
     for _ in range(60):  # the lifts are a part of the whole: a contraction
         lift = rise / (2.0 * np.pi) * total
-        before = 2.0 * HALF * h + _OFF * lift  # the smoothed pen rests, then lifts a quarter
-        waits = [max(before, 0.5 * (2.0 * lift + 2.0 * HALF * h - t[-1])) for t in between]
+        before = 2.0 * SMOOTHING_REACH * h + _OFF * lift  # the smoothed pen rests, then lifts a quarter
+        waits = [max(before, 0.5 * (2.0 * lift + 2.0 * SMOOTHING_REACH * h - t[-1])) for t in between]
         total, last = sum(t[-1] for t in (*own, *between)) + 2.0 * sum(waits), total
         if abs(total - last) < 1e-12 * total:
             break
-    clock, times, knots, places, strokes, pen_up = HALF * h, [], [], [], [], []
+    clock, times, knots, places, strokes, pen_up = SMOOTHING_REACH * h, [], [], [], [], []
     for line, t, stride, t_stride, wait in zip(lines, own, strides, between, waits, strict=True):
         times.append(clock + t)
-        strokes.append((clock - HALF * h, clock + t[-1] + HALF * h))
+        strokes.append((clock - SMOOTHING_REACH * h, clock + t[-1] + SMOOTHING_REACH * h))
         clock += t[-1]
-        begin = clock + HALF * h
+        begin = clock + SMOOTHING_REACH * h
         knots += [times[-1], clock + wait + t_stride]
         places += [line, stride]
         clock += 2.0 * wait + t_stride[-1]
-        pen_up.append((begin, begin + lift, clock - HALF * h - lift, clock - HALF * h))
-    knots.append(np.array([total + HALF * h]))
+        pen_up.append((begin, begin + lift, clock - SMOOTHING_REACH * h - lift, clock - SMOOTHING_REACH * h))
+    knots.append(np.array([total + SMOOTHING_REACH * h]))
     places.append(lines[0][:1])
     return _Timed(times, np.concatenate(knots), np.concatenate(places), total, strokes, pen_up)
 
@@ -302,7 +302,7 @@ def plotter_scene(motion: PenMotion, period: float, *, title: str, name: str) ->
         "[pens.P]",
         'point = "pen.P"',
         'joint = "Z"',
-        f"at_most = {1e3 * DOWN * lift:.6g}",
+        f"at_most = {1e3 * PEN_DOWN * lift:.6g}",
     ]
     guides = {"X": ("frame", "carriage", "O", "X", "[1, 0]"), "Y": ("carriage", "pen", "Q", "P", "[0, 1]")}
     for joint, (first, second, at, point, along) in guides.items():

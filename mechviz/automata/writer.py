@@ -25,7 +25,7 @@ from mechcore.laws.segment_laws import Dwell, NormalisedLaw
 from mechcore.records import dataclass
 from mechcore.texts import as_angle, as_length
 from mechviz.automata.pen_linkages import PIVOTS, PenLinkage, Rods
-from mechviz.automata.pen_motion import DOWN, PenMotion, csv_table, place, plan_motion, quoted
+from mechviz.automata.pen_motion import PEN_DOWN, PenMotion, csv_table, place, plan_motion, quoted
 from mechviz.runs import run_scene
 from mechviz.scene.folder import SceneFolder
 from mechviz.scene.scene import Scene, loads
@@ -292,7 +292,7 @@ class _Machine:
             "[pens.P]",
             f'point = "{self.linkage.pen}.P"',
             'joint = "C"',
-            f"at_most = {math.degrees(DOWN * self.lift):.6g}",
+            f"at_most = {math.degrees(PEN_DOWN * self.lift):.6g}",
         ]
         for cam, link, lever, guide in (("X", "left lever", left, "A"), ("Y", "right lever", right, "B"), ("Z", "lifter", up, "C")):
             lines += [

@@ -26,7 +26,7 @@ from mechviz.studies.designs.figures import Kind, read_study, study_chart
 from mechviz.studies.designs.measures import parse_measure
 from mechviz.studies.designs.optimise import Search, front_chart
 from mechviz.studies.designs.optimise import optimise as find_best
-from mechviz.studies.designs.problem import KEPT, problem_of
+from mechviz.studies.designs.problem import LIMIT_ROUNDING, problem_of
 from mechviz.studies.designs.sampling import grid, parse_sample, parse_variation, sampled
 from mechviz.studies.designs.sensitivity import sensitivities, tornado
 from mechviz.studies.designs.sweep import Store, Table, about_study, columns_of, csv_lines, run_study
@@ -300,7 +300,7 @@ def optimise(
 
                 def report(stage: str, objective: int, value: float, violation: float) -> None:
                     shown = problem.terms[objective].shown(value)
-                    bar.stage(f"{stage}: {shown if violation <= KEPT else f'limits missed by {100.0 * violation:.3g} %'}")
+                    bar.stage(f"{stage}: {shown if violation <= LIMIT_ROUNDING else f'limits missed by {100.0 * violation:.3g} %'}")
 
                 search = Search(problem, seed, population or 0, generations, pool, report)
                 best = find_best(search, points=points)

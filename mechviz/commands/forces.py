@@ -29,7 +29,7 @@ from mechviz.commands.shared.solving import (
 from mechviz.quantities.catalogue import time_at
 from mechviz.quantities.power_table import flywheel_lines, force_lines, power_csv, sized_lines, steady_lines
 from mechviz.runs import Run
-from mechviz.scene.convert import LARGEST
+from mechviz.scene.convert import LARGEST_VALUE
 from mechviz.scene.kinds.joints.cam_documents import step_fault, whole_step
 from mechviz.studies.balance import shaken, write_polar
 from mechviz.studies.cam_report import cam_facts, cam_lines, drawn_lines, size_lines
@@ -166,15 +166,15 @@ def cams(
             fail("--step and --lines are for --method graphical.")
         loaded = load_scene(scene, values)
         least = quantity_of(loaded, margin, "margin", "force")
-        if least is not None and not 0.0 <= least <= LARGEST:
-            fail(f"--margin {margin}: a contact force is wanted, from zero to {LARGEST:g} N.")
+        if least is not None and not 0.0 <= least <= LARGEST_VALUE:
+            fail(f"--margin {margin}: a contact force is wanted, from zero to {LARGEST_VALUE:g} N.")
         if not size and (pressure_angle is not None or curvature is not None):
             fail("--pressure-angle and --curvature are for --size.")
         steepest = quantity_of(loaded, pressure_angle, "pressure-angle", "angle")
         if steepest is not None and not 0.0 < steepest < 0.5 * math.pi:
             fail(f"--pressure-angle {pressure_angle}: an angle above zero and below a right one is wanted.")
         sharpest = quantity_of(loaded, curvature, "curvature", "length")
-        if sharpest is not None and not 0.0 < sharpest <= LARGEST:
+        if sharpest is not None and not 0.0 < sharpest <= LARGEST_VALUE:
             fail(f"--curvature {curvature}: a positive length is wanted.")
         angle = quantity_of(loaded, step, "step", "angle")
         whole = None if angle is None else whole_step(angle)

@@ -20,7 +20,7 @@ from typer.core import TyperGroup
 from typer.main import get_command
 
 from mechviz.commands.shared.messages import Stdout, fail, load_module, no_output, orderly, unforeseen
-from mechviz.files import LARGE
+from mechviz.files import LARGE_VARIABLE
 from mechviz.scene.folder import TOPICS, gallery
 
 COMMANDS = {
@@ -199,7 +199,7 @@ def main() -> None:
             stream.reconfigure(errors="backslashreplace")  # terminals of few letters: a name in them is no reason to stop
     shown = TRACEBACK in sys.argv
     if ANY_SIZE in sys.argv:
-        os.environ[LARGE] = "1"
+        os.environ[LARGE_VARIABLE] = "1"
     sys.argv[1:] = [word for word in sys.argv[1:] if word not in (TRACEBACK, ANY_SIZE)]
     code: str | int | None = 0
     try:

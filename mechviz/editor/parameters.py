@@ -29,9 +29,9 @@ from mechviz.scene.units import DERIVATIVES, KINDS, QuantityError, Units, split,
 
 LONGEST_LIST = 4  # of longer ones not every value has a slider: a text has them all
 HIDDEN = {"units", "parameters", "run", "along", "bulges", "watch", "mesh_unit"}  # texts, directions, and what says how to compute
-SAMPLES = 257  # of a curve, for its largest derivative
-STEPS = 1000  # about, over a range
-WIDEST = 20.0  # ranges that a typed value may ask for beyond the first one
+CURVE_SAMPLES = 257  # of a curve, for its largest derivative
+RANGE_STEPS = 1000  # about, over a range
+WIDEST_RANGE = 20.0  # ranges that a typed value may ask for beyond the first one
 BARE = {
     "linear speed": "{length}/{time}",
     "angular speed": "{angle}/{time}",
@@ -207,7 +207,7 @@ def _named(scene: Scene) -> Iterator[Parameter]:
         usual = _round_out(*sorted((number / 4.0, number * 2.5))) if number else (0.0, 1.0)
         low, high = (x if math.isfinite(x) else other for x, other in zip(bounds, usual, strict=True))
         whole = isinstance(value, int) and name in counts
-        step = 1.0 if whole else _nice((high - low) / STEPS)
+        step = 1.0 if whole else _nice((high - low) / RANGE_STEPS)
         path: Place = ("parameters", name, *(["value"] if isinstance(entry, ParameterDocument) else []))
         yield Parameter(path, GROUPS[0], name, number, symbol_of(suffix), low, high, step, *bounds, suffix, whole=whole)
 
@@ -244,8 +244,8 @@ def _parameter(scene: Scene, spot: Leaf) -> Parameter | None:
         low, high = _round_out(-reach, reach) if reach else (low, high)
     if whole:
         low, high = max(3.0, math.floor(low)), max(math.ceil(high), 4.0)
-    step = 1.0 if whole else _nice((high - low) / STEPS)
-    span = WIDEST * (high - low)
+    step = 1.0 if whole else _nice((high - low) / RANGE_STEPS)
+    span = WIDEST_RANGE * (high - low)
     bound = 0.0 if least == "zero" else (min(step, low) if low > 0.0 else step) if least else -math.inf
     if quantity is None and number >= 0.0:
         bound = 0.0
@@ -320,7 +320,7 @@ def _usual_derivative(scene: Scene, path: Place, kind: str) -> float:
     joined = scene.curves.get(key_of(path[:-3]))
     if joined is None or path[-2] != "to":
         return 0.0
-    samples = joined.curve(np.linspace(joined.curve.start, joined.curve.end, SAMPLES), int(path[-1]))[-1]
+    samples = joined.curve(np.linspace(joined.curve.start, joined.curve.end, CURVE_SAMPLES), int(path[-1]))[-1]
     return float(np.abs(samples).max() / float(scene.units.factor(kind)))
 
 
@@ -367,9 +367,9 @@ def _scaled(parameters: list[Parameter]) -> list[Parameter]:
         usual = {"kg": 1.0, "kg m²": 1e-3, "N": 100.0, "N m": 10.0}.get(p.unit, 1.0)
         reach = max(others, default=usual)
         low, high = _round_out(-reach if p.hard_low < 0.0 else 0.0, reach)
-        span = WIDEST * (high - low)
+        span = WIDEST_RANGE * (high - low)
         hard = max(p.hard_low, high - span)
-        out.append(replace(p, low=low, high=high, step=_nice((high - low) / STEPS), hard_low=hard, hard_high=low + span))
+        out.append(replace(p, low=low, high=high, step=_nice((high - low) / RANGE_STEPS), hard_low=hard, hard_high=low + span))
     return out
 
 

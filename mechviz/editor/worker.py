@@ -17,9 +17,9 @@ from mechcore.numerics.frames import give_back_memory
 from mechviz.runs import run_scene
 from mechviz.scene.scene import Scene
 
-STEPS = 12  # from the good value to each end of the range
-HALVINGS = 11
-FRAMES = 90
+SCAN_STEPS = 12  # from the good value to each end of the range
+MOST_HALVINGS = 11
+TRIAL_FRAMES = 90
 OFTEN = 8
 T = TypeVar("T")
 _left = itertools.count(1)
@@ -115,7 +115,7 @@ def assembles(scene: Scene) -> bool:
         if scene.simulation is not None:
             solve_motion(compile_mechanism(scene.mechanism), np.zeros(1))
             return True
-        motion = run_scene(scene, frames=min(FRAMES, scene.frames), outputs=("positions", "forces")).motion
+        motion = run_scene(scene, frames=min(TRIAL_FRAMES, scene.frames), outputs=("positions", "forces")).motion
         return all(bool(np.isfinite(motion.pose(link.name)).all()) for link in scene.mechanism.links)
     except MechanismError:
         return False
@@ -131,14 +131,14 @@ def reachable(
     ends = []
     for end in (low, high):
         inside, outside = good, None
-        for value in np.linspace(good, end, STEPS + 1)[1:]:
+        for value in np.linspace(good, end, SCAN_STEPS + 1)[1:]:
             if given_up():
                 return None
             if not holds(float(value)):
                 outside = float(value)
                 break
             inside = float(value)
-        for _ in range(HALVINGS if outside is not None else 0):
+        for _ in range(MOST_HALVINGS if outside is not None else 0):
             assert outside is not None
             if given_up():
                 return None

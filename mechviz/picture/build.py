@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from mechcore.arrays import Real, Single
 from mechcore.errors import Fault, MechanismError
-from mechviz.accuracy.fit import PROFILE
+from mechviz.accuracy.fit import PROFILE_POINTS
 from mechviz.meshes.kinds.spatial_cams import spin_transforms
 from mechviz.meshes.solids import FARTHEST, Solids, build_solids
 from mechviz.picture.arrows import Arrows, arrows_of, key_of, owner_of
@@ -282,7 +282,11 @@ def solids_of(run: Run) -> Solids:
     goes farther away than can be drawn."""
     settings = run.kept
     solids = build_solids(
-        run.motion.mechanism, looked_at(run), chord=settings.chord, profile=settings.profile or PROFILE, spindle=has_spindle(run)
+        run.motion.mechanism,
+        looked_at(run),
+        chord=settings.chord,
+        profile=settings.profile or PROFILE_POINTS,
+        spindle=has_spindle(run),
     )
     for link in links_of(run.motion):
         far = float(np.max(np.abs(run.motion.pose(link)[:, :2]), initial=0.0))

@@ -18,7 +18,7 @@ from mechviz.quantities.numbers import Numbers
 
 MOST_FIRST = 3
 MOST_OF_IT = 0.99  # of the frames: forces at the others do not count in full
-ASIDE = 0.31  # sine of the angle of a crank from which it is away from its dead points
+ASIDE_SINE = 0.31  # sine of the angle of a crank from which it is away from its dead points
 
 
 @dataclass(frozen=True, eq=False)
@@ -252,7 +252,7 @@ class Catalogue:
             peaks = [np.max(reactions, axis=0), *efforts] if reactions else efforts
             load = sum((_of_peak(values) for values in peaks), np.zeros(len(n.time)))
             if n.drives and not n.slides(n.drives[0]):
-                load = np.where(np.abs(np.sin(self.coordinate(n.drives[0]))) > ASIDE, load, 0.0)
+                load = np.where(np.abs(np.sin(self.coordinate(n.drives[0]))) > ASIDE_SINE, load, 0.0)
             if np.any(np.nan_to_num(load)):
                 return int(np.argmax(np.nan_to_num(load)))
         passed = n.time - n.time[0]

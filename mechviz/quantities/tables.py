@@ -310,8 +310,8 @@ def _health(run: Run) -> Iterator[Table]:
         yield Table(("health", column[0]), "health", (column,), partial(_as_column, value))
 
 
-NEAR = 1e-13  # relative to coordinates and sizes
-FAR = 1e-6  # of the size: far beyond rounding
+ROUNDING_DISTANCE = 1e-13  # relative to coordinates and sizes
+FAR_DISTANCE = 1e-6  # of the size: far beyond rounding
 
 
 def onto_centres(run: Run, heavy: Sequence[str]) -> Callable[[Sequence[str], Real], Real]:
@@ -330,9 +330,9 @@ def onto_centres(run: Run, heavy: Sequence[str]) -> Callable[[Sequence[str], Rea
         for link in links:
             at = centre_of(link) if link in heavy else None
             if at is not None and place.shape == at.shape:
-                if (np.abs(place[:1] - at[:1]) > FAR * motion.model.length_scale).any():
+                if (np.abs(place[:1] - at[:1]) > FAR_DISTANCE * motion.model.length_scale).any():
                     continue  # most places are elsewhere, as the first frame shows
-                room = NEAR * (motion.model.length_scale + np.abs(np.nan_to_num(at)).max(initial=0.0))
+                room = ROUNDING_DISTANCE * (motion.model.length_scale + np.abs(np.nan_to_num(at)).max(initial=0.0))
                 if not (np.abs(np.nan_to_num(place - at)) > room).any():
                     return np.where(np.isfinite(place), at, place)
         return place
@@ -343,6 +343,6 @@ def onto_centres(run: Run, heavy: Sequence[str]) -> Callable[[Sequence[str], Rea
 def without_noise(wrench: Real, size: float) -> Real:
     """Rows of force and moment (F, 3) with zero for moments that are rounding of the forces times ``size`` [m]."""
     force, moment = (np.abs(np.nan_to_num(part)).max(initial=0.0) for part in (wrench[:, :2], wrench[:, 2]))
-    if 0.0 < moment <= NEAR * size * force:
+    if 0.0 < moment <= ROUNDING_DISTANCE * size * force:
         return np.column_stack([wrench[:, :2], np.where(np.isfinite(wrench[:, 2]), 0.0, wrench[:, 2])])
     return wrench

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 LARGEST_ARROW = 1.0 / 3.0  # of the mechanism's size
-CALM = 0.2  # stability of friction above which forces count for the scale of arrows
+CALM_STABILITY = 0.2  # stability of friction above which forces count for the scale of arrows
 LARGEST_ARC = 0.45  # of the mechanism's size, along the arc
 
 
@@ -145,7 +145,7 @@ def calm_frames(run: Run) -> NDArray[np.bool_] | None:
     """Frames (F,) by which forces are scaled: near a jam they grow beyond all bounds. None where that is all of them."""
     if run.forces is None or run.forces.friction is None or not run.forces.friction.jammed.any():
         return None
-    calm = np.nan_to_num(run.forces.friction.stability) > CALM
+    calm = np.nan_to_num(run.forces.friction.stability) > CALM_STABILITY
     return calm if calm.any() else None
 
 

@@ -18,13 +18,13 @@ if TYPE_CHECKING:
     from mechviz.scene.fields import Table
 
 
-LARGEST = 1e30
+LARGEST_VALUE = 1e30
 """Largest magnitude of any value in SI: far beyond any machine, short of where squares and cubes of it overflow."""
 
 LARGEST_ANGLE = 1e7
 """Largest angle [rad]: beyond it its rounding is more than 1e-9 rad, which closures show."""
 
-SMALLEST = 1e-30
+SMALLEST_VALUE = 1e-30
 """Smallest magnitude, apart from zero, of values that others are divided by."""
 
 _DIVISORS = ("time", "frequency", "linear speed", "angular speed")
@@ -75,8 +75,8 @@ class Converter:
         except QuantityError as error:
             self.note(path, str(error), error.remedy)
             return math.nan
-        if not abs(number) <= LARGEST:
-            self.note(path, f"{number:g} {KINDS[kind].si} is beyond {LARGEST:g}.", "Check the number and its unit.")
+        if not abs(number) <= LARGEST_VALUE:
+            self.note(path, f"{number:g} {KINDS[kind].si} is beyond {LARGEST_VALUE:g}.", "Check the number and its unit.")
             return math.nan
         if kind == "angle" and abs(number) > LARGEST_ANGLE:
             said = (
@@ -84,8 +84,8 @@ class Converter:
             )
             self.note(path, said, "Leave out whole turns, or check the number and its unit.")
             return math.nan
-        if kind in _DIVISORS and abs(number) < SMALLEST and magnitude(value) != 0.0:
-            self.note(path, f"{number:g} {KINDS[kind].si} is below {SMALLEST:g}.", "Check the number and its unit.")
+        if kind in _DIVISORS and abs(number) < SMALLEST_VALUE and magnitude(value) != 0.0:
+            self.note(path, f"{number:g} {KINDS[kind].si} is below {SMALLEST_VALUE:g}.", "Check the number and its unit.")
             return math.nan
         return number
 
@@ -110,7 +110,7 @@ class Converter:
     def increasing(self, values: Sequence[float], path: str) -> bool:
         """Notes the first place where a table's argument does not grow."""
         for k in range(1, len(values)):
-            if values[k] - values[k - 1] < SMALLEST:  # not where one of them is NaN
+            if values[k] - values[k - 1] < SMALLEST_VALUE:  # not where one of them is NaN
                 self.note(
                     f"{path}[{k}]",
                     "does not grow from the value before it.",

@@ -23,8 +23,8 @@ Powers = tuple[int, ...]
 
 PLAIN: Powers = (0, 0, 0, 0)
 ANGLE: Powers = (1, 0, 0, 0)
-LONGEST = 500  # characters of an expression
-DEEPEST = 40  # brackets inside each other
+LONGEST_EXPRESSION = 500  # characters of an expression
+DEEPEST_NESTING = 40  # brackets inside each other
 
 _TOKEN = re.compile(
     r"\s*(?:(?P<number>(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)|(?P<name>[^\W\d]\w*|°)|(?P<sign>\*\*|[-+*·/^(),]))"
@@ -166,8 +166,8 @@ FUNCTIONS: Mapping[str, tuple[int | None, Callable[[str, list[Amount]], Amount]]
 @lru_cache(maxsize=4096)
 def parse_expression(text: str) -> Expression:
     """The expression of a text. Raises `ExpressionError` where it is none."""
-    if len(text) > LONGEST:
-        raise ExpressionError(f"an expression of {len(text)} characters.", f"Keep it under {LONGEST}.")
+    if len(text) > LONGEST_EXPRESSION:
+        raise ExpressionError(f"an expression of {len(text)} characters.", f"Keep it under {LONGEST_EXPRESSION}.")
     return _Parser(text).whole()
 
 
@@ -229,7 +229,7 @@ class _Parser:
 
     def sum(self) -> Evaluate:
         self.depth += 1
-        if self.depth > DEEPEST:
+        if self.depth > DEEPEST_NESTING:
             raise ExpressionError(f"'{self.text[:40]}...' nests brackets too deep.", "Name a part of it as a parameter.")
         start, total = self.at, self.product()
         while self.peek() in ("+", "-"):

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from mechcore.errors import Fault, MechanismError
-from mechviz.files import LARGE
+from mechviz.files import LARGE_VARIABLE
 
 MOST_KEYS = 200_000  # of a scene: it is read in half a minute
 MOST_ITEMS = 50_000  # links, joints and loads: checked in a minute or two
@@ -17,7 +17,7 @@ MOST_POSES = 10_000_000  # links times frames: each takes up to a kilobyte
 
 def lifted() -> bool:
     """Whether the limits do not hold."""
-    return bool(os.environ.get(LARGE))
+    return bool(os.environ.get(LARGE_VARIABLE))
 
 
 def size_faults(data: Mapping[str, Any]) -> list[Fault]:
@@ -56,4 +56,4 @@ def _keys(value: object) -> int:
 
 
 def _too_large(path: str, what: str, remedy: str) -> Fault:
-    return Fault(path, f"{what}.", f"{remedy}; --large, or {LARGE}=1 in the environment, lifts this limit.")
+    return Fault(path, f"{what}.", f"{remedy}; --large, or {LARGE_VARIABLE}=1 in the environment, lifts this limit.")

@@ -119,8 +119,8 @@ def cost_lines(costs: list[Cost], frames: int) -> list[str]:
     return [*lines, f"  {'in all':<{width}}  {1e3 * total:>9.3f}  {1e6 * total / frames:>9.3f}"]
 
 
-LEAST, MOST = 3, 25
-BUDGET = 0.25  # seconds of repeats: quick work is repeated more often
+LEAST_REPEATS, MOST_REPEATS = 3, 25
+REPEAT_SECONDS = 0.25  # seconds of repeats: quick work is repeated more often
 
 
 @dataclass(frozen=True)
@@ -132,14 +132,14 @@ class Timed:
     repeats: int
 
 
-def timed(work: Callable[[], object], budget: float = BUDGET, least: int = LEAST) -> Timed:
+def timed(work: Callable[[], object], budget: float = REPEAT_SECONDS, least: int = LEAST_REPEATS) -> Timed:
     """Time some work: once to warm up, then until the budget is spent, at least ``least`` and at most 25 times."""
     work()
     times: list[float] = []
     collecting = gc.isenabled()
     gc.disable()
     try:
-        while len(times) < least or (sum(times) < budget and len(times) < MOST):
+        while len(times) < least or (sum(times) < budget and len(times) < MOST_REPEATS):
             start = time.perf_counter()
             work()
             times.append(time.perf_counter() - start)
@@ -155,13 +155,13 @@ def _timed(times: list[float]) -> Timed:
 
 
 def side_by_side(
-    first: Callable[[], object], second: Callable[[], object], budget: float = BUDGET, least: int = LEAST
+    first: Callable[[], object], second: Callable[[], object], budget: float = REPEAT_SECONDS, least: int = LEAST_REPEATS
 ) -> tuple[Timed, Timed]:
     """Time two works in turns, so that whatever else the machine does meets both alike."""
     for work in (first, second):
         work()
     times: tuple[list[float], list[float]] = ([], [])
-    while len(times[0]) < least or (sum(times[0]) < budget and len(times[0]) < MOST):
+    while len(times[0]) < least or (sum(times[0]) < budget and len(times[0]) < MOST_REPEATS):
         for work, own in ((first, times[0]), (second, times[1])):
             start = time.perf_counter()
             work()

@@ -23,7 +23,7 @@ from mechcore.forces.kinetostatics import solve_forces
 from mechcore.motion.solve import default_times, solve_motion
 from mechcore.records import dataclass
 from mechviz.accuracy.estimate import estimate_errors, poses_apart
-from mechviz.accuracy.fit import ORDERS, PROFILE, achieved, duration, fit_frames, plane_cams, profile_away, provider
+from mechviz.accuracy.fit import ORDERS, PROFILE_POINTS, achieved, duration, fit_frames, plane_cams, profile_away, provider
 from mechviz.accuracy.quantities import quantities
 from mechviz.meshes.kinds.cam_profiles import profile_points
 from mechviz.picture.build import solids_of
@@ -323,14 +323,14 @@ def _profiles(run: Run, budget: float) -> Iterator[Point]:
     def draw(count: int) -> list[Any]:
         return [profile_points(placed, count) for placed in cams]
 
-    for count in sorted({90, 180, 360, 720, 1080, 2160, 4320, run.kept.profile or PROFILE}):
+    for count in sorted({90, 180, 360, 720, 1080, 2160, 4320, run.kept.profile or PROFILE_POINTS}):
         worst = max(profile_away(placed.contour, count) for placed in cams) / size
         spent = timed(partial(draw, count), budget)
         here = count == run.kept.profile
         yield _at("cam profile", "points of the contour", f"{count} points", {"profile": count}, worst, spent, current=here)
 
 
-SHARED = 0.8  # below this share others have used the processor too
+PROCESSOR_SHARE = 0.8  # below this share others have used the processor too
 
 
 @dataclass(frozen=True)
@@ -352,7 +352,7 @@ class Measured:
         """When, where and how it was measured, in a line."""
         words = f"measured {self.day} on {self.machine}; one thread, medians"
         words += " of few repeats" if self.rough else ""
-        if self.share < SHARED:
+        if self.share < PROCESSOR_SHARE:
             words += f"; rough: others had {100.0 * (1.0 - self.share):.0f} % of the time on this processor"
         return words
 

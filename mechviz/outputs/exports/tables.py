@@ -14,7 +14,7 @@ import numpy as np
 
 from mechcore.arrays import Real
 from mechcore.errors import Fault, MechanismError
-from mechviz.figures import DOTS, chart, chart_svg
+from mechviz.figures import DOTS_AN_INCH, chart, chart_svg
 from mechviz.files import replacing
 from mechviz.outputs.rerun.content import model_json, scene_text
 from mechviz.quantities.catalogue import Axis, Quantity, QuantityGroup
@@ -156,7 +156,7 @@ def plot_file(
         if kind == "SVG":
             return chart_svg(figure).encode()
         stream = BytesIO()
-        figure.savefig(stream, format="png", dpi=DOTS)
+        figure.savefig(stream, format="png", dpi=DOTS_AN_INCH)
         return stream.getvalue()
     finally:
         figure.clear()  # else all of it stays until the next collection of what refers to itself

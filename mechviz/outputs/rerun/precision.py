@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from io import BytesIO
 from pathlib import Path
 
-from mechviz.figures import COLOURS, DOTS, chart
+from mechviz.figures import COLOURS, DOTS_AN_INCH, chart
 from mechviz.files import replacing
 from mechviz.outputs.rerun.entities import APPLICATION
 from mechviz.outputs.rerun.rerun_adapter import send_blueprint
@@ -35,8 +35,8 @@ def write_rrd(points: Sequence[Point], path: Path, title: str, markdown: str, ta
             axes = figure.add_subplot()
             draw_panel(axes, setting, own, target)
             picture = BytesIO()
-            figure.savefig(picture, format="png", dpi=DOTS)
-            figure.dpi = DOTS
+            figure.savefig(picture, format="png", dpi=DOTS_AN_INCH)
+            figure.dpi = DOTS_AN_INCH
         stream.log(
             f"{root}/axes", rr.EncodedImage(contents=picture.getvalue(), media_type="image/png", draw_order=-1.0), static=True
         )
@@ -44,7 +44,7 @@ def write_rrd(points: Sequence[Point], path: Path, title: str, markdown: str, ta
             some = [p for p in own if p.method == method]
             entity = f"{root}/{method}".replace(" ", "_")
             look = rr.Points2D(
-                [[x, DOTS * PANEL[1] - y] for x, y in axes.transData.transform([(p.seconds, p.error) for p in some])],
+                [[x, DOTS_AN_INCH * PANEL[1] - y] for x, y in axes.transData.transform([(p.seconds, p.error) for p in some])],
                 colors=[_rgb(COLOURS[k % len(COLOURS)])] * len(some),
                 radii=[rr.Radius.ui_points(6.0 if p.current else 4.0) for p in some],
                 labels=[f"{method}, {p.value}: {p.error:.1e} in {p.price}" for p in some],

@@ -246,9 +246,9 @@ def _stops(document: SceneDocument) -> Iterator[Fault]:
 
 # -- drives that run to the limits -------------------------------------------------------------------------------------
 REACHABLE = "reachable"
-MARGIN = 0.01
+RANGE_MARGIN = 0.01
 """Part of the reach that is left before each limit: a dead point, where efforts grow beyond all bounds."""
-STEPS = 36
+RANGE_STEPS = 36
 """Places of a drive that are tried where it cannot start."""
 
 
@@ -303,8 +303,8 @@ def _assembled(mechanism: Mechanism) -> Compiled:
         model = build_model(mechanism)
         if any(block.kind == "general" for block in model.blocks):
             raise
-        step = TURN / STEPS if model.rotary(first.joint) else 10.0 * model.length_scale / STEPS
-        for k in range(2, STEPS + 2):
+        step = TURN / RANGE_STEPS if model.rotary(first.joint) else 10.0 * model.length_scale / RANGE_STEPS
+        for k in range(2, RANGE_STEPS + 2):
             law = Rest(float(first.law(0.0)[0]) + step * (k // 2) * (-1.0) ** k)
             with suppress(MechanismError):
                 return compile_mechanism(replace(mechanism, drives=(replace(first, law=law), *others)))
@@ -339,7 +339,7 @@ def _swing(mechanism: Mechanism, joint: str, cycle: float) -> Law:
         raise MechanismError(Fault(path, "nothing limits how far it can go.", "Give a range = [least, greatest]."))
     if high - low < 1e-6 * (TURN if rotary else size):
         raise MechanismError(Fault(path, "it cannot move from its start.", "Let it start elsewhere, or change a length."))
-    margin = MARGIN * (high - low)
+    margin = RANGE_MARGIN * (high - low)
     low, high = low + margin, high - margin
     if inside:
         low, high = min(low, law.start), max(high, law.start)

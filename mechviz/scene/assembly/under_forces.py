@@ -23,7 +23,7 @@ from mechcore.spec.mechanism import CamJoint, Mechanism
 from mechviz.scene.assembly.simulation import SimulationSpec
 
 LANDINGS = ("impact", "regained")
-ERROR = 100.0  # of forces, in tolerances of the motion
+FORCE_ERROR = 100.0  # of forces, in tolerances of the motion
 
 
 def steady_state(turns: int, compiled: Compiled) -> tuple[SteadyRun, Compiled]:
@@ -57,7 +57,7 @@ def solver(spec: SimulationSpec, clearances: Mapping[str, Clearance]) -> Callabl
         def forces(times: Real) -> Forces:
             return run.forces(run.view(np.clip(times, 0.0, duration)))
 
-        return Solved(duration, forces, ERROR * spec.tolerance)
+        return Solved(duration, forces, FORCE_ERROR * spec.tolerance)
 
     return solved
 

@@ -45,8 +45,8 @@ SolidName = Literal[
 ]  # fmt: skip
 if set(get_args(SolidName)) != set(SOLIDS):
     raise ImportError("mechviz.scene.kinds.bodies.SolidName and mechcore.reduction.bodies.SOLIDS name different solids")
-STEPS = 64  # chords of an arc
-CLOSE = 2e-3  # of a hole's radius: arcs are chords here, and a hole may touch the outline
+ARC_CHORDS = 64  # chords of an arc
+HOLE_CLEARANCE = 2e-3  # of a hole's radius: arcs are chords here, and a hole may touch the outline
 _KINDS = ("solid", "plate", "polygon", "mesh", "drawn")
 _SIZES = ("length", "angle", "radius", "bore", "section", "height", "a", "b", "c")
 
@@ -360,7 +360,7 @@ def polygon_of(corners: Sequence[Vec2], bulges: Sequence[float] | None) -> shape
         if bulge and a != b:
             angle = 4.0 * math.atan(bulge)
             centre = 0.5 * (a + b) + 0.5j * (b - a) / math.tan(0.5 * angle)
-            ring += list(centre + (a - centre) * np.exp(1j * angle * np.arange(1, STEPS) / STEPS))
+            ring += list(centre + (a - centre) * np.exp(1j * angle * np.arange(1, ARC_CHORDS) / ARC_CHORDS))
     shape = shapely.Polygon([(p.real, p.imag) for p in ring]) if len(ring) > 2 else shapely.Polygon()
     return shape if shape.is_valid and shape.area > 0.0 else None
 
@@ -370,7 +370,7 @@ def plate_of(points: Sequence[Vec2], radius: float) -> shapely.Polygon | None:
     import shapely
 
     known = [p for p in points if all(map(math.isfinite, p))]
-    return shapely.MultiPoint(known).convex_hull.buffer(radius, quad_segs=STEPS) if known and radius > 0.0 else None
+    return shapely.MultiPoint(known).convex_hull.buffer(radius, quad_segs=ARC_CHORDS) if known and radius > 0.0 else None
 
 
 def misplaced(material: shapely.Polygon, holes: Sequence[tuple[Vec2, float]]) -> Iterator[tuple[int, str]]:
@@ -380,8 +380,8 @@ def misplaced(material: shapely.Polygon, holes: Sequence[tuple[Vec2, float]]) ->
     for k, (centre, radius) in enumerate(holes):
         if not all(map(math.isfinite, (*centre, radius))):
             continue
-        if not material.covers(shapely.Point(centre).buffer((1.0 - CLOSE) * radius, quad_segs=STEPS)):
+        if not material.covers(shapely.Point(centre).buffer((1.0 - HOLE_CLEARANCE) * radius, quad_segs=ARC_CHORDS)):
             yield k, "the hole reaches out of the plate."
         for i, (other, size) in enumerate(holes[:k]):
-            if math.dist(centre, other) < (1.0 - CLOSE) * (radius + size):
+            if math.dist(centre, other) < (1.0 - HOLE_CLEARANCE) * (radius + size):
                 yield k, f"the hole overlaps hole {i + 1}: material would be taken away twice."

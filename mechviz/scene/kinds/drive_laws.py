@@ -12,7 +12,7 @@ from mechcore.errors import Fault
 from mechcore.laws.program import CurveOverMaster, over_time
 from mechcore.laws.signals import SignalSpeed, Step
 from mechcore.laws.timed import ConstantSpeed, Law, Oscillation, Rest, TableLaw, moves, zones
-from mechviz.scene.convert import SMALLEST, Converter
+from mechviz.scene.convert import SMALLEST_VALUE, Converter
 from mechviz.scene.fields import Unknown
 from mechviz.scene.kinds.drives import DriveDocument
 from mechviz.scene.kinds.segment_curves import Axes, segments_curve, stands_still
@@ -36,7 +36,7 @@ class _Coordinate:
     def distance(self, value: float | str, key: str) -> float:
         """A range of positions, which speeds are divided by."""
         number = self.position(value, key)
-        if number < SMALLEST and magnitude(value) != 0.0:
+        if number < SMALLEST_VALUE and magnitude(value) != 0.0:
             self.convert.note(f"{self.path}.{key}", f"{number:g} is too short a way.", "Check the number and its unit.")
         return number
 

@@ -10,7 +10,7 @@ from pydantic import Field, PlainValidator, WithJsonSchema, model_validator
 
 from mechcore.laws.signals import Chirp, Ramp, Signal, Sine, Step
 from mechcore.laws.timed import Smoothness
-from mechviz.scene.convert import LARGEST, Converter
+from mechviz.scene.convert import LARGEST_VALUE, Converter
 from mechviz.scene.fields import (
     Angle,
     Argument,
@@ -107,8 +107,8 @@ class _Numbers:
         """Numbers without a unit, by their keys."""
         for key in keys:
             value = getattr(self.given, key)
-            if abs(value) > LARGEST:
-                self.convert.note(f"{self.path}.{key}", f"{value:g} is beyond {LARGEST:g}.", "Check the number.")
+            if abs(value) > LARGEST_VALUE:
+                self.convert.note(f"{self.path}.{key}", f"{value:g} is beyond {LARGEST_VALUE:g}.", "Check the number.")
         return {key: getattr(self.given, key) for key in keys}
 
     def sine(self) -> Signal:

@@ -25,9 +25,9 @@ from mechviz.studies.designs.measures import Measure, needs_forces, quantity_of
 from mechviz.studies.designs.sampling import Variation
 
 ONE_AT_A_TIME = Lock()  # threads of one process, such as workers of clusters have, share its prepared studies
-TRIED = 3  # designs that are computed both ways before batches are trusted
-AGREEMENT = 1e-9  # relative, of a batch and a run by itself
-BEYOND = 1e6  # times the median of all designs: a result so large is one at a singular position, as a run by itself reports
+TRIED_DESIGNS = 3  # designs that are computed both ways before batches are trusted
+BATCH_AGREEMENT = 1e-9  # relative, of a batch and a run by itself
+SINGULAR_RATIO = 1e6  # times the median of all designs: a result so large is one at a singular position, as a run by itself reports
 _PLAIN = ("pose", "velocity", "acceleration", "position", "reaction", "motion", "inertia")
 
 
@@ -154,7 +154,7 @@ def _batch(study: Study) -> Batch | None:
         return None
     rng = np.random.default_rng(0)
     ends = np.array([(min(v.values), max(v.values)) if v.values else (v.low, v.high) for v in study.variations])
-    designs = ends[:, 0] + (ends[:, 1] - ends[:, 0]) * rng.random((TRIED, len(ends)))
+    designs = ends[:, 0] + (ends[:, 1] - ends[:, 0]) * rng.random((TRIED_DESIGNS, len(ends)))
     curves, reasons = batch.curves(designs)
     for k, design in enumerate(designs):
         alone = _run_alone(study, design)
@@ -166,7 +166,7 @@ def _batch(study: Study) -> Batch | None:
             return None
         for (_, quantity, column), curve in zip(batch.columns, curves, strict=True):
             wanted = alone.catalogue[quantity.key].values()[:, column]
-            if not np.max(np.abs(curve[k] - wanted)) <= AGREEMENT * max(float(np.max(np.abs(wanted))), 1e-300):
+            if not np.max(np.abs(curve[k] - wanted)) <= BATCH_AGREEMENT * max(float(np.max(np.abs(wanted))), 1e-300):
                 return None
     return batch
 
@@ -238,7 +238,7 @@ def _out_of_proportion(values: Sequence[Real]) -> list[int]:
         peaks = np.abs(each).reshape(len(each), -1).max(axis=1)
         known = peaks[np.isfinite(peaks)]
         if len(known):
-            beyond |= peaks > BEYOND * float(np.quantile(known, 0.5, method="lower"))
+            beyond |= peaks > SINGULAR_RATIO * float(np.quantile(known, 0.5, method="lower"))
     return np.flatnonzero(beyond).tolist()
 
 

@@ -21,14 +21,14 @@ from mechcore.records import dataclass
 from mechviz.figures import chart, over_decades
 from mechviz.scene.scene import Scene
 from mechviz.studies.designs.evaluate import evaluate
-from mechviz.studies.designs.problem import AROUND, KEPT, Judged, Limit, Problem, population_of
+from mechviz.studies.designs.problem import LIMIT_ROUNDING, SCREENED_GENERATIONS, Judged, Limit, Problem, population_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 AT_BOUND = 1e-6  # of its range: a variable so close to an end is at it
-SLACK = 1e-6  # relative: a compromise may be so much worse in one objective, or nothing could be gained in the other
-DIGITS = 9  # of values in the scene that is written
+COMPROMISE_SLACK = 1e-6  # relative: a compromise may be so much worse in one objective, or nothing could be gained in the other
+VALUE_DIGITS = 9  # of values in the scene that is written
 
 MOST_TRIES = 2  # a step along derivatives: beyond, it goes nowhere
 
@@ -93,7 +93,7 @@ class Search:
         n = len(bounds)
         count = population_of(self.population, n)
         rng = np.random.default_rng(np.random.SeedSequence([self.seed, objective]))
-        points = qmc.Sobol(n, rng=rng).random_base2(int(np.ceil(np.log2(AROUND * count))))
+        points = qmc.Sobol(n, rng=rng).random_base2(int(np.ceil(np.log2(SCREENED_GENERATIONS * count))))
         designs = bounds[:, 0] + (bounds[:, 1] - bounds[:, 0]) * points
         start = np.clip(self.problem.start, bounds[:, 0], bounds[:, 1])
         screened = self.judged(np.vstack([start, designs]))
@@ -209,12 +209,12 @@ class Optimum:
 
     def scene_of(self, design: Real) -> Scene:
         """The scene of a design."""
-        return self.search.problem.scene(np.array([float(f"{x:.{DIGITS}g}") for x in design]))
+        return self.search.problem.scene(np.array([float(f"{x:.{VALUE_DIGITS}g}") for x in design]))
 
     def lines(self) -> Iterator[tuple[str, ...]]:
         """A table: objectives, limits and variables before and after."""
         problem = self.search.problem
-        rounded = np.array([float(f"{x:.{DIGITS}g}") for x in self.design])
+        rounded = np.array([float(f"{x:.{VALUE_DIGITS}g}") for x in self.design])
         both = problem.judged(np.stack([problem.start, rounded]))
         values = _limited(problem, np.stack([problem.start, rounded]))
         yield "", "before", "after", ""
@@ -225,7 +225,7 @@ class Optimum:
         for k, limit in enumerate(problem.limits):
             low, high = (f"{x:.6g}" if np.isfinite(x) else "" for x in (limit.least, limit.most))
             violation = float(limit.violation(values[1:, k])[0])
-            state = "missed" if violation > KEPT else "reached" if _reached(limit, values[1, k]) else "kept"
+            state = "missed" if violation > LIMIT_ROUNDING else "reached" if _reached(limit, values[1, k]) else "kept"
             row = [f"{x:.6g} {limit.unit}".strip() for x in values[:, k]]
             yield f"{limit.text} in {low}..{high}", row[0], row[1], state
         for v, x in zip(problem.variables, rounded, strict=True):
@@ -250,7 +250,7 @@ def optimise(search: Search, *, points: int = 9) -> Optimum:
     try:
         for k in range(objectives):
             search.look_around(k)
-            search.refine(k, steps=40 if search.best(k)[2] <= KEPT else 10)
+            search.refine(k, steps=40 if search.best(k)[2] <= LIMIT_ROUNDING else 10)
         if objectives > 1:
             _spread(search, points)
     except KeyboardInterrupt:
@@ -258,7 +258,7 @@ def optimise(search: Search, *, points: int = 9) -> Optimum:
         if not search.archive:
             raise
     design, _, violation = search.best()
-    if violation > KEPT and not search.interrupted:
+    if violation > LIMIT_ROUNDING and not search.interrupted:
         why = f"no design was found that keeps all limits: the best misses them by {100.0 * violation:.3g} % in sum."
         if violation >= 10.0:
             why = "no design was found that can be assembled in all frames of the run."
@@ -283,7 +283,9 @@ def _levels(known: Judged, points: int) -> list[Real]:
 def _below(known: Judged, level: Real) -> int | None:
     """The design whose first objective is least among those with the others up to a level (m - 1,), where there is one. What was
     refined to within a slack is there in spite of rounding."""
-    kept = np.flatnonzero(known.feasible & np.all(known.objectives[:, 1:] <= level + 2.0 * SLACK * np.abs(level), axis=1))
+    kept = np.flatnonzero(
+        known.feasible & np.all(known.objectives[:, 1:] <= level + 2.0 * COMPROMISE_SLACK * np.abs(level), axis=1)
+    )
     return int(kept[np.lexsort(known.objectives[kept].T[::-1])[0]]) if len(kept) else None
 
 
@@ -291,11 +293,11 @@ def _spread(search: Search, points: int) -> None:
     """Compromises: the first objective least, the others no greater than values between their ends."""
     first = search.best(0)
     for k in range(1, len(search.problem.terms)):
-        search.refine(k, {0: first[1] + SLACK * abs(first[1])}, first[0], steps=8)
+        search.refine(k, {0: first[1] + COMPROMISE_SLACK * abs(first[1])}, first[0], steps=8)
     for level in _levels(search.all, points)[1:]:
         begin = _below(search.all, level)
         if begin is not None:
-            most = {k: float(x) + SLACK * abs(float(x)) for k, x in enumerate(level, 1)}
+            most = {k: float(x) + COMPROMISE_SLACK * abs(float(x)) for k, x in enumerate(level, 1)}
             search.refine(0, most, search.all.designs[begin], steps=8)
 
 

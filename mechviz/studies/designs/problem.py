@@ -29,8 +29,8 @@ from mechviz.studies.designs.variables import Variable, parameters_of
 
 SHORTEST = {"crank-rocker": 0, "double-rocker": 1, "double-crank": 3}
 """Which link of crank, coupler, rocker and frame is the shortest, by the type of the linkage; of "any" type none has to be."""
-STEP = 1e-3  # of a variable's range: formulas of lengths are that smooth
-EIGHTH = ((1, 4 / 5), (2, -1 / 5), (3, 4 / 105), (4, -1 / 280))  # weights of differences of eighth order
+DIFFERENCE_STEP = 1e-3  # of a variable's range: formulas of lengths are that smooth
+EIGHTH_ORDER = ((1, 4 / 5), (2, -1 / 5), (3, 4 / 105), (4, -1 / 280))  # weights of differences of eighth order
 _OF_MASS = ("mass", "centre", "inertia")
 
 
@@ -67,10 +67,10 @@ class FourBarLoop:
 
     def slopes(self, scene: Scene, variables: Sequence[Variable], design: Real) -> Real:
         """Derivatives (n,) of the margin, as in `margins`, by the variables, in their units."""
-        steps = np.array([STEP * (v.high - v.low) for v in variables])
-        shifts = np.concatenate([sign * k * np.diag(steps) for k, _ in EIGHTH for sign in (1.0, -1.0)])
-        sides = self.margins(scene, variables, design + shifts).reshape(len(EIGHTH), 2, len(design))
-        return np.asarray(sum(w * (up - down) for (_, w), (up, down) in zip(EIGHTH, sides, strict=True)) / steps)
+        steps = np.array([DIFFERENCE_STEP * (v.high - v.low) for v in variables])
+        shifts = np.concatenate([sign * k * np.diag(steps) for k, _ in EIGHTH_ORDER for sign in (1.0, -1.0)])
+        sides = self.margins(scene, variables, design + shifts).reshape(len(EIGHTH_ORDER), 2, len(design))
+        return np.asarray(sum(w * (up - down) for (_, w), (up, down) in zip(EIGHTH_ORDER, sides, strict=True)) / steps)
 
     def lengths(self, mechanism: Mechanism, varied: Mapping[Place, Real] | None = None, count: int = 1) -> Real:
         """Lengths (D, 4) [m] of crank, coupler, rocker and frame of so many designs; ``varied`` coordinates (D,) by place."""
@@ -106,10 +106,10 @@ def _known(place: Place) -> bool:
     return place[2] in _OF_MASS or (place[2] == "points" and len(place) == 5)
 
 
-KEPT = 1e-9  # relative: a limit that is missed by no more is kept
-AROUND = 8  # generations' worth of designs that are looked at before the first one
-PORTION = 512  # designs that are handed on at once
-UNFIT = 10.0  # violation of a design that cannot be assembled at some frame; up to twice that where it cannot be at any
+LIMIT_ROUNDING = 1e-9  # relative: a limit that is missed by no more is kept
+SCREENED_GENERATIONS = 8  # generations' worth of designs that are looked at before the first one
+DESIGNS_AT_ONCE = 512  # designs that are handed on at once
+UNFIT_VIOLATION = 10.0  # violation of a design that cannot be assembled at some frame; up to twice that where it cannot be at any
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,7 +162,7 @@ class Judged:
     @property
     def feasible(self) -> Flags:
         """Whether all limits are kept (D,)."""
-        return np.asarray(self.violations <= KEPT)
+        return np.asarray(self.violations <= LIMIT_ROUNDING)
 
     def best(self, objective: int = 0) -> int:
         """The design with the least violation, among those without any the one with the least objective."""
@@ -192,7 +192,7 @@ class Problem:
 
     def judged(self, designs: Real, executor: Pool | None = None) -> Judged:
         """Objectives and violations of designs (D, n), in portions over an executor if there is one."""
-        portions = [designs[k : k + PORTION] for k in range(0, len(designs), PORTION)]
+        portions = [designs[k : k + DESIGNS_AT_ONCE] for k in range(0, len(designs), DESIGNS_AT_ONCE)]
         if executor is None:
             results = [evaluate(self.study, own) for own in portions]
         else:
@@ -204,7 +204,7 @@ class Problem:
             limited = self.limited(designs, values).T
             violations = sum((limit.violation(x) for limit, x in zip(self.limits, limited, strict=True)), np.zeros(len(designs)))
         unfit = (missing > 0.0) | ~np.isfinite(objectives).all(axis=1) | ~np.isfinite(violations)
-        violations = np.where(unfit, UNFIT * (1.0 + missing), violations)
+        violations = np.where(unfit, UNFIT_VIOLATION * (1.0 + missing), violations)
         return Judged(designs, np.where(unfit[:, None], np.nan, objectives), violations)
 
     def limited(self, designs: Real, values: Sequence[Real]) -> Real:
@@ -296,7 +296,7 @@ def problem_of(
     if goal.path is not None:
         along = [measure(f"point.{goal.path.point}.position[{axis}]", "goal.path.point") for axis in "xy"]
     varied = [Variation(v.name, v.unit, low=v.low, high=v.high) for v in variables]
-    count = population_of(population, len(varied)) * (AROUND + generations)
+    count = population_of(population, len(varied)) * (SCREENED_GENERATIONS + generations)
     study = study_of(scene, varied, measures, frames=frames, cycles=cycles, executor=executor, count=count)
     quantities = study.quantities
     terms = [

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 LARGEST_CHUNK = 8192, 512, 8  # designs that are computed at once: by a compiled program; in batches; each by itself, in a process
-FLUSH = 2.0  # [s] between parts that are written
+FLUSH_SECONDS = 2.0  # [s] between parts that are written
 REASON = "reason"
 """Column of the reasons why there is nothing of a design."""
 
@@ -219,7 +219,7 @@ def run_study(
             rows.append(arrow_table(study, numbers, designs[numbers], results))
             finished += len(numbers)
             progress(min(finished, count), count)
-            if time.monotonic() - last > FLUSH:
+            if time.monotonic() - last > FLUSH_SECONDS:
                 flush()
     finally:
         flush()

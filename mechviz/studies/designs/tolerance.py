@@ -39,12 +39,12 @@ if TYPE_CHECKING:
 Distribution = Literal["normal", "uniform", "triangular"]
 SIGMAS = {"normal": 3.0, "uniform": 3.0**0.5, "triangular": 6.0**0.5}
 """Standard deviations in a tolerance."""
-REPEATS = 8  # independent scrambles of the samples, whose differences say how far results may be off
+SCRAMBLES = 8  # independent scrambles of the samples, whose differences say how far results may be off
 MOST_CORNERS = 12  # tolerances whose corners are all computed
 MOST_NUMBERS = 60_000_000  # of the curves of all samples
-PLACES = 13  # of a band that is printed
+BAND_PLACES = 13  # of a band that is printed
 TAKEN_OVER = 1e-6  # by how much an extreme moves farther than its own frame's value, if another frame takes over
-TAILS = (0.00135, 0.99865)  # three standard deviations either way, of a normal distribution
+TAIL_QUANTILES = (0.00135, 0.99865)  # three standard deviations either way, of a normal distribution
 
 
 @dataclass(frozen=True)
@@ -147,7 +147,7 @@ class Tolerances:
         """Rows of the band of a curve along an axis, its headings first: at places evenly between its ends."""
         unit = self.quantity.unit
         yield axis.title, f"nominal [{unit}]", "worst case", "root sum square", "99.73 % between"
-        places = np.linspace(axis.values[0], axis.values[-1], PLACES)
+        places = np.linspace(axis.values[0], axis.values[-1], BAND_PLACES)
         for k in dict.fromkeys(int(np.argmin(np.abs(axis.values - place))) for place in places):
             low, high = self.tails[:, k] - self.nominal[k]
             yield (
@@ -187,10 +187,10 @@ def tolerances(
     if not some:
         remedy = "Give parameters a tolerance in the scene, or here: --tolerance stroke=0.1mm."
         raise MechanismError(Fault("--tolerance", "nothing has a tolerance.", remedy))
-    if samples < 2 * REPEATS or samples & (samples - 1):
-        below = max(1 << (samples.bit_length() - 1), 2 * REPEATS)
+    if samples < 2 * SCRAMBLES or samples & (samples - 1):
+        below = max(1 << (samples.bit_length() - 1), 2 * SCRAMBLES)
         raise MechanismError(
-            Fault("--samples", f"{samples} is no power of two from {2 * REPEATS} on.", f"Take {below} or {2 * below}.")
+            Fault("--samples", f"{samples} is no power of two from {2 * SCRAMBLES} on.", f"Take {below} or {2 * below}.")
         )
     frames = max((1 if m.reducer else run.scene.frames + 1) for m in measures)
     if samples * frames > MOST_NUMBERS:
@@ -247,12 +247,12 @@ def parametrised(scene: Scene, variables: Sequence[Variable]) -> tuple[Scene, li
 
 
 def _samples(count: int, samples: int, distribution: Distribution, seed: int) -> Real:
-    """Offsets (samples, count) in tolerances: `REPEATS` scrambles of Sobol points, one after the other."""
+    """Offsets (samples, count) in tolerances: `SCRAMBLES` scrambles of Sobol points, one after the other."""
     from scipy.special import ndtri
     from scipy.stats import qmc
 
-    seeds = np.random.SeedSequence(seed).spawn(REPEATS)
-    points = [qmc.Sobol(count, rng=np.random.default_rng(s)).random(samples // REPEATS) for s in seeds]
+    seeds = np.random.SeedSequence(seed).spawn(SCRAMBLES)
+    points = [qmc.Sobol(count, rng=np.random.default_rng(s)).random(samples // SCRAMBLES) for s in seeds]
     u = np.clip(np.concatenate(points), 1e-12, 1.0 - 1e-12)
     if distribution == "uniform":
         return np.asarray(2.0 * u - 1.0)
@@ -291,7 +291,7 @@ def _judged(
 ) -> Tolerances:
     half = np.array([v.tolerance for v in variables]).reshape(-1, *[1] * (slopes.ndim - 1))
     moved = np.abs(slopes) * half
-    groups = sample.samples.reshape(REPEATS, -1, *sample.samples.shape[1:])
+    groups = sample.samples.reshape(SCRAMBLES, -1, *sample.samples.shape[1:])
     known = np.isfinite(sample.samples.reshape(len(sample.samples), -1)).all(axis=1)
     some = sample.samples[known]
     if not len(some):
@@ -315,8 +315,8 @@ def _judged(
         corners=np.stack([np.nanmin(sample.corners, axis=0), np.nanmax(sample.corners, axis=0)]) if len(sample.corners) else None,
         mean=np.asarray(some.mean(axis=0)),
         sigma=np.asarray(some.std(axis=0, ddof=1)),
-        errors=scatter.std(axis=1, ddof=1) / REPEATS**0.5,
-        tails=np.quantile(some, TAILS, axis=0),
+        errors=scatter.std(axis=1, ddof=1) / SCRAMBLES**0.5,
+        tails=np.quantile(some, TAIL_QUANTILES, axis=0),
         ends=np.stack([some.min(axis=0), some.max(axis=0)]),
         samples=len(sample.samples),
         lost=sample.lost,

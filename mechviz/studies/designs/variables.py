@@ -21,7 +21,7 @@ from mechviz.scene.reading.formulas import ParameterValue
 from mechviz.scene.scene import Scene
 from mechviz.scene.units import QuantityError, split, unit_of
 
-WIDTH = 0.02  # of a value: over so much either way it is looked at for its slope
+SLOPE_WIDTH = 0.02  # of a value: over so much either way it is looked at for its slope
 MASSES = ("mass", "centre", "inertia")
 
 
@@ -47,7 +47,7 @@ class Variable:
     @property
     def width(self) -> float:
         """Half the range of values over which its slope is looked for."""
-        return WIDTH * (abs(self.value) or (1.0 if not self.unit else 0.05 / self.factor))
+        return SLOPE_WIDTH * (abs(self.value) or (1.0 if not self.unit else 0.05 / self.factor))
 
     def stated(self, value: float) -> float | str:
         """A value as a scene states it."""

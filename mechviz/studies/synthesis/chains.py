@@ -13,10 +13,10 @@ from mechviz.runs import run_scene
 from mechviz.scene.scene import Scene
 from mechviz.studies.synthesis.linkages import Solution
 
-TRIES = 8  # weights that are tried for each outer loop
+WEIGHT_TRIES = 8  # weights that are tried for each outer loop
 RADIUS = 100.0  # mm, of the circle on which the outer loop stands
-ENOUGH = 20.0  # mm between joints, without a crossing: no other loop is tried
-NUDGE = 5.0  # deg, to each side: the drive of a chain that cannot run as far as it goes
+ENOUGH_ROOM = 20.0  # mm between joints, without a crossing: no other loop is tried
+DRIVE_NUDGE = 5.0  # deg, to each side: the drive of a chain that cannot run as far as it goes
 
 
 def layout(chain: Chain) -> Complex:
@@ -28,12 +28,12 @@ def layout(chain: Chain) -> Complex:
     near = {j: [k for own in members if j in own for k in own if k != j] for j in range(len(chain.joints))}
     best: tuple[float, Complex] | None = None
     for loop in outer_loops(chain):
-        for _ in range(TRIES):
+        for _ in range(WEIGHT_TRIES):
             places = _spread(near, loop, rng)
             quality = _quality(chain, members, places)
             if best is None or quality > best[0]:
                 best = quality, places
-        if best is not None and best[0] > ENOUGH:
+        if best is not None and best[0] > ENOUGH_ROOM:
             break
     assert best is not None
     return best[1]
@@ -135,7 +135,7 @@ def _nudged(scene: Scene) -> Scene:
     name, joint = next((name, joint) for name, joint in scene.document.joints.items() if joint.drive is not None)
     (link,) = {*scene.document.links} & {*joint.links} - {"frame"}
     first, second = (complex(*scene.document.sketch[point]) for point in list(scene.document.links[link].points)[:2])
-    swing = {"centre": float(np.degrees(np.angle(second - first))), "amplitude": NUDGE, "period": "2 s"}
+    swing = {"centre": float(np.degrees(np.angle(second - first))), "amplitude": DRIVE_NUDGE, "period": "2 s"}
     return scene.changed({("joints", name, "drive"): {"oscillation": swing}})
 
 

@@ -26,17 +26,17 @@ from mechcore.records import dataclass
 from mechviz.scene.scene import Scene
 from mechviz.studies.synthesis.linkages import MM, Solution, four_bar_scene, once, slider_guide_scene, through
 
-CHOICES = 12  # four-bars that are offered where positions are placed by hand
+MOST_CHOICES = 12  # four-bars that are offered where positions are placed by hand
 SWING = np.radians(60.0)  # of cranks between two positions, where nothing is said of it
-ARM = 0.2  # of the reach: how far from its place the mark of a body's direction stands
-GRID = 13  # moving pivots a side that are tried where nothing is said of them
-SPREAD = 1.5  # half the side of that grid over the reach of the poses
-FARTHEST = 6.0  # fixed pivots over the reach, beyond which they are left out
-SHARPEST = 10.0  # longest over shortest link that is offered
+MARK_DISTANCE = 0.2  # of the reach: how far from its place the mark of a body's direction stands
+PIVOT_GRID = 13  # moving pivots a side that are tried where nothing is said of them
+GRID_REACH = 1.5  # half the side of that grid over the reach of the poses
+FARTHEST_PIVOT = 6.0  # fixed pivots over the reach, beyond which they are left out
+GREATEST_RATIO = 10.0  # longest over shortest link that is offered
 CURVE_POINTS = 120  # points of Burmester's curves that are paired
-EXAMINED = 400  # of the pairs without defects, those of the best transmission at the poses, that are examined over their range
-APART = 0.25  # of the reach: distance of pivots that makes two proposals different
-FINE = 181  # crank angles between first and last pose
+MOST_EXAMINED = 400  # of the pairs without defects, those of the best transmission at the poses, that are examined over their range
+DIFFERENT_PIVOTS = 0.25  # of the reach: distance of pivots that makes two proposals different
+RANGE_ANGLES = 181  # crank angles between first and last pose
 
 
 def function_solutions(task: FunctionTask, designs: Sequence[FunctionGenerator], frame: float, words: str) -> list[Solution]:
@@ -93,7 +93,7 @@ def dyads(poses: Poses, moving: Sequence[complex], fixed: Sequence[complex], swi
     if count == 2 and fixed:
         raise MechanismError(Fault("fixed", "with two positions the moving pivots are given.", "Give those, or a third position."))
     if not moving and not fixed:
-        side = np.linspace(-SPREAD, SPREAD, GRID) * poses.reach
+        side = np.linspace(-GRID_REACH, GRID_REACH, PIVOT_GRID) * poses.reach
         middle = (poses.places.mean() - poses.places[0]) / poses.turns[0]
         moving = list((middle + side + 1j * side[:, None]).ravel())
     w = np.array(list(moving), complex)
@@ -112,7 +112,11 @@ def dyads(poses: Poses, moving: Sequence[complex], fixed: Sequence[complex], swi
 def thinned(curve: BurmesterCurve, poses: Poses) -> tuple[Complex, Complex]:
     """So many points of Burmester's curves that are not far away, at about equal steps."""
     middle = poses.places.mean()
-    near = np.isfinite(curve.w) & (np.abs(curve.c - middle) < FARTHEST * poses.reach) & (np.abs(curve.w) < FARTHEST * poses.reach)
+    near = (
+        np.isfinite(curve.w)
+        & (np.abs(curve.c - middle) < FARTHEST_PIVOT * poses.reach)
+        & (np.abs(curve.w) < FARTHEST_PIVOT * poses.reach)
+    )
     w, c = curve.w[near], curve.c[near]
     step = np.abs(np.diff(w, prepend=w[:1])) + np.abs(np.diff(c, prepend=c[:1]))
     along = np.cumsum(np.minimum(step, 0.2 * poses.reach))
@@ -144,8 +148,8 @@ def motion_designs(poses: Poses, w: Complex, c: Complex, most: int, *, all_of_th
     if all_of_them:
         order = np.lexsort((-at_poses, ~guides.defects.none))[:most]
     else:
-        order = np.flatnonzero(guides.defects.none & (lengths.max(0) < SHARPEST * lengths.min(0)))
-        order = order[np.argsort(-at_poses[order])][:EXAMINED]
+        order = np.flatnonzero(guides.defects.none & (lengths.max(0) < GREATEST_RATIO * lengths.min(0)))
+        order = order[np.argsort(-at_poses[order])][:MOST_EXAMINED]
     made = []
     for k in order:
         first, second, a, b, place = (complex(z) for z in (*guides.c[k], *pins[k, :, 0], poses.places[0]))
@@ -155,13 +159,13 @@ def motion_designs(poses: Poses, w: Complex, c: Complex, most: int, *, all_of_th
         least = np.nan
         if not defects:
             theta = crank_angles(bar, theta)
-            least = float(bar.transmission(np.linspace(*used_range(theta, bar.crank_turns), FINE)).min())
+            least = float(bar.transmission(np.linspace(*used_range(theta, bar.crank_turns), RANGE_ANGLES)).min())
         made.append(MotionDesign(bar, theta, pins[k], least, defects, np.concatenate([guides.w[k], guides.c[k]])))
     if all_of_them:
         return made
     kept: list[MotionDesign] = []
     for one in sorted((one for one in made if np.isfinite(one.transmission)), key=lambda one: -one.transmission):
-        if len(kept) < most and all(np.abs(one.pivots - other.pivots).max() > APART * poses.reach for other in kept):
+        if len(kept) < most and all(np.abs(one.pivots - other.pivots).max() > DIFFERENT_PIVOTS * poses.reach for other in kept):
             kept.append(one)
     if not kept:
         raise MechanismError(
@@ -171,7 +175,7 @@ def motion_designs(poses: Poses, w: Complex, c: Complex, most: int, *, all_of_th
     return kept
 
 
-def motion_choices(poses: Poses, most: int = CHOICES) -> list[MotionDesign]:
+def motion_choices(poses: Poses, most: int = MOST_CHOICES) -> list[MotionDesign]:
     """Four-bars for poses without anything else being said: at most so many, those without defects first."""
     designs = motion_designs(poses, *dyads(poses, (), (), SWING), most, all_of_them=len(poses.places) >= 5)
     return sorted(designs, key=lambda made: bool(made.defects))
@@ -179,7 +183,7 @@ def motion_choices(poses: Poses, most: int = CHOICES) -> list[MotionDesign]:
 
 def pose_marks(poses: Poses) -> dict[str, complex]:
     """Points of the frame that show poses: P where the body is, Q on its x axis."""
-    arms = zip(poses.places, poses.places + ARM * poses.reach * poses.turns, strict=True)
+    arms = zip(poses.places, poses.places + MARK_DISTANCE * poses.reach * poses.turns, strict=True)
     return {f"{letter}{k}": complex(z) for k, pair in enumerate(arms, 1) for letter, z in zip("PQ", pair, strict=True)}
 
 
@@ -250,7 +254,7 @@ def _angle(value: float) -> str:
     return f"{np.degrees(np.angle(np.exp(1j * value))):.4g}"
 
 
-FAR = 1e4  # of the reach: a rocker so long judges a slide, whose pin it leads on a line to a part of 1e-4
+LONG_ROCKER = 1e4  # of the reach: a rocker so long judges a slide, whose pin it leads on a line to a part of 1e-4
 
 
 @dataclass(frozen=True, eq=False)
@@ -271,17 +275,17 @@ def slider_guides(poses: Poses, w: Complex, c: Complex, most: int) -> list[Slide
     """Guides by one of the cranks (R,), moving pivots in the body and fixed ones, and one of the slides of the poses: so many that
     differ, those without defects first, the best transmission first. Raises `MechanismError` where there is no slide."""
     points, along = slider_points(poses)
-    near = np.abs(points) < FARTHEST * poses.reach
+    near = np.abs(points) < FARTHEST_PIVOT * poses.reach
     points, along = (points[near], along[near]) if near.any() else (points, along)
     of, slide = (index.ravel() for index in np.meshgrid(np.arange(len(w)), np.arange(len(points)), indexing="ij"))
     slides, pins = poses.of_points(points), poses.of_points(w)
     crank, rod = np.abs(pins[of, 0] - c[of]), np.abs(pins[of, 0] - slides[slide, 0])
-    fits = (np.abs(c[of] - poses.places.mean()) < FARTHEST * poses.reach) & (np.abs(w[of] - points[slide]) > 1e-9)
-    fits &= np.maximum(crank, rod) < SHARPEST * np.minimum(crank, rod)
+    fits = (np.abs(c[of] - poses.places.mean()) < FARTHEST_PIVOT * poses.reach) & (np.abs(w[of] - points[slide]) > 1e-9)
+    fits &= np.maximum(crank, rod) < GREATEST_RATIO * np.minimum(crank, rod)
     of, slide = of[fits], slide[fits]
     if not len(of):
         raise MechanismError(Fault("poses", "no crank goes with the slide of these positions.", "Move one of them a little."))
-    far = slides[:, 0] + 1j * along * FAR * poses.reach
+    far = slides[:, 0] + 1j * along * LONG_ROCKER * poses.reach
     defects = judge(c[of], far[slide], pins[of], slides[slide])
     at_poses = acute(pins[of] - slides[slide], 1j * along[slide, None]).min(1)
     made: list[SliderGuide] = []
@@ -290,13 +294,13 @@ def slider_guides(poses: Poses, w: Complex, c: Complex, most: int) -> list[Slide
             break
         own, slid, line = int(of[k]), complex(slides[slide[k], 0]), complex(along[slide[k]])
         here = np.array([pins[own, 0], slid])
-        if any(np.abs(here - np.array(one.pins)).max() < APART * poses.reach for one in made):
+        if any(np.abs(here - np.array(one.pins)).max() < DIFFERENT_PIVOTS * poses.reach for one in made):
             continue
         bar = from_pins(complex(c[own]), complex(far[slide[k]]), complex(pins[own, 0]), slid, complex(poses.places[0]))
         theta, words, least = np.angle(pins[own] - c[own]), defects.words(int(k)), np.nan
         if not words:
             theta = crank_angles(bar, theta)
-            least = float(bar.transmission(np.linspace(*used_range(theta, bar.crank_turns), FINE)).min())
+            least = float(bar.transmission(np.linspace(*used_range(theta, bar.crank_turns), RANGE_ANGLES)).min())
         made.append(SliderGuide(bar, theta, (complex(pins[own, 0]), slid), line, least, words))
     return sorted(made, key=lambda one: (bool(one.defects), -np.nan_to_num(one.transmission)))
 

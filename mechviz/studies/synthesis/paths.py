@@ -18,13 +18,13 @@ from mechviz.scene.scene import Scene
 from mechviz.studies.synthesis.four_bars import four_bar_lengths, four_bar_marks
 from mechviz.studies.synthesis.linkages import MM, SPEED, Solution, four_bar_scene, through
 
-EXACT = 1e-9  # of the size of a path: what misses by less passes its points
-DRAWN = 20  # points that stand for a drawn curve, at equal distances along it
-CLOSED = 0.1  # of the length of a drawn curve: one that ends so near its beginning is meant to be closed
-OFFERED = 6  # four-bars for a drawn curve
-REACH = 6.0  # of a drawn curve's size: longest link, and farthest place of pivots and of the point in the coupler
-SHORTEST = 0.1  # of a drawn curve's size: shortest link
-DIFFERENT = 0.02  # relative difference of lengths from which on two of them are offered
+EXACT_MISS = 1e-9  # of the size of a path: what misses by less passes its points
+DRAWN_POINTS = 20  # points that stand for a drawn curve, at equal distances along it
+CLOSED_GAP = 0.1  # of the length of a drawn curve: one that ends so near its beginning is meant to be closed
+MOST_OFFERED = 6  # four-bars for a drawn curve
+LONGEST_LINK = 6.0  # of a drawn curve's size: longest link, and farthest place of pivots and of the point in the coupler
+SHORTEST_LINK = 0.1  # of a drawn curve's size: shortest link
+DIFFERENT_LENGTHS = 0.02  # relative difference of lengths from which on two of them are offered
 
 
 def ranked_paths(designs: Sequence[PathDesign], points: Complex) -> list[PathDesign]:
@@ -32,7 +32,7 @@ def ranked_paths(designs: Sequence[PathDesign], points: Complex) -> list[PathDes
     size = float(np.abs(points - points.mean()).max())
 
     def rank(made: PathDesign) -> tuple[float, float]:
-        return (0.0, -made.four_bar.least_transmission()) if made.largest < EXACT * size else (made.error, 0.0)
+        return (0.0, -made.four_bar.least_transmission()) if made.largest < EXACT_MISS * size else (made.error, 0.0)
 
     return sorted(designs, key=rank)
 
@@ -70,11 +70,11 @@ def drawn_points(stroke: Complex) -> Complex:
     length = float(np.abs(np.diff(line)).sum())
     if len(line) < 3 or length == 0.0:
         raise MechanismError(Fault("curve", "the curve has no length.", "Draw it with the mouse button held down."))
-    if abs(line[-1] - line[0]) < CLOSED * length:
+    if abs(line[-1] - line[0]) < CLOSED_GAP * length:
         line = np.append(line, line[0])
     along = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(line)))])
     grid = 10.0 ** np.floor(np.log10(1e-4 * length))
-    even = np.interp(np.linspace(0.0, along[-1], DRAWN), along, line) / grid
+    even = np.interp(np.linspace(0.0, along[-1], DRAWN_POINTS), along, line) / grid
     points: Complex = (even.real.round() + 1j * even.imag.round()) * grid
     return points
 
@@ -88,14 +88,16 @@ def path_in(scene: Scene) -> Complex | None:
     return np.array([points[f"P{k + 1}"] for k in range(count)]) if count >= 3 else None
 
 
-def path_choices(points: Complex, most: int = OFFERED) -> list[PathDesign]:
+def path_choices(points: Complex, most: int = MOST_OFFERED) -> list[PathDesign]:
     """Different four-bars, not much larger than points (K,) [m], whose coupler point passes these without timing, the best first.
     Raises `MechanismError` where there is none."""
     kept: list[PathDesign] = []
     size = PathTask(points).size
-    task = PathTask(points, lengths=(SHORTEST * size, REACH * size), farthest=float(np.abs(points).max()) + REACH * size)
+    task = PathTask(
+        points, lengths=(SHORTEST_LINK * size, LONGEST_LINK * size), farthest=float(np.abs(points).max()) + LONGEST_LINK * size
+    )
     for one in ranked_paths(path_designs(task), points):
-        if len(kept) < most and all(relative_difference(one, other) > DIFFERENT for other in kept):
+        if len(kept) < most and all(relative_difference(one, other) > DIFFERENT_LENGTHS for other in kept):
             kept.append(one)
     if not kept:
         why = "no four-bar whose crank turns fully draws this curve in its order."

@@ -16,7 +16,7 @@ from mechcore.motion.solve import compile_mechanism
 from mechviz.commands.main import app
 from mechviz.outputs.viewer.session import EditSession, Status
 from mechviz.runs import run_scene
-from mechviz.scene.assembly.simulation import MARGIN, swinging
+from mechviz.scene.assembly.simulation import RANGE_MARGIN, swinging
 from mechviz.scene.faults import SceneError
 from mechviz.scene.scene import Scene
 from mechviz.studies.report import check_lines
@@ -59,7 +59,7 @@ def ends(law: Law) -> tuple[float, float]:
 def test_a_crank_that_cannot_turn_runs_to_its_limits_and_back():
     scene = rocker()
     law, reach = law_of(scene), limit(120.0, 200.0, 210.0)
-    assert ends(law) == pytest.approx((-reach * (1.0 - 2.0 * MARGIN), reach * (1.0 - 2.0 * MARGIN)), rel=1e-9)
+    assert ends(law) == pytest.approx((-reach * (1.0 - 2.0 * RANGE_MARGIN), reach * (1.0 - 2.0 * RANGE_MARGIN)), rel=1e-9)
     run = run_scene(scene)
     q, v, _ = run.motion.drives[0]
     assert q[0] == pytest.approx(math.radians(20.0), abs=1e-15) and v[0] > 0.0
@@ -90,7 +90,7 @@ def test_a_start_next_to_the_limit_is_an_end():
 @pytest.mark.parametrize("start", [90, -120])
 def test_a_start_that_cannot_be_had_is_moved_to_the_nearest_end(start):
     law = law_of(rocker(REACHABLE.replace("20", str(start), 1)))
-    assert law(0.0)[0] == pytest.approx(math.copysign(limit(120.0, 200.0, 210.0) * (1.0 - 2.0 * MARGIN), start), rel=1e-9)
+    assert law(0.0)[0] == pytest.approx(math.copysign(limit(120.0, 200.0, 210.0) * (1.0 - 2.0 * RANGE_MARGIN), start), rel=1e-9)
     assert ends(law) == pytest.approx(ends(law_of(rocker())))
     assert run_scene(rocker(REACHABLE.replace("20", str(start), 1))).motion.closure.max() < 1e-14
 
@@ -103,7 +103,7 @@ def test_the_reach_goes_on_behind_the_start(start):
     )  # all but some degrees about 180
     law, reach = law_of(rocker(REACHABLE.replace("20", str(start), 1), text)), limit(117.0, 200.0, 315.0)
     assert 2.8 < reach < math.pi
-    assert ends(law) == pytest.approx((-reach * (1.0 - 2.0 * MARGIN), reach * (1.0 - 2.0 * MARGIN)), rel=1e-9)
+    assert ends(law) == pytest.approx((-reach * (1.0 - 2.0 * RANGE_MARGIN), reach * (1.0 - 2.0 * RANGE_MARGIN)), rel=1e-9)
     held = rocker(f"speed = 0, start = {start}", text)
     (whole,) = reachable_ranges(compile_mechanism(held.mechanism))
     assert whole == pytest.approx((-reach, reach), abs=1e-9)
@@ -126,7 +126,7 @@ S = { prismatic = ["frame", "slide"], at = ["O", "C"], drive = { speed = "50 mm/
 
 def test_drives_that_slide():
     law = law_of(mechviz.loads(SLIDER))
-    assert ends(law) == pytest.approx((0.09 + 0.08 * MARGIN, 0.17 - 0.08 * MARGIN), rel=1e-9)
+    assert ends(law) == pytest.approx((0.09 + 0.08 * RANGE_MARGIN, 0.17 - 0.08 * RANGE_MARGIN), rel=1e-9)
     assert np.abs(law(np.linspace(0.0, law.duration, 101))[1]).max() == pytest.approx(0.05, rel=1e-3)
     cylinder = """
 units = { length = "mm", angle = "deg" }
@@ -137,7 +137,7 @@ arm   = { points = { D = [0, 0], E = [200, 0] } }
 H = { cylinder = ["frame", "arm"], at = ["A", "E"], side = "left", drive = { speed = 20, start = 250, range = "reachable" } }
 D = { revolute = ["frame", "arm"] }
 """
-    assert ends(law_of(mechviz.loads(cylinder))) == pytest.approx((0.1 + 0.4 * MARGIN, 0.5 - 0.4 * MARGIN), rel=1e-9)
+    assert ends(law_of(mechviz.loads(cylinder))) == pytest.approx((0.1 + 0.4 * RANGE_MARGIN, 0.5 - 0.4 * RANGE_MARGIN), rel=1e-9)
 
 
 def test_followed_groups_stop_at_their_limit():
@@ -185,7 +185,7 @@ def test_beside_drives_that_stand_still():
     d = complex(150.0, 30.0)
     far, tilt = abs(d), math.atan2(d.imag, d.real)
     reach = limit(50.0, far, 140.0)
-    margin = 2.0 * MARGIN * reach
+    margin = 2.0 * RANGE_MARGIN * reach
     assert (low, high) == pytest.approx((tilt - reach + margin, tilt + reach - margin), rel=1e-9)
 
 
@@ -194,7 +194,7 @@ def test_beside_a_drive_that_moves():
     scene = mechviz.loads(TWO.replace("OTHER", 'speed = "90 rpm"'))
     low, high = ends(law_of(scene))
     reach = limit(50.0, 150.0, 140.0 - 30.0)
-    assert (low, high) == pytest.approx((-(1.0 - 2.0 * MARGIN) * reach, (1.0 - 2.0 * MARGIN) * reach), rel=1e-4)
+    assert (low, high) == pytest.approx((-(1.0 - 2.0 * RANGE_MARGIN) * reach, (1.0 - 2.0 * RANGE_MARGIN) * reach), rel=1e-4)
     motion = run_scene(scene).motion
     assert motion.closure.max() < 1e-12
 

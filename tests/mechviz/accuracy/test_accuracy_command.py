@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from mechviz.accuracy.fit import PROFILE
+from mechviz.accuracy.fit import PROFILE_POINTS
 from mechviz.commands.main import app
-from mechviz.figures import DOTS, chart_svg
+from mechviz.figures import DOTS_AN_INCH, chart_svg
 from mechviz.outputs.rerun.precision import write_rrd
 from mechviz.scene.scene import load
 from mechviz.studies import cost, precision
@@ -109,7 +109,7 @@ def test_only_cams_in_the_plane_have_a_ladder_of_profiles(name, plane, monkeypat
     if plane:
         errors = {p.options["profile"]: p.error for p in points}
         assert errors[2160] == pytest.approx(errors[4320] * 4.0, rel=0.05)
-        assert [p.options["profile"] for p in points if p.current] == [PROFILE]
+        assert [p.options["profile"] for p in points if p.current] == [PROFILE_POINTS]
 
 
 def test_integrators_are_compared_with_the_motion_at_its_tightest(monkeypatch):
@@ -170,7 +170,7 @@ def test_a_recording_of_the_diagrams_has_axes_and_a_point_for_each_setting(tmp_p
         own = [p for p in POINTS if p.method == method]
         places = np.array(result[f"/accuracy/frames/{method}", "Points2D:positions"])
         assert (np.diff(places[:, 0]) > 0).all() and (np.diff(places[:, 1]) > 0).all()
-        assert places.min() > 0 and (places < DOTS * np.array(PANEL)).all()
+        assert places.min() > 0 and (places < DOTS_AN_INCH * np.array(PANEL)).all()
         labels = result[f"/accuracy/frames/{method}", "Points2D:labels"]
         assert [label.split(": ")[1] for label in labels] == [f"{p.error:.1e} in {p.price}" for p in own]
         assert result[f"/accuracy/frames/{method}/error", "Scalars:scalars"] == [p.error for p in own]

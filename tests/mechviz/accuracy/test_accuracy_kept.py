@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 
 from mechcore.accuracy import Accuracy, accuracy_for
 from mechviz.accuracy import fit as fit_module
-from mechviz.accuracy.fit import FINEST, profile_away, provider, target_words
+from mechviz.accuracy.fit import FINEST_CHORD, profile_away, provider, target_words
 from mechviz.commands.main import app
 from mechviz.meshes.kinds import cam_profiles as profiles
 from mechviz.outputs.exports.tables import even_times, wide_table
@@ -106,7 +106,7 @@ def test_profiles_are_within_the_target_of_the_cam(target, monkeypatch):
 
 def test_meshes_get_no_finer_than_can_be_seen_and_say_so():
     run = run_scene(load("crank-rocker"), accuracy=1e-8)
-    assert run.kept.chord == pytest.approx(FINEST * run.motion.model.length_scale)
+    assert run.kept.chord == pytest.approx(FINEST_CHORD * run.motion.model.length_scale)
     assert "no finer than 1e-05 of the size" in target_words(run)[-1]
     stated = run_scene(load("crank-rocker"), accuracy=accuracy_for(1e-8, chord=1e-4))
     assert stated.kept.chord == 1e-4

@@ -534,7 +534,7 @@ def test_a_long_run_in_python_shows_how_far_it_is(monkeypatch, capsys):
     monkeypatch.setitem(sys.modules, "IPython", notebook)
     mechviz.run("swinging-double-pendulum", frames=12)
     assert notebook.shown == []  # it is quick
-    monkeypatch.setattr("mechviz.facade.LONG", 0.0)
+    monkeypatch.setattr("mechviz.facade.LONG_RUN", 0.0)
     mechviz.run("swinging-double-pendulum", frames=12)
     assert notebook.shown[0] == "solving swinging-double-pendulum" and notebook.shown[-1] == ""
     assert "solving swinging-double-pendulum: motion under forces" in notebook.shown

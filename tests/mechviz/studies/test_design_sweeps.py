@@ -204,7 +204,7 @@ def test_a_design_that_cannot_be_assembled_is_a_row_with_its_reason():
 
 
 def test_a_study_that_was_cut_off_goes_on_and_ends_the_same(press, tmp_path, monkeypatch):
-    monkeypatch.setattr("mechviz.studies.designs.sweep.FLUSH", 0.0)
+    monkeypatch.setattr("mechviz.studies.designs.sweep.FLUSH_SECONDS", 0.0)
     monkeypatch.setattr("mechviz.studies.designs.sweep.LARGEST_CHUNK", (8, 8, 8))
     study = question(press, ["speed=60..240rpm:20"], ["drive.A.torque:max"])
     designs = grid(study.variations)

@@ -19,8 +19,8 @@ from mechviz.outputs.viewer.server import Callback, finite
 from mechviz.outputs.viewer.session import EditSession
 from mechviz.outputs.viewer.viser_adapter import uuid_of
 from mechviz.studies.designs.figures import MISSING, StoredStudy
-from mechviz.studies.designs.optimise import DIGITS, Search, optimise
-from mechviz.studies.designs.problem import KEPT, Problem, problem_of
+from mechviz.studies.designs.optimise import VALUE_DIGITS, Search, optimise
+from mechviz.studies.designs.problem import LIMIT_ROUNDING, Problem, problem_of
 
 PAUSE = 0.25  # [s] between looks at the best design so far
 HEIGHT = 150  # [px]
@@ -96,7 +96,7 @@ class Optimiser:
             return
         self._reported_at = time.monotonic()
         term = search.problem.terms[objective]
-        kept = violation <= KEPT
+        kept = violation <= LIMIT_ROUNDING
         limits_text = "all limits are kept" if kept else f"limits missed by {100.0 * violation:.3g} %"
         best = term.shown(value) if np.isfinite(value) else "none yet"
         self.report.content = words.hint(f"{stage}: {search.evaluations} designs. {term.text}: {best}; {limits_text}.")
@@ -111,7 +111,7 @@ class Optimiser:
         """Have a design shown, unless it is."""
         if not np.array_equal(design, self._shown):
             self._shown = design
-            values = {v.name: v.stated(float(f"{x:.{DIGITS}g}")) for v, x in zip(problem.variables, design, strict=True)}
+            values = {v.name: v.stated(float(f"{x:.{VALUE_DIGITS}g}")) for v, x in zip(problem.variables, design, strict=True)}
             self._session.change("optimise", lambda draft: draft.with_parameters(values))
 
 

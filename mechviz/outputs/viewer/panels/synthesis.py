@@ -22,7 +22,7 @@ from mechviz.outputs.viewer.session import EditSession
 from mechviz.outputs.viewer.view_model import ViewModel
 from mechviz.scene.units import Units
 from mechviz.studies.synthesis.four_bars import MotionDesign, motion_choices, motion_solutions, poses_in
-from mechviz.studies.synthesis.paths import OFFERED, drawn_points, path_choices, path_in, path_solutions
+from mechviz.studies.synthesis.paths import MOST_OFFERED, drawn_points, path_choices, path_in, path_solutions
 
 WANTED = (217, 119, 6)  # colour of the curve that was drawn
 SHEET = 3.0  # of the mechanism's size: side of the sheet that is drawn on
@@ -206,7 +206,7 @@ class Drawing:
                 )
             )
             self.on = gui.add_checkbox("Draw a curve", False)
-            self.choice = gui.add_slider("Four-bar", 1, OFFERED, 1, 1, hint="1 is nearest to the curve")
+            self.choice = gui.add_slider("Four-bar", 1, MOST_OFFERED, 1, 1, hint="1 is nearest to the curve")
             self.report = gui.add_html("")
         self.on.on_update(callback("Drawing", lambda _: self._place(self._session.view_model)))
         self.choice.on_update(callback("Choosing a four-bar", lambda _: self._choose()))

@@ -11,7 +11,7 @@ from pydantic import Discriminator, Tag
 from mechcore.errors import Fault
 from mechcore.laws.timed import Table as Interpolation
 from mechcore.spec.loads import Actuator, Factor, Force, Load, Polynomial, Torque
-from mechviz.scene.convert import LARGEST, probable_sort
+from mechviz.scene.convert import LARGEST_VALUE, probable_sort
 from mechviz.scene.faults import listing
 from mechviz.scene.fields import ForceVector, Table, Text, value_or_list
 from mechviz.scene.fields import Torque as TorqueValue
@@ -147,8 +147,8 @@ def _likely_kind(given: FactorTable | FactorPolynomial) -> str:
 def _moderate(m: LoadMaker, values: list[float], path: str) -> bool:
     """Notes the first number that is beyond all measure."""
     for k, value in enumerate(values):
-        if abs(value) > LARGEST:
-            m.convert.note(f"{path}[{k}]", f"{value:g} is beyond {LARGEST:g}.", "Check the number.")
+        if abs(value) > LARGEST_VALUE:
+            m.convert.note(f"{path}[{k}]", f"{value:g} is beyond {LARGEST_VALUE:g}.", "Check the number.")
             return False
     return True
 
