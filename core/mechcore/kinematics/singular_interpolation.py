@@ -8,14 +8,17 @@ nodes of a later group may lie where an earlier one is singular.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import field
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.polynomial import chebyshev
 
 from mechcore.arrays import Flags, Index, Real, Values
+from mechcore.constants import TURN
 from mechcore.kinematics.columns import all_columns, all_vectors
 from mechcore.kinematics.model import Model
 from mechcore.kinematics.positions import apply, place
@@ -36,13 +39,20 @@ FIT_NODES = (
 )  # where the branch is solved for that, over FAR steps
 FIT_DEGREE = 11  # of the polynomial fitted to them: more nodes than coefficients, because their rounding errors average out
 FIT = np.linalg.pinv(chebyshev.chebvander(FIT_NODES, FIT_DEGREE))
+FRACTIONS = 256  # of the way between samples, in which it is told where an instant is: its curve does not depend on that
 FIT_TAIL = 1e-12  # last terms of that polynomial: below, what it leaves out is rounding
 
 
 def unknowns_of(model: Model, block: Block, state: State, at: Index) -> Real:
     """A block's positions (n, unknowns) at the places ``at``: angles without jumps [rad], then slides [m]."""
-    rows = [np.unwrap(np.asarray(wrapped_angle(model, state, g))[at]) for g in block.angles]
+    rows = [_unwrapped(np.asarray(wrapped_angle(model, state, g))[at]) for g in block.angles]
     return np.array([*rows, *(np.asarray(state.slide[j])[at] for j in block.slides)]).T
+
+
+def _unwrapped(angle: Real) -> Real:
+    """As `np.unwrap`, which takes four times as long for few angles."""
+    turns = np.rint(np.diff(angle) / TURN)
+    return angle - TURN * np.append(0.0, np.cumsum(turns)) if turns.any() else angle
 
 
 def smooth(model: Model, block: Block, state: State, time: Real, instant: float, step: float) -> tuple[float, Interpolant | None]:
@@ -51,23 +61,32 @@ def smooth(model: Model, block: Block, state: State, time: Real, instant: float,
     Returns how large the polynomial's last terms still are (angles [rad], slides over the size), and the patch of the samples
     that are too near; None where the samples end.
     """
-    reach = step * FAR_STEPS * (1.0 + 1e-9)
-    first, last = np.searchsorted(time, [instant - reach, instant + reach])
-    away = (time[first:last] - instant) / (step * FAR_STEPS)
-    distance = np.abs(away)
-    near, fit = np.flatnonzero(distance < NEAR_STEPS / FAR_STEPS), np.flatnonzero(distance >= 8.0 / FAR_STEPS)
-    if not len(near) or len(fit) < 2 or away[fit[-1]] - away[fit[0]] < 1.9:
+    apart = float(time[1] - time[0])
+    place = (instant - float(time[0])) / apart
+    before = math.floor(place)
+    fit, near, terms, inverse = _samples(round((place - before) * FRACTIONS), round(step / apart))
+    if before + fit[0] < 0 or before + fit[-1] >= len(time):
         return 0.0, None
-    values = unknowns_of(model, block, state, first + fit)
+    values = unknowns_of(model, block, state, before + fit)
     scale = np.where(np.arange(values.shape[1]) < len(block.angles), 1.0, model.length_scale)
     with np.errstate(**QUIET):
-        terms = chebyshev.chebvander(away, FIT_DEGREE)
-        q, r = np.linalg.qr(terms[fit])
-        coefficients = np.linalg.solve(r, q.T @ values)
+        coefficients = inverse @ values
         tail = float(np.max(np.abs(coefficients[-2:]) / scale))
-        at_samples = np.asarray(terms[near] @ coefficients, float)
-    near = first + near
-    return tail, Interpolant(near, at_samples, at_samples, at_samples)
+        at_samples = np.asarray(terms @ coefficients, float)
+    return tail, Interpolant(before + near, at_samples, at_samples, at_samples)
+
+
+@lru_cache(64)
+def _samples(fraction: int, width: int) -> tuple[Index, Index, Real, Real]:
+    """Samples beside an instant, counted from the one before it, of which the branch is taken (n,) and which are too near (m,), and
+    the polynomial's terms (m, k) there and its coefficients (k, n) by values at the first ones. ``fraction`` of the way to the next
+    sample at which the instant is; a step of so many samples."""
+    at, reach = fraction / FRACTIONS, width * FAR_STEPS
+    samples = np.arange(math.ceil(at - reach), math.floor(at + reach) + 1)
+    away = (samples - at) / reach
+    fit, near = np.abs(away) >= 8.0 / FAR_STEPS, np.abs(away) < NEAR_STEPS / FAR_STEPS
+    terms = chebyshev.chebvander(away, FIT_DEGREE)
+    return samples[fit], samples[near], terms[near], np.linalg.pinv(terms[fit])
 
 
 def tail_of(values: Real) -> float:
