@@ -127,10 +127,9 @@ static double polished(const Contacts *c, const Event *event, const Searched *w,
 and twice; what makes coefficients of Chebyshev polynomials of values there, and their sums at places that are even in the angle. */
 static struct {
     double x[SAMPLES + 2], once[SAMPLES + 2][MOST_NODES], twice[SAMPLES + 2][MOST_NODES], fit[SAMPLES][SAMPLES], grid[SAMPLES][GRID + 1];
-    int made;
 } fixed;
 
-static void make_fixed(void) {
+__attribute__((constructor)) static void make_fixed(void) { /* when the library is loaded, before any thread calls it */
     const double half_turn = acos(-1.0);
     for (long k = 0; k < SAMPLES; k++) {
         const double angle = half_turn * ((double)(SAMPLES - 1 - k) + 0.5) / SAMPLES;
@@ -138,10 +137,9 @@ static void make_fixed(void) {
         for (long j = 0; j < SAMPLES; j++) fixed.fit[j][k] = cos((double)j * angle) * (j ? 2.0 : 1.0) / SAMPLES;
     }
     for (long i = 0; i <= GRID; i++)
-        for (long k = 0; k < SAMPLES; k++) {
-            double sum = 0.0;
-            for (long j = 0; j < SAMPLES; j++) sum += cos((double)j * half_turn * (double)(GRID - i) / GRID) * fixed.fit[j][k];
-            fixed.grid[k][i] = sum;
+        for (long j = 0; j < SAMPLES; j++) {
+            const double term = cos((double)j * half_turn * (double)(GRID - i) / GRID);
+            for (long k = 0; k < SAMPLES; k++) fixed.grid[k][i] += term * fixed.fit[j][k];
         }
     fixed.x[SAMPLES] = -1.0, fixed.x[SAMPLES + 1] = 1.0;
     for (long i = 0; i < SAMPLES + 2; i++)
@@ -151,7 +149,6 @@ static void make_fixed(void) {
             series[k] = 1.0;
             within(k + 1, 1, series, 1.0, 0.5 * (fixed.x[i] + 1.0), &none, &none, fixed.twice[i] + k, fixed.once[i] + k, 0);
         }
-    fixed.made = 1;
 }
 
 /* The zero of a polynomial between angles of which it is negative at the first and positive at the second (false position). */
@@ -399,7 +396,6 @@ long phases(const System *y, const Rule *r, const double *numbers, long modes, l
     const double end = numbers[0], least = numbers[1];
     double m[modes + ELEMENTS + 2], state[OUTPUTS], when;
     Contacts c = {*y, m, m + modes, m + modes + ELEMENTS, given, (const Stop *)(given + 2 * ELEMENTS), stops, numbers[5], numbers[6], numbers[7]};
-    if (!fixed.made) make_fixed();
     memcpy(m, y->m, (size_t)modes * sizeof(double));
     memcpy(c.signs, given + ELEMENTS, ELEMENTS * sizeof(double));
     *c.breaking = 0.0;
