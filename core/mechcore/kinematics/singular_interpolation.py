@@ -86,7 +86,7 @@ def _samples(fraction: int, width: int) -> tuple[Index, Index, Real, Real]:
     away = (samples - at) / reach
     fit, near = np.abs(away) >= 8.0 / FAR_STEPS, np.abs(away) < NEAR_STEPS / FAR_STEPS
     terms = chebyshev.chebvander(away, FIT_DEGREE)
-    return samples[fit], samples[near], terms[near], np.linalg.pinv(terms[fit])
+    return samples[fit], samples[near], np.asarray(terms[near], float), np.asarray(np.linalg.pinv(terms[fit]), float)
 
 
 def tail_of(values: Real) -> float:
