@@ -18,7 +18,7 @@ from mechviz.scene.annotations import Place
 from mechviz.scene.convert import JoinedSegments
 from mechviz.scene.document import value_at
 from mechviz.scene.faults import path_text
-from mechviz.scene.kinds.segments import FREE, LawDocument, SegmentTable
+from mechviz.scene.kinds.segments import FREE, LawDocument, RadiusSegment, SegmentTable
 from mechviz.scene.scene import Scene
 from mechviz.scene.units import Units, derivative_kind
 
@@ -54,6 +54,12 @@ class _Segment:
         """Whether it goes from rest to rest."""
         return not any([*self.state(0.0, 1)[1:], *self.state(self.over, 1, "left")[1:]])
 
+    @property
+    def leads(self) -> bool:
+        """Whether it ends elsewhere than it begins."""
+        values = self.curve(np.linspace(0.0, self.over, 65), 0)[0]
+        return abs(self.curve.advance) > _SMOOTH * float(np.ptp(values))
+
     def jerk(self) -> float:
         """That of the polynomial of the fifth degree at its end."""
         ends = ((0.0, self.curve(np.zeros(1), 2)), (self.over, self.curve(np.array([self.over]), 2, "left")))
@@ -86,17 +92,20 @@ def law_changes(scene: Scene, place: Place, option: str) -> dict[Place, Any]:
         position = scene.document.formulas.get((*home, k, "to", 0), position)
     following = segments[k + 1] if k + 1 < len(segments) else segments[0] if joined.curve.repeats else None
     bound = following is not None and _meets(following)  # it starts where this one ends, derivatives included
-    if option == STATED_ENDS:
+    whole = not isinstance(table, RadiusSegment)  # else its ends have no derivatives
+    if option == STATED_ENDS and whole:
         changes[(*home, k, "to")] = [position, *end[1:], *([] if bound else [present.jerk()])]
     elif meets:
-        moving = any(end[1:]) and not _meets(table) and not bound and option not in ("polynomial", *_LEAST)
+        moving = any(end[1:]) and not _meets(table) and not bound and whole and option not in ("polynomial", *_LEAST)
         if moving or table.to is None:
             changes[(*home, k, "to")] = [position, *end[1:]] if moving else position
+    elif bound and whole and any(end[1:]):
+        changes[(*home, k, "to")] = [position, FREE, FREE]
     elif option == TABLE:
         changes[(*home, k, "to")] = None
     elif table.to is None or (isinstance(table.to, list) and any(v != FREE for v in table.to[1:])):
         changes[(*home, k, "to")] = position
-    if option in _POINTS and k and any(present.state(0.0, 2)[1:]) and not _meets(table):
+    if option in _POINTS and k and whole and any(present.state(0.0, 2)[1:]) and not _meets(table):
         before = segments[k - 1]
         if before.to is not None and not isinstance(before.to, list) and not _meets(before):
             changes[(*home, k - 1, "to")] = [scene.document.formulas.get((*home, k - 1, "to"), before.to), FREE, FREE]
@@ -126,7 +135,11 @@ def _written(option: str, present: _Segment) -> Any:
         at, values = _rows(present.curve, order)
         rows = {"at": [present.place(x) for x in at.tolist()], "values": [present.derivative(v, order) for v in values.tolist()]}
         law: dict[str, Any] = {option.removeprefix("given "): rows}
-        return {**law, "balanced": True} if order == 2 and present.rests and values.min() < 0.0 < values.max() else law
+        return (
+            {**law, "balanced": True}
+            if order == 2 and present.rests and present.leads and values.min() < 0.0 < values.max()
+            else law
+        )
     if option == TABLE:
         at, values = _positions(present.curve, present.over, present.rests)
         table = {"at": [present.place(x) for x in at.tolist()], "values": [present.derivative(v, 0) for v in values]}

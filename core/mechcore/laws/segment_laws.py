@@ -271,9 +271,10 @@ class GivenVelocity:
 
     def join(self, start: State, end: State, over: float) -> MotionCurve:
         value, change, own = _value(start), _value(end) - _value(start), self.curve.integrated(0.0).advance
-        if own == change:
+        nothing = 1e-12 * over * max(np.abs(self.curve(np.linspace(0.0, over, 65), 0)).max(), 1e-300)
+        if abs(own - change) < nothing:
             return self.curve.integrated(value)
-        if abs(own) < 1e-12 * over * max(np.abs(self.curve(np.linspace(0.0, over, 65), 0)).max(), 1e-300):
+        if abs(own) < nothing:
             raise MechanismError(Fault("law.velocity", "it leads nowhere: no size of it reaches the end.", "Change its shape."))
         return _times(self.curve, change / own).integrated(value)
 

@@ -115,6 +115,20 @@ def test_a_given_acceleration_goes_from_rest_to_rest_whatever_is_edited():
     assert len(run_scene(edited, frames=36).motion.time) == 37
 
 
+@pytest.mark.parametrize("option", NEAR)
+def test_a_motion_to_and_fro_and_a_radius_take_every_law(option):
+    """A segment that ends where it begins has no size that follows from its end; a radius has no derivatives at its ends."""
+    scene, place = mechviz.load("gantry-in-step"), ("joints", "Z", "drive", "program", "segments", 2, "law")
+    before = curve(scene, place[:-2])
+    if option != STATED_ENDS:  # no point between the ends is left
+        after = curve(other(scene, place, option), place[:-2])
+        np.testing.assert_allclose(after[0], before[0], rtol=0.0, atol=0.02 * np.ptp(before[0]))
+    scene, place = mechviz.load("cam-polynomial"), ("joints", "K", "profile", "radius", 0, "law")
+    before = curve(scene, place[:-2])
+    after = curve(other(scene, place, option), place[:-2])
+    np.testing.assert_allclose(after[0], before[0], rtol=0.0, atol=0.02 * np.ptp(before[0]))
+
+
 def test_speeds_at_the_ends_are_kept():
     """Two halves of a rise at one speed: the second, through points, begins and ends with it, and is the same line."""
     halves = [{"over": 60, "to": 10, "law": "constant-velocity"}, {"over": 60, "to": 20, "law": "constant-velocity"}]
