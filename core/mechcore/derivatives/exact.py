@@ -45,7 +45,8 @@ from mechcore.kinematics.state import State, relation_sum, value
 from mechcore.laws.timed import Free
 from mechcore.motion.motion import Motion
 from mechcore.numerics.frames import QUIET, lazy
-from mechcore.numerics.tape import Tape, Traced, Untraced, value_of
+from mechcore.numerics.tape import Traced, Untraced, value_of
+from mechcore.numerics.tape_functions import new_tape
 from mechcore.records import Place, with_numbers
 from mechcore.spec.mechanism import Mechanism, braked
 from mechcore.topology.graph import vector_loops
@@ -76,7 +77,7 @@ class Derivatives:
         self.nominal = motion
         self.parameters = tuple(with_nominal_knots(p, motion.mechanism) for p in parameters)
         self.times = times or (lambda _: motion.time)
-        self.tape = Tape()
+        self.tape = new_tape()
         self.leaves: dict[Place, Traced] = {}
         self._slopes: dict[int, list[Any]] = {}  # of leaves, by parameters
         self._arms = turning_vectors(motion.model)  # of loops, zero ones left out that stay so

@@ -17,7 +17,8 @@ from mechcore.kinematics.model import Model
 from mechcore.laws.signals import Chirp, Ramp, Sine, Step
 from mechcore.laws.timed import Table
 from mechcore.numerics.frames import plane
-from mechcore.numerics.tape import Traced, Untraced, piecewise, value_of
+from mechcore.numerics.tape import Traced, Untraced, value_of
+from mechcore.numerics.tape_functions import piecewise
 from mechcore.spec.loads import Actuator, Factor, Force, Polynomial, Prescribed, Torque
 
 Multiplied = TypeVar("Multiplied", bound=Prescribed)

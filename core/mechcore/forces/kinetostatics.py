@@ -22,7 +22,8 @@ from mechcore.kinematics.dyads import cross
 from mechcore.motion.motion import Motion
 from mechcore.numerics.frames import PLAIN, added, lazy, less, rows_of, stacked
 from mechcore.numerics.interpolation import integral_so_far
-from mechcore.numerics.tape import Traced, integral
+from mechcore.numerics.tape import Traced
+from mechcore.numerics.tape_functions import integral
 from mechcore.records import dataclass
 from mechcore.spec.mechanism import braked
 
