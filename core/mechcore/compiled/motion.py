@@ -91,8 +91,8 @@ class MotionProgram:
         count = len(model.mechanism.drives)
         first, second = ([kernel.real(f"rate {d} {k}") for d in range(count)] for k in (1, 2))
         curve_values: Any = {r: (None, kernel.real(f"curve {r} 1"), kernel.real(f"curve {r} 2")) for r in self._curves}
-        speeds: Any = velocities(model, vectors, columns, first, curve_values=curve_values)  # type: ignore[arg-type]
-        bent: Any = accelerations(model, vectors, columns, speeds, second)  # type: ignore[arg-type]
+        speeds: Any = velocities(model, vectors, columns, first, curve_values=curve_values)  # type: ignore[arg-type]  # symbols stand for arrays
+        bent: Any = accelerations(model, vectors, columns, speeds, second)  # type: ignore[arg-type]  # symbols stand for arrays
         for rates in (speeds, bent):
             for s in self._classes:
                 kernel.put_plane(rates.factor[s])

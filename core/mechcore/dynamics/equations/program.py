@@ -305,13 +305,13 @@ class EquationsWriter:
                 drives.append((code.input(f"q[{k}]"), code.input(f"v[{k}]"), 0.0))
             else:
                 k = 3 * (d - sum(x < d for x in free))
-                drives.append(tuple(code.input(f"d[{k + i}]") for i in range(3)))  # type: ignore[arg-type]
+                drives.append(tuple(code.input(f"d[{k + i}]") for i in range(3)))  # type: ignore[arg-type]  # symbols stand for arrays
         state = self._state([q for q, _, _ in drives])
         angles = self._angles(state)
         moving = self._motion(state, angles, drives, second=True)
         units = [self._motion(state, angles, [(q, 1.0 * (d == i), 0.0) for d, (q, _, _) in enumerate(drives)]) for i in free]
         states = integrating(self.compiled)
-        moving.states.update({e.name: code.input(f"v[{len(free) + i}]") for i, e in enumerate(states)})  # type: ignore[misc]
+        moving.states.update({e.name: code.input(f"v[{len(free) + i}]") for i, e in enumerate(states)})  # type: ignore[misc]  # symbols stand for arrays
         with on_symbols("a load"):
             outputs, additional = self._reduced(moving, units)
             integrated = [self._operand(e.state_rate(moving)) for e in states]
