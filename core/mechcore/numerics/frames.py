@@ -133,6 +133,7 @@ def rotation_of(angle: Values) -> Complex:
     return out
 
 
+ARENA_MAX = -8  # M_ARENA_MAX of glibc's malloc.h
 LARGEST_BLOCK = 2**25  # glibc adapts up to blocks of 32 MiB, and then keeps twice as much
 
 
@@ -146,3 +147,9 @@ def give_back_memory() -> None:
     """Let the C library give freed memory back to the system, where it can: before work that takes memory of its own."""
     with suppress(AttributeError, OSError, TypeError):  # of glibc
         CDLL(None).malloc_trim(0)
+
+
+def share_memory() -> None:
+    """Let threads share two pools of memory, where the C library can: each pool keeps what it once needed."""
+    with suppress(AttributeError, OSError, TypeError):
+        CDLL(None).mallopt(ARENA_MAX, 2)

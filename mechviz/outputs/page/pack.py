@@ -18,6 +18,7 @@ from mechviz.outputs.rerun.reader import evenly
 
 Array = NDArray[Any]
 
+LARGEST = float(np.finfo(np.float32).max)
 ABSENT = 65535
 """Of quantised values: there is none (NaN)."""
 
@@ -32,8 +33,9 @@ class Pack:
         self._length = 0
 
     def floats(self, values: Array) -> int:
-        """Any values as float32."""
-        return self._add("f32", np.asarray(values, np.float32).ravel())
+        """Any values as float32; NaN for larger ones, as a damaged recording may hold."""
+        flat = np.asarray(values).ravel()
+        return self._add("f32", np.where(np.abs(flat) <= LARGEST, flat, np.nan).astype(np.float32))
 
     def places(self, values: Array) -> int:
         """Finite or NaN values as 16-bit steps of their range: for looking, not for reading off."""

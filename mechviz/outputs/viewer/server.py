@@ -21,6 +21,7 @@ import websockets.asyncio.server
 from websockets.typing import Origin
 
 from mechcore.errors import MechanismError
+from mechcore.numerics.frames import share_memory
 from mechcore.records import dataclass
 from mechviz.outputs.viewer.viser_adapter import control_of, is_removed, replaced, start
 
@@ -52,6 +53,7 @@ class ViewerError(Exception):
 
 def start_server(port: int, label: str) -> tuple[viser.ViserServer, Guard]:
     """A server on 127.0.0.1, and what guards it. ``port`` 0 takes a free one. Raises `ViewerError` if the port cannot be had."""
+    share_memory()
     for _ in range(ATTEMPTS):
         probed = _probe(port)
         server, guard = _start_guarded(probed, label)

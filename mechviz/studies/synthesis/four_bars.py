@@ -110,7 +110,7 @@ def dyads(poses: Poses, moving: Sequence[complex], fixed: Sequence[complex], swi
 
 
 def thinned(curve: BurmesterCurve, poses: Poses) -> tuple[Complex, Complex]:
-    """So many points of Burmester's curves that are not far away, at about equal steps."""
+    """So many points of Burmester's curves that are not far away, at about equal steps. Raises `MechanismError` where all are."""
     middle = poses.places.mean()
     near = (
         np.isfinite(curve.w)
@@ -118,6 +118,8 @@ def thinned(curve: BurmesterCurve, poses: Poses) -> tuple[Complex, Complex]:
         & (np.abs(curve.w) < FARTHEST_PIVOT * poses.reach)
     )
     w, c = curve.w[near], curve.c[near]
+    if not len(w):
+        raise MechanismError(Fault("poses", "all pivots are far away from these positions.", "Move one of them."))
     step = np.abs(np.diff(w, prepend=w[:1])) + np.abs(np.diff(c, prepend=c[:1]))
     along = np.cumsum(np.minimum(step, 0.2 * poses.reach))
     wanted = np.linspace(0.0, along[-1], CURVE_POINTS)

@@ -73,11 +73,14 @@ def test_arrays_come_back_as_exactly_as_they_are_stored(values, absent):
     assert np.array_equal(arrays[2], whole)
 
 
-def test_what_is_no_direction_is_stored_as_none():
-    """Normals of a damaged mesh; numpy warned of the cast."""
+def test_what_is_no_direction_and_what_is_too_large_is_stored_as_none():
+    """Normals of a damaged mesh, numbers of a damaged table; numpy warned of the casts."""
     pack = Pack()
     pack.directions(np.array([1.0, -0.5, np.nan, np.inf, -1e30]))
-    np.testing.assert_allclose(unpack(pack.text({}))[1][0], [1.0, -64 / 127, 0.0, 0.0, 0.0])
+    pack.floats(np.array([1.0, 1e39]))
+    directions, floats = unpack(pack.text({}))[1]
+    np.testing.assert_allclose(directions, [1.0, -64 / 127, 0.0, 0.0, 0.0])
+    np.testing.assert_array_equal(floats, [1.0, np.nan])
 
 
 def test_equal_arrays_are_stored_once():

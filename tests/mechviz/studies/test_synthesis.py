@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from design_cases import time_ratio
@@ -23,6 +25,7 @@ from mechviz.studies.synthesis.four_bars import (
     motion_solutions,
     slider_guide_solutions,
     slider_guides,
+    thinned,
 )
 from mechviz.studies.synthesis.paths import cognate_solutions, traced_four_bar
 from mechviz.studies.synthesis.strokes import dwell_solutions, whitworth_solution
@@ -272,3 +275,10 @@ def test_a_slide_and_a_crank_lead_a_body_through_positions(count):
         near = int(np.hypot(*(place - [z.real, z.imag]).T).argmin())
         assert np.hypot(*(place[near] - [z.real, z.imag])) < 3e-4
         assert angle[near] - angle[int(np.hypot(*place.T).argmin())] == pytest.approx(turn, abs=0.02)
+
+
+def test_four_positions_whose_pivots_are_all_far_away_are_refused():
+    poses = Poses(np.array([0, 1, 2 + 1j, 3j]), np.array([0.0, 0.3, 0.7, 0.2]))
+    curve = burmester_curve(poses, 50)
+    with pytest.raises(MechanismError, match="far away from these positions"):
+        thinned(replace(curve, w=np.full_like(curve.w, np.inf)), poses)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from types import SimpleNamespace
 
 import numpy as np
@@ -75,6 +76,23 @@ def test_positions_are_dragged_added_and_taken_away(solutions):
 
 
 @pytest.mark.browser
+def test_handles_may_be_hidden_while_an_edit_is_shown(solutions):
+    """The session and the browsers have threads of their own."""
+    with Viewer(run_scene(solutions[0].scene, frames=12), port=0) as viewer, ThreadPoolExecutor(2) as threads:
+        tab, view_model = viewer.inspector.synthesis.positions, viewer.session.view_model
+
+        def show(on):
+            for _ in range(300):
+                tab.on.value = on
+                tab._place(view_model)
+
+        for done in [threads.submit(show, on) for on in (True, False)]:
+            done.result()
+        tab.on.value = True
+        tab._place(view_model)
+        assert len(tab._nodes) == 3
+
+
 def test_positions_are_shown_added_and_taken_away_in_the_page(browser, solutions):
     with Viewer(run_scene(solutions[0].scene, frames=60), port=0) as viewer:
         page = open_viewer(browser, viewer, SIZE, [link_path("crank")])

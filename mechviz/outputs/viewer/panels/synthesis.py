@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 from functools import partial
@@ -112,6 +113,7 @@ class Positions:
     def __init__(self, server: viser.ViserServer, folder: viser.GuiFolderHandle, session: EditSession, callback: Callback):
         self._server, self._session, self._callback = server, session, callback
         self._nodes: list[Any] = []
+        self._placing = threading.Lock()  # by the session and by who ticks the box
         self._held = -1
         self._choices: list[MotionDesign] = []
         self.poses = _poses(session)
@@ -156,6 +158,10 @@ class Positions:
 
     def _place(self, view_model: ViewModel) -> None:
         """Put a handle on each position, except for the one that is held."""
+        with self._placing:
+            self._placed(view_model)
+
+    def _placed(self, view_model: ViewModel) -> None:
         wanted = len(self.poses.places) if self.on.value else 0
         while len(self._nodes) > wanted:
             self._nodes.pop().remove()
