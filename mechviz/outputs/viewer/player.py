@@ -44,7 +44,7 @@ class Player:
     def __init__(
         self,
         times: Real,
-        view_model: Callable[[int, bool], None],
+        show: Callable[[int, bool], None],
         failed: Callable[[Exception], None],
         rate: float = 1.0,
         remote: Remote | None = None,
@@ -53,7 +53,7 @@ class Player:
         self._aside = False  # the remote plays
         self._ticked = time.perf_counter()
         self._times = np.asarray(times, float)
-        self._show = view_model
+        self._show = show
         self._failed = failed
         self._changed = threading.Condition()
         self._rate = rate

@@ -53,7 +53,7 @@ class Optimiser:
                 (uplot.Series(label="designs"), uplot.Series(label="best", stroke="#2563c9", width=2, points={"show": False})),
                 scales={"x": uplot.Scale(time=False)},
                 axes=(uplot.Axis(label="designs looked at", size=34, labelGap=-2, **fonts), uplot.Axis(size=60, space=24, **fonts)),
-                legend=uplot.Legend(view_model=False),
+                legend=uplot.Legend(show=False),
                 height=HEIGHT,
                 visible=False,
             )

@@ -358,7 +358,7 @@ class Slot:
                 bands=tuple(bands) or None,
                 scales=self._scales(),
                 axes=(horizontal, vertical),
-                legend=uplot.Legend(view_model=False),
+                legend=uplot.Legend(show=False),
                 height=HEIGHT,
                 padding=(8, 14, 0, 0),
                 order=None if before is None else before.order,
