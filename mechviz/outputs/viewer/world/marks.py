@@ -320,16 +320,22 @@ class HoverNames:
     def __init__(self, server: viser.ViserServer, view_model: ViewModel, arrows: ArrowNodes):
         self._server, self._arrows = server, arrows
         self._said = ""
+        self._beside = False
         self.update(view_model)
 
     def update(self, view_model: ViewModel) -> None:
         """Take what another run, or another size of its arrows, shows."""
-        names, values = json.dumps(hover_names(view_model)), json.dumps(hover_values(view_model, self._arrows))
-        said = f"window.mechvizHover.names = {names}; window.mechvizHover.tell({values});"
-        if said != self._said:
-            self._said = said
-            run_script(self._server, SCRIPT + said, "hover")
+        self._names, self._values = json.dumps(hover_names(view_model)), json.dumps(hover_values(view_model, self._arrows))
+        self._say()
 
     def beside(self, on: bool) -> None:
         """Write the values beside all arrows that are drawn, or no more."""
-        run_script(self._server, f"window.mechvizHover.beside({json.dumps(on)});", "values beside arrows")
+        self._beside = on
+        self._say()
+
+    def _say(self) -> None:  # all in one, as a browser that comes later hears only the last of it
+        told = f"hover.names = {self._names}; hover.tell({self._values}); hover.beside({json.dumps(self._beside)});"
+        said = f"{{ const hover = window.mechvizHover; {told} }}"
+        if said != self._said:
+            self._said = said
+            run_script(self._server, SCRIPT + said, "hover")
