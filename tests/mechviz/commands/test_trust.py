@@ -149,9 +149,9 @@ def test_what_is_too_large_is_refused_with_its_number_unless_it_is_wanted(monkey
     assert code == 2 and "1,200 poses" in said_of_it and "up to 250 frames" in said_of_it and "--large" in said_of_it
     code, said_of_it = said(monkeypatch, capsys, *words, "30")
     assert code == 2 and "4 links; solids are laid out for up to 2" in said_of_it
-    monkeypatch.setenv(limits.LARGE, "")
+    monkeypatch.setenv(limits.LARGE_VARIABLE, "")
     assert said(monkeypatch, capsys, *words, "300", "--large")[0] == 0
-    monkeypatch.setenv(limits.LARGE, "1")
+    monkeypatch.setenv(limits.LARGE_VARIABLE, "1")
     with pytest.raises(SceneError, match="no chain of joints joins it"):
         loads(text)  # it is read, and what is wrong with it is told
 
@@ -159,7 +159,7 @@ def test_what_is_too_large_is_refused_with_its_number_unless_it_is_wanted(monkey
 def test_a_motion_of_very_many_windows_is_told_once_while_it_begins(monkeypatch):
     """Under a gravity of 100 million g a pendulum swings 10,000 times as fast, so that it takes as many more windows."""
     heavy = changed("swinging-double-pendulum", (("gravity",), [0.0, -1e9]), (("run", "duration"), "3 ms"))
-    monkeypatch.setattr(sys.modules["mechcore.dynamics.simulate"], "MANY", 500)
+    monkeypatch.setattr(sys.modules["mechcore.dynamics.simulate"], "MANY_WINDOWS", 500)
     told: list[str] = []
     run_scene(heavy, warn=told.append)
     (words,) = [text for text in told if "windows" in text]
@@ -167,7 +167,7 @@ def test_a_motion_of_very_many_windows_is_told_once_while_it_begins(monkeypatch)
     told.clear()
     run = run_scene(changed("swinging-double-pendulum"), warn=told.append)
     assert not told and run.again is not None
-    monkeypatch.setattr(sys.modules["mechcore.dynamics.simulate"], "PATIENCE", -1.0)
+    monkeypatch.setattr(sys.modules["mechcore.dynamics.simulate"], "QUIET_SECONDS", -1.0)
     for tolerance in (1e-11, 1e-12):  # as an error estimate asks for, which may take much longer than the run itself
         run.again(tolerance)
     (words,) = told
