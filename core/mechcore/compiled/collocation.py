@@ -319,10 +319,10 @@ class CompiledEquations:
         ``given``: scales of the elements (e,) and their signs so far (e,).
         """
         own, v = np.concatenate([*given, [0.0]]), np.array(v, float)
-        numbers, loose, q = (np.array(x, float) for x in (numbers, loose, q))  # type: ignore[assignment]
+        constants, freed, place = (np.array(x, float) for x in (numbers, loose, q))
         modes, e = len(self.modes) - len(given[0]) - 1, len(given[0])
-        at = ctypes.c_long(modes), _at(own), ctypes.c_double(t), _at(q), _at(v), _at(loose)  # type: ignore[arg-type]
-        return (own[e : 2 * e], v) if self._loaded.settled_at(self._system, _at(numbers), *at) else None  # type: ignore[arg-type]
+        at = ctypes.c_long(modes), _at(own), ctypes.c_double(t), _at(place), _at(v), _at(freed)
+        return (own[e : 2 * e], v) if self._loaded.settled_at(self._system, _at(constants), *at) else None
 
     def _batch(self, out: Real, s: int, stuck: bool) -> Batch:
         f = self.freedoms
