@@ -182,7 +182,7 @@ def draw_polygons(name: str, polygons: Sequence[Polygon], size: float, units: Un
         y -= top + gap
     closing = np.max([polygon.closing for polygon in polygons], axis=0) if polygons else None
     unit = polygons[0].unit if polygons else "1"
-    title = f"{name.capitalize()} plan: {told_scale(units, per_metre, unit)}"
+    title = f"{name.capitalize()} plan: {scale_title(units, per_metre, unit)}"
     return Drawing(name, title, tuple(strokes), tuple(marks), per_metre, unit, closing)
 
 
@@ -213,7 +213,7 @@ def draw_funicular(run: Run, size: float) -> Drawing:
     for i in drawing.strokes:  # where all forces are parallel the resultant stands beside them
         shift = aside.pop(0) if i.color == COLORS["resultant"] else 0j
         strokes.append(Stroke(i.label, i.color, i.start + shift, i.vector, plain=i.color == COLORS["ray"]))
-    title = f"Force polygon with pole and rays: {told_scale(run.scene.units, drawing.per_metre, 'N')}"
+    title = f"Force polygon with pole and rays: {scale_title(run.scene.units, drawing.per_metre, 'N')}"
     closing = np.max([s.drawing.closing for s in run.studies.systems.values()], axis=0)
     return Drawing("funicular/forces", title, tuple(strokes), drawing.marks, drawing.per_metre, "N", closing)
 
@@ -230,7 +230,7 @@ def draw_shaking(run: Run, size: float) -> Drawing:
     names = {"before": "shaking force", "after": "with counterweights"}
     zero = np.zeros(run.motion.frames, complex)
     strokes = tuple(Stroke(names[key], COLORS[key], zero, f / per_metre) for key, f in forces)
-    title = f"Shaking force, polar: {told_scale(run.scene.units, per_metre, 'N')}"
+    title = f"Shaking force, polar: {scale_title(run.scene.units, per_metre, 'N')}"
     return Drawing("shaking", title, strokes, (), per_metre, "N", least=0.3 * FILL * size, whole=True)
 
 
@@ -243,7 +243,7 @@ def _aside(f: Funicular) -> complex:
     return away / abs(away) if away else 0j
 
 
-def told_scale(units: Units, per_metre: float, si: str) -> str:
+def scale_title(units: Units, per_metre: float, si: str) -> str:
     """A scale, of so many ``si`` units per metre, for people: "1 m of the drawing = 48.7 kN"."""
     (unit, factor), (length, per) = units.reads(si), units.reads("m", small=True)
     value = per_metre * factor / per

@@ -203,7 +203,7 @@ def _of_cam(exact: Derivatives, joint: str, what: str) -> Any:
         return exact.contact_of(joint, name, values)
 
     if what == "lift":
-        laws = [column(f"law {k}", lambda cam, motion, k=k: cam.law(cam.rows(motion).angle)[k]) for k in (1, 2)]  # type: ignore[misc]
+        laws = [column(f"law {k}", lambda cam, motion, k=k: cam.law(cam.rows(motion).angle)[k]) for k in (1, 2)]  # type: ignore[misc]  # k is bound
         return np.stack([column("lift", lambda cam, motion: cam.rows(motion).lift), *laws], axis=-1)
     pressure = column("pressure angle", lambda cam, motion: cam.rows(motion).pressure_angle)
     curvature = column("curvature", lambda cam, motion: 1.0 / cam.rows(motion).radius)
