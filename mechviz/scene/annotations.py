@@ -123,13 +123,18 @@ def raw_leaves(raw: object, annotation: object, path: Place = ()) -> Iterator[Le
         yield Leaf(path, raw, kind, marks)
 
 
-def raw_value(raw: object, path: Iterable[str | int]) -> Any:
-    """The value at a place of plain data, None where there is none."""
+def stated_value(value: Any, path: Iterable[str | int]) -> Any:
+    """The value that is stated at a place of a document or of plain data, None where there is none."""
     for part in path:
-        if not isinstance(raw, Mapping | list):
+        if isinstance(value, Table):
+            value = getattr(value, str(part)) if part in value.model_fields_set else None
+        elif isinstance(value, Mapping):
+            value = value.get(part)
+        elif isinstance(value, list | tuple) and isinstance(part, int) and part < len(value):
+            value = value[part]
+        else:
             return None
-        raw = raw.get(part) if isinstance(raw, Mapping) else raw[int(part)]
-    return raw
+    return value
 
 
 def replaced(value: Any, changes: Mapping[Place, Any]) -> Any:

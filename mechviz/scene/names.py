@@ -10,7 +10,7 @@ from pydantic import Field
 
 from mechcore.errors import Fault
 from mechcore.records import dataclass
-from mechviz.scene.annotations import Leaf, hints_of, leaves, raw_value, stated_keys
+from mechviz.scene.annotations import Leaf, hints_of, leaves, stated_keys, stated_value
 from mechviz.scene.faults import did_you_mean, listing, path_text
 from mechviz.scene.fields import Table, Text, Unknown
 
@@ -79,7 +79,7 @@ def check_names(reading: Reading) -> Iterator[Fault]:
     """The faults of all names that refer to a link, a point or a joint that does not exist."""
     for leaf, reference in references(reading.document):
         *inside, last = leaf.path
-        written = raw_value(reading.raw, inside) if isinstance(leaf.value, Unknown) and last == 0 else None
+        written = stated_value(reading.raw, inside) if isinstance(leaf.value, Unknown) and last == 0 else None
         entries = enumerate(written) if isinstance(written, list) else [(last, leaf.value)]  # as many as there are
         for k, name in entries:
             if isinstance(name, str):

@@ -16,12 +16,12 @@ from mechcore.errors import Fault
 from mechcore.records import dataclass
 from mechcore.spec.mechanism import Mechanism
 from mechviz.files import replacing
-from mechviz.scene.annotations import Place, raw_value
+from mechviz.scene.annotations import Place, stated_value
 from mechviz.scene.assembly.assemble import assemble
 from mechviz.scene.assembly.simulation import SimulationSpec
 from mechviz.scene.convert import Converter, JoinedSegments
 from mechviz.scene.document import FORMER, FORMER_INNER, SceneDocument, value_at, with_values
-from mechviz.scene.faults import SceneError, in_file_order, path_as_written, path_text
+from mechviz.scene.faults import SceneError, path_as_written, path_text
 from mechviz.scene.folder import SceneFolder, copy_files
 from mechviz.scene.kinds.copies import with_copies
 from mechviz.scene.kinds.settings import accuracy_of
@@ -207,9 +207,8 @@ def _with_formulas(document: SceneDocument, changes: Mapping[Place, Any]) -> Sce
     resolved = resolve(with_values(document.written(), changes))
     if resolved.faults:
         raise ValidationError.from_exception_data("scene", [])
-    before = document.model_dump(exclude_unset=True)
     following = {
-        place: value for place in resolved.formulas if (value := value_at(resolved.data, place)) != raw_value(before, place)
+        place: value for place in resolved.formulas if (value := value_at(resolved.data, place)) != stated_value(document, place)
     }
     values = {place: None if value is None else value_at(resolved.data, place) for place, value in changes.items()}
     made = with_values(document, following | values)
@@ -219,7 +218,7 @@ def _with_formulas(document: SceneDocument, changes: Mapping[Place, Any]) -> Sce
 
 def assembled(document: SceneDocument, name: str, folder: SceneFolder) -> Scene:
     """The scene of a valid document. SceneError reports every fault at once."""
-    return _assembled(Reading(document, document.model_dump(exclude_unset=True)), name, folder, {})
+    return _assembled(Reading(document), name, folder, {})
 
 
 def _read(raw: Mapping[str, Any], name: str, folder: SceneFolder, *, source: str | None = None, file: str | None = None) -> Scene:
@@ -265,7 +264,7 @@ def _assembled(
     with np.errstate(all="ignore" if reading.faults else None):  # what stands where a value was wrong may be anything
         assembly, faults = assemble(reading, name, folder)
     if assembly is None:
-        ordered = in_file_order([*reading.faults, *faults], reading.raw)
+        ordered = reading.in_file_order([*reading.faults, *faults])
         formulas = {path_text(place): text for place, text in reading.document.formulas.items()}
         ordered = [replace(f, message=f"'{formulas[f.path]}': {f.message}") if f.path in formulas else f for f in ordered]
         raise SceneError(file or name, [replace(fault, path=path_as_written(former, fault.path)) for fault in ordered])

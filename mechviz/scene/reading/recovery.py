@@ -19,7 +19,7 @@ from mechcore.errors import Fault
 from mechcore.records import dataclass
 from mechviz.scene.annotations import hints_of, inner_types, peel
 from mechviz.scene.document import SceneDocument
-from mechviz.scene.faults import closest, listing, nearest, path_text
+from mechviz.scene.faults import closest, in_file_order, listing, nearest, path_text
 from mechviz.scene.fields import Quantity, Table, UnitName, Unknown, describe
 from mechviz.scene.kinds.joints.document import KINDS, JointDocument
 from mechviz.scene.kinds.loads.document import KINDS as LOADS
@@ -223,12 +223,13 @@ _SECTIONS = ("links", "joints", "sketch", "loads", "watch", "systems", "substitu
 class Reading:
     """A scene as far as it could be read, with stand-ins for the rest.
 
-    ``broken`` names the items of each section that are not wholly known, "*" where the section itself is not;
-    ``shapeless`` holds the joints of which not even the kind is known, which the document leaves out.
+    ``raw``: the plain data that were read, None where a valid document was changed. ``broken`` names the items of each section that
+    are not wholly known, "*" where the section itself is not; ``shapeless`` holds the joints of which not even the kind is
+    known, which the document leaves out.
     """
 
     document: SceneDocument
-    raw: Mapping[str, Any]
+    raw: Mapping[str, Any] | None = None
     faults: list[Fault] = field(default_factory=list)
     broken: Mapping[str, set[str]] = field(default_factory=lambda: {section: set() for section in _SECTIONS})
     shapeless: dict[str, JointDocument] = field(default_factory=dict)
@@ -236,8 +237,12 @@ class Reading:
     @cached_property
     def link_names(self) -> dict[str, None]:
         """Names of all links, also of those that are faulty."""
-        links = self.raw.get("links")
+        links = self.document.links if self.raw is None else self.raw.get("links")
         return {str(name): None for name in links} if isinstance(links, dict) else {}
+
+    def in_file_order(self, faults: Iterable[Fault]) -> list[Fault]:
+        """Faults without repetitions, in the order of what they are about."""
+        return in_file_order(faults, self.document.written() if self.raw is None else self.raw)
 
     @cached_property
     def places(self) -> dict[str, tuple[str, str]]:

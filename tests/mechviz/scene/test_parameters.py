@@ -149,6 +149,14 @@ def test_saving_keeps_expressions_and_comments(scene):
     assert plain.with_parameters({"r": "40 mm"}).mechanism.links[2].points["C"] == (0.1, 0.0)  # no expression stands there any more
 
 
+def test_a_list_may_become_longer_by_an_expression(scene):
+    table = {"position": [0, 120, 360], "factor": [1, 2, 1]}
+    loaded = scene.changed({("loads", "P"): {"force": [1, 0], "on": "piston", "at": "C", "table": table}})
+    changed = loaded.changed({("loads", "P", "table"): {"position": [0, 60, 120, 360], "factor": [1, 2, 2, "n"]}})
+    assert changed.document.loads["P"].table.factor == [1.0, 2.0, 2.0, 3.0]
+    assert mechviz.loads(changed.to_toml()) == changed
+
+
 def test_expressions_of_default_values_are_kept():
     text = TEXT.replace("[parameters]", 'gravity = ["0*fall", "-fall"]\n[parameters]\nfall = "9.81 m/s^2"')
     again = mechviz.loads(mechviz.loads(text).to_toml())
