@@ -10,15 +10,16 @@ one number by all that varies.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cached_property
 from typing import Any, TypeVar
 
 import numpy as np
 
-from mechcore.arrays import Flags, Index, Real, Values
+from mechcore.arrays import Index, Real, Values
 from mechcore.branches.unwrapped import LinkAngles
+from mechcore.derivatives.friction import forces_with_friction
 from mechcore.derivatives.knots import with_nominal_knots
 from mechcore.derivatives.model_numbers import (
     Numbers,
@@ -30,12 +31,9 @@ from mechcore.derivatives.model_numbers import (
     slopes,
     turning_vectors,
 )
-from mechcore.effects.base import Wrench
 from mechcore.effects.registry import totals
 from mechcore.forces.equilibrium import joint_forces
-from mechcore.forces.friction.elements import Element, elements_of, two_sided
-from mechcore.forces.friction.solve import FrictionResult
-from mechcore.forces.kinetostatics import Forces, solve_forces
+from mechcore.forces.kinetostatics import Forces
 from mechcore.joints.base import Relation
 from mechcore.kinematics.build import build_model, loop_sum
 from mechcore.kinematics.columns import matrix_of
@@ -45,14 +43,13 @@ from mechcore.kinematics.state import State, relation_sum, value
 from mechcore.laws.timed import Free
 from mechcore.motion.motion import Motion
 from mechcore.numerics.frames import QUIET, lazy
-from mechcore.numerics.tape import Traced, Untraced, value_of
+from mechcore.numerics.tape import Traced, Untraced, regular_inverses, value_of
 from mechcore.numerics.tape_functions import new_tape
 from mechcore.records import Place, with_numbers
 from mechcore.spec.mechanism import Mechanism, braked
 from mechcore.topology.graph import vector_loops
 
 T = TypeVar("T")
-MOST_TRIES = 5
 
 
 class Derivatives:
@@ -218,45 +215,8 @@ class Derivatives:
         motion, mechanism = self.motion, self.nominal.mechanism
         force, moment, formed = totals(motion)
         if "friction" in mechanism.effects and braked(mechanism.joints):
-            return self._with_friction(formed(), force, moment)
+            return forces_with_friction(self.tape, self.nominal, motion, formed(), force, moment)
         return Forces(motion, formed, *joint_forces(motion, force, moment)[:2])
-
-    def _with_friction(self, applied: Sequence[Wrench], force: list[Any], moment: list[Any]) -> Forces:
-        """Forces with dry friction: the normal loads move as the Jacobian of their own equations says."""
-        motion, nominal = self.motion, solve_forces(self.nominal)
-        known = nominal.friction
-        assert known is not None
-        flanks = _flanks(self.nominal, known)
-        elements = elements_of(motion, flanks) if two_sided(motion) else elements_of(motion)
-
-        def transmitted(loads: Sequence[Any]) -> tuple[Any, Any]:
-            own_force, own_moment = list(force), list(moment)
-            for element, load in zip(elements, loads, strict=True):
-                element.load(motion, own_force, own_moment, -element.sign * element.factor * load)
-            return joint_forces(motion, own_force, own_moment, flanks)[:2]
-
-        plain = [np.nan_to_num(known.loads[:, i]) for i in range(len(elements))]
-        through = transmitted(plain)
-        left = []
-        for element, load in zip(elements, plain, strict=True):
-            p, q = element.normal(motion, *through, element.sign)
-            left.append(load - (np.hypot(p, q) if element.euclidean else np.maximum(np.abs(p), np.abs(q))))
-        if any(isinstance(x, Traced) for x in left):
-            slopes = known.slopes
-            changes: list[Any] = list(self.tape.implicit(left, slopes, _inverse(slopes)))
-        else:
-            changes = [0.0] * len(elements)
-        loads = [load + change for load, change in zip(plain, changes, strict=True)]
-        values = [-e.sign * e.factor * load for e, load in zip(elements, loads, strict=True)]
-        solved = Forces(motion, applied, *transmitted(loads), TracedFriction(motion, applied, elements, values, known.jammed))
-        joints = [c.name for c in motion.model.connections]
-        largest = max(float(np.nanmax(np.abs(nominal.reaction(joint)), initial=0.0)) for joint in joints)
-        for joint in joints:
-            ours, theirs = value_of(solved.reaction(joint)), nominal.reaction(joint)
-            if not np.allclose(ours, theirs, rtol=1e-6, atol=1e-6 * largest, equal_nan=True):
-                sided = ", ".join(motion.model.relations[r].name for r in flanks)
-                raise Untraced(f"friction decides which flank of a gear, or which span of a belt, carries at {sided or joint}")
-        return solved
 
     def _get(self, place: Place, plain: object) -> Any:
         return self.leaves.get(place, plain)
@@ -408,7 +368,7 @@ class Derivatives:
         matrix, _ = matrix_of(columns)
         square = matrix.shape[-1] == matrix.shape[-2]
         with np.errstate(all="ignore"):
-            inverse = _inverse(matrix) if square else np.linalg.pinv(np.nan_to_num(matrix))
+            inverse = regular_inverses(matrix) if square else np.linalg.pinv(np.nan_to_num(matrix))
         changes = self.tape.implicit(residuals, matrix, inverse)
         for g, change in zip(block.angles, changes, strict=False):
             self.turned[g] = change
@@ -467,40 +427,6 @@ class _TracedAngles(LinkAngles):
         return angle if offset is None else angle + (offset - offset.value)
 
 
-class TracedFriction(FrictionResult):
-    """Friction whose ``values``, along the elements' unit wrenches, may be on a tape."""
-
-    def __init__(
-        self, motion: Motion, applied: Sequence[Wrench], elements: Sequence[Element], values: Sequence[Any], jammed: Flags
-    ):
-        self.motion, self.elements, self._applied = motion, tuple(elements), tuple(applied)
-        self.jammed = jammed
-        self._values = values
-
-    def value(self, i: int) -> Any:
-        return self._values[i]
-
-
-def _flanks(nominal: Motion, known: FrictionResult) -> dict[int, Real]:
-    """On which side each relation carries (F,), +1 or -1, with the friction that is known: raised from none to its full size, it
-    may have changed sides."""
-    force, moment, _ = totals(nominal)
-    own_force, own_moment = list(force), list(moment)
-    flanks = _signs(joint_forces(nominal, list(force), list(moment))[2])
-    for i, element in enumerate(known.elements):
-        element.load(nominal, own_force, own_moment, -element.sign * element.factor * np.nan_to_num(known.loads[:, i]))
-    for _ in range(MOST_TRIES):
-        turned = _signs(joint_forces(nominal, list(own_force), list(own_moment), flanks)[2])
-        if all(np.array_equal(turned[r], flanks[r]) for r in flanks):
-            break
-        flanks = turned
-    return flanks
-
-
-def _signs(multipliers: Mapping[int, Any]) -> dict[int, Real]:
-    return {r: np.where(value_of(m) >= 0.0, 1.0, -1.0) for r, m in multipliers.items()}
-
-
 def _check(motion: Motion, under_forces: bool) -> None:
     """Refuse motions of which no derivatives are known."""
     if len(motion.parts) > 1 or (not under_forces and any(isinstance(d.law, Free) for d in motion.mechanism.drives)):
@@ -514,10 +440,3 @@ def _check(motion: Motion, under_forces: bool) -> None:
 def _group_angle(motion: Motion, group: int) -> Any:
     """A group's angle as relations count it."""
     return motion.state.angle[group] if group in motion.state.angle else motion.group_angle(group)
-
-
-def _inverse(matrix: Real) -> Real:
-    """Inverses (..., n, n), NaN where there is none."""
-    singular = ~(np.abs(np.linalg.det(np.nan_to_num(matrix))) > 0.0) | ~np.isfinite(matrix).all(axis=(-1, -2))
-    safe = np.where(singular[..., None, None], np.eye(matrix.shape[-1]), matrix)
-    return np.where(singular[..., None, None], np.nan, np.linalg.inv(safe))

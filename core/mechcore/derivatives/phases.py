@@ -16,7 +16,8 @@ from typing import Any
 import numpy as np
 
 from mechcore.arrays import Index, Real
-from mechcore.derivatives.exact import Derivatives, TracedFriction
+from mechcore.derivatives.exact import Derivatives
+from mechcore.derivatives.friction import TracedFriction
 from mechcore.derivatives.model_numbers import Parameter, refusal
 from mechcore.dynamics.contact.dry_friction import Dry, DrySystem
 from mechcore.dynamics.equations.charts import Chart, named

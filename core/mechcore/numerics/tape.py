@@ -259,3 +259,10 @@ class Traced(NDArrayOperatorsMixin):
 def value_of(x: Any) -> Any:
     """The value of what may be traced."""
     return x.value if isinstance(x, Traced) else x
+
+
+def regular_inverses(matrix: Real) -> Real:
+    """Inverses (..., n, n) for `Tape.implicit`, NaN where there is none."""
+    singular = ~(np.abs(np.linalg.det(np.nan_to_num(matrix))) > 0.0) | ~np.isfinite(matrix).all(axis=(-1, -2))
+    safe = np.where(singular[..., None, None], np.eye(matrix.shape[-1]), matrix)
+    return np.where(singular[..., None, None], np.nan, np.linalg.inv(safe))
