@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 from mechcore.arrays import Real
-from mechcore.branches.paths import Waypoint
+from mechcore.dynamics.active_chart import ActiveChart
 from mechcore.dynamics.contact.end_stops import LEAST_BOUNCE, TOUCH_DISTANCE, EndStops, account_for_impact
 from mechcore.dynamics.contact.friction_state import FrictionState
 from mechcore.dynamics.contact.separation import (
@@ -18,20 +18,10 @@ from mechcore.dynamics.contact.separation import (
     first_beyond,
     pressing,
 )
-from mechcore.dynamics.equations.charts import (
-    STRAINED_RATE,
-    Chart,
-    CurveChart,
-    best_chart,
-    curve_around,
-    enter,
-    strain,
-    take_over,
-    waypoints,
-)
+from mechcore.dynamics.equations.charts import Chart, enter
 from mechcore.dynamics.equations.contacts import Ending, contact_program
 from mechcore.dynamics.equations.curve import Curve
-from mechcore.dynamics.equations.reduced import integrating, motion_at
+from mechcore.dynamics.equations.reduced import motion_at
 from mechcore.dynamics.events import (
     EndStop,
     EventFunction,
@@ -51,12 +41,11 @@ from mechcore.dynamics.integration.collocation import System, Window
 from mechcore.dynamics.integration.refinement import Known, refine
 from mechcore.dynamics.integration.windows import Integrator, Solution
 from mechcore.dynamics.phases import run_phases
-from mechcore.dynamics.segments import Segment, breakpoint_finder, segment_forces
+from mechcore.dynamics.segments import Segment, segment_forces
 from mechcore.dynamics.simulation import Simulation
 from mechcore.effects.base import Effect
 from mechcore.effects.registry import applied_effects
 from mechcore.errors import Fault, MechanismError
-from mechcore.laws.timed import Free
 from mechcore.motion.compiled import Compiled
 from mechcore.spec.clearance import journals_of
 from mechcore.texts import as_quantity
@@ -66,18 +55,9 @@ MOST_EVENTS = 100_000
 MOST_AT_ONCE = 100  # segments in a row that end where they begin
 PRESCRIBED_SAMPLES = 24  # of a window: places at which prescribed sliding is looked at
 SOON_AFTER = 1e-7  # of the duration: which way prescribed sliding goes is looked up so much later
-TOO_STRAINED = 20.0  # the same, from which on the change of coordinates loses digits: it is made before
-WINDOW_HALVINGS = 10  # of a window, to find where that is
-DEAD_POINT_RATE = 50.0  # rate of some joint per unit rate of the coordinates, beyond which they are at a dead point
 CHECKED = np.linspace(0.0, 1.0, 9)  # of a window: places at which loads are asked whether their laws hold
-WAYPOINTS = np.linspace(0.25, 1.0, 4)  # of a window
 MANY = 30  # segments, after which a program is worth compiling: more are to be expected
 SEGMENT_SHIFT = 0.01  # of a segment: what is known of it helps where it begins no farther from there
-
-
-def table_tolerance(tolerance: float) -> float:
-    """How exact tables of a motion are: their errors add up over turns, and digits there cost little."""
-    return float(np.clip(1e-4 * tolerance, 1e-13, 1e-9))
 
 
 class EventIntegrator:
@@ -108,37 +88,35 @@ class EventIntegrator:
         self.separable_cams = tuple(separable_cams)
         self.separation = FollowerSeparation(compiled, separable_cams) if separable_cams else None
         self.separated: frozenset[str] = frozenset()  # cams that their followers have left
-        self._use_chart(compiled, *system)
-        self.known = [CurveChart(compiled, *system)] if isinstance(system[0], Curve) else []
-        plain = not (separable_cams or journals_of(compiled.mechanism))
-        self.unwatched = 0  # windows in which nothing can come near enough to matter
-        self.charted = [compiled] if plain and self.coordinates and not self.known and compiled.model.loops else []
+        may_change = not (separable_cams or journals_of(compiled.mechanism))
+        self.chart = ActiveChart(compiled, system, duration, tolerance, may_change=may_change)
+        self._chart_changed()
         self.segments: list[Segment] = []
         self.evaluations = 0
         self.over = False  # ended by an event
 
-    def _use_chart(self, compiled: Compiled, system: Chart | Curve, valid_range: tuple[float, float] | None) -> None:
-        """Go on in the chart of ``compiled``, as long as its coordinate stays in its ``valid_range``."""
-        self.compiled, self.system, self.breakpoints = compiled, system, breakpoint_finder(compiled)
-        drives = [d for d in compiled.mechanism.drives if isinstance(d.law, Free)]
-        model = compiled.model
-        self.coordinates = {d.joint: i for i, d in enumerate(drives)}
-        angle = [model.joints[model.joint_index[d.joint]].coordinate == "angle" for d in drives]
-        self.scale = np.array([*(1.0 if a else model.length_scale for a in angle), *(1.0 for _ in integrating(compiled))])
-        at = partial(motion_at, compiled)
-        read = self.coordinates if compiled.angles.exact else {}
+    @property
+    def compiled(self) -> Compiled:
+        """The mechanism as it is at present: with the chart and the contacts in which it moves."""
+        return self.chart.compiled
+
+    def _use_chart(self, compiled: Compiled) -> None:
+        """Go on in a chart of other contacts."""
+        self.chart.use(compiled, Chart(compiled))
+        self._chart_changed()
+
+    def _chart_changed(self) -> None:
+        """Stops and triggers read the coordinates of the present chart."""
+        compiled = self.compiled
+        read = self.chart.coordinates if compiled.angles.exact else {}
         self.stops.use(compiled)
-        self.trigger_functions = [(trigger, event_function_of(trigger, read, at)) for trigger in self.triggers]
-        self.boundaries: list[EventFunction] = []
-        if valid_range is not None:
-            low, high = valid_range
-            self.boundaries = [lambda q, v, t: q[:, 0] - high, lambda q, v, t: low - q[:, 0]]
+        self.trigger_functions = [(x, event_function_of(x, read, partial(motion_at, compiled))) for x in self.triggers]
 
     def go(self, q: Real, v: Real) -> Simulation:
         """Run from q, v (f,) to the end."""
-        q, v = (np.append(x, np.zeros(len(self.scale) - len(x))) for x in (q, v))
+        q, v = (np.append(x, np.zeros(len(self.chart.scale) - len(x))) for x in (q, v))
         self.stops.check_start(q, v)
-        if any(float(boundary(q[None], v[None], np.zeros(1))[0]) >= 0.0 for boundary in self.boundaries):
+        if self.chart.ends_at(q, v):
             q, v = self._take_over(q, v, (float(q[0]), float(v[0])))
         self.friction.begin(self.compiled, 0.0, q, v)
         v = self._settle(0.0, q, v)
@@ -167,24 +145,20 @@ class EventIntegrator:
         begun = (float(q[0]), float(v[0])) if len(q) else (0.0, 0.0)
         system = self._system()
         possible = self._possible_events(t, q, v, begun, system)
-        several = len(self.compiled.mechanism.drives) > 1
-        if several:  # places of the motion, from which the angles of the links are followed
-            self.compiled.angles.path.leave(waypoints(self.compiled, q[None], np.array([t])))
+        self.chart.leave_waypoint(q, t)
         first: list[tuple[float, Reaction]] = []
-        between = partial(_waypoints_along, self.compiled)
         limited = [e for e in self.compiled.model.once(applied_effects) if e.limited]
         reported = bool(limited) or self.observe is not None or self.progress is not None
 
         def after(window: Window) -> float | None:
-            if several:
-                self.compiled.angles.path.leave_later([window], between)
+            self.chart.leave_waypoints_within([window])
             if not len(q):
                 self.friction.follow(self.compiled, window)
             if possible:
                 first[:] = [(at, event.react) for event in possible if (at := event.find(window)) is not None]
-            strained = self._strained(window) if self.charted and not first else None
-            if strained is not None:
-                first.append((strained, self._change_chart))
+            left = None if first else self.chart.time_to_leave(window)
+            if left is not None:
+                first.append((left, self._change_chart))
             first.sort(key=lambda e: e[0])
             if not reported:
                 return first[0][0] if first else None
@@ -198,11 +172,9 @@ class EventIntegrator:
             return first[0][0] if first else None
 
         def passed(windows: Sequence[Window]) -> bool:
-            calm = not self.charted or all(w.strain is not None and w.strain <= STRAINED_RATE for w in windows)
-            if possible or reported or not (len(q) and calm):
+            if possible or reported or not (len(q) and self.chart.leads_through(windows)):
                 return False
-            if several:
-                self.compiled.angles.path.leave_later(windows, between)
+            self.chart.leave_waypoints_within(windows)
             return True
 
         solution = self._solve(system, t, q, v, begun, after, passed)
@@ -234,9 +206,9 @@ class EventIntegrator:
         if not len(q):
             assert self.separation is not None
             pace = partial(self.separation.window_length, self.compiled, q, v, duration=self.duration)
-            return driven_windows(t, self.duration, pace, after, self.breakpoints)
+            return driven_windows(t, self.duration, pace, after, self.chart.breakpoints)
         keeps = None
-        if isinstance(system, Curve) and (len(self.known) > 1 or system.beside_singular):
+        if isinstance(system, Curve) and (len(self.chart.tables) > 1 or system.beside_singular):
             keeps = partial(system.kept, begun)
         integrator = self._integrator(system, after, passed, keeps)
         known = self._known(t)
@@ -252,20 +224,20 @@ class EventIntegrator:
         return Integrator(
             system,
             tolerance=self.tolerance,
-            scale=self.scale,
+            scale=self.chart.scale,
             stiff=self.method == "radau",
             nodes=self.original.accuracy.nodes,
             most=self.original.accuracy.window,
             after=after,
             passed=passed,
-            breakpoints=self.breakpoints,
+            breakpoints=self.chart.breakpoints,
             keeps=keeps,
         )
 
     def _phases(self, t: float, q: Real, v: Real) -> tuple[float, Real, Real] | None:
         """Integrate, by a compiled program, over events as long as it decides what follows; time, position and speed after the last
         one. None where it has to be done window by window."""
-        if not len(q) or isinstance(self.system, Curve) or self.triggers or self.boundaries or self.separation is not None:
+        if not len(q) or isinstance(self.chart.system, Curve) or self.triggers or self.chart.boundaries or self.separation:
             return None
         friction = self.friction.known_signs(self.compiled)
         if friction is None or not (len(friction[1]) or self.stops.stops):
@@ -274,7 +246,7 @@ class EventIntegrator:
         stops = None if program is None or not program.has_phases else self.stops.known(program.stopped)
         if program is None or stops is None:
             return None
-        by = self._integrator(self.system)
+        by = self._integrator(self.chart.system)
         run = run_phases(program, by, (t, q, v), self.duration, friction, stops, SOON_AFTER * self.duration)
         self.evaluations += run.evaluations
         if not run.phases:
@@ -291,10 +263,8 @@ class EventIntegrator:
                 self.stops.record_bounce(phase.number, phase.end, phase.rate, phase.lost)
         self.friction.go_on(run.time, run.signs)
         self.segments += made
-        if len(self.compiled.mechanism.drives) > 1:
-            path = self.compiled.angles.path
-            path.leave(waypoints(self.compiled, q[None], np.array([t])))
-            path.leave_later(made, partial(_waypoints_of, self.compiled))
+        self.chart.leave_waypoint(q, t)
+        self.chart.leave_waypoints_of(made)
         t, q, v, last = run.time, run.q, run.v, run.phases[-1]
         if last.decided:
             return t, q, v
@@ -332,7 +302,7 @@ class EventIntegrator:
         for function in prescribed:
             find = partial(first_beyond, function, after=t, limit=0.5, count=PRESCRIBED_SAMPLES, again=True)
             out.append(PossibleEvent(find, self._slide))
-        for boundary in self.boundaries:
+        for boundary in self.chart.boundaries:
             find = partial(first_zero, boundary, after=t, rising=True)
             out.append(PossibleEvent(find, lambda _, q, v: self._take_over(q, v, begun)))
         return out + self._contact_events(t)
@@ -366,80 +336,31 @@ class EventIntegrator:
         segments."""
         segments = () if self.like is None else self.like.segments[len(self.segments) : len(self.segments) + 1]
         for segment in segments:
-            same = segment.independent == list(self.coordinates) and segment.separated == tuple(sorted(self.separated))
+            same = segment.independent == list(self.chart.coordinates) and segment.separated == tuple(sorted(self.separated))
             if same and abs(segment.start - t) <= SEGMENT_SHIFT * (segment.end - segment.start):
-                return segment.known(self.scale)
+                return segment.known(self.chart.scale)
         return None
 
     def _take_over(self, q: Real, v: Real, before: tuple[float, float]) -> tuple[Real, Real]:
-        """Another joint leads from now on; coordinates and rates in its chart. ``before``: position and speed where the last one
-        began to lead, or something hit. Kinetic energies of both tables agree, while rates next to a dead point lose digits."""
-        chart, place, rate = best_chart(self.compiled, float(q[0]), float(v[0]), self.known, table_tolerance(self.tolerance))
-        tables = [known.curve.table for known in self.known if isinstance(known.curve, Curve)]
-        if isinstance(chart.curve, Curve) and all(chart.curve.table is not table for table in tables):
-            self.known.append(chart)
-        if isinstance(chart.curve, Curve) and isinstance(self.system, Curve):
-            energy = self.system.kinetic_energy(float(q[0]), float(v[0]), before)
-            rate = float(np.copysign(np.sqrt(2.0 * energy / chart.curve.inertia(place)), rate))
-        self._use_chart(chart.compiled, chart.curve, chart.valid_range)
-        return np.array([place]), np.array([rate])
-
-    def _strained(self, window: Window) -> float | None:
-        """The time from which other coordinates had better lead [s]: the end of a window, or where it comes too near a dead
-        point of these; None where they lead well."""
-        t = window.start + window.length
-        self.unwatched -= 1
-        if self.unwatched >= 0 or t >= self.duration * (1.0 - 1e-9):
-            return None
-
-        program = self.system.program() if isinstance(self.system, Chart) else None
-
-        def strained(t: float, q: Real, v: Real) -> float:
-            known = program is not None and not program.partial
-            return program.strain(q[None], v[None], np.array([t])) if program and known else strain(self.compiled, q, v, t)
-
-        def at(t: float) -> float:
-            q, v, _ = window(np.array([t]))
-            return strained(t, q[0], v[0])
-
-        largest = strained(t, *window.end()) if window.strain is None else window.strain
-        self.unwatched = 2 if largest < 0.4 * STRAINED_RATE else 0
-        if largest <= TOO_STRAINED or strained(window.start, window.q, window.v) > STRAINED_RATE:
-            return t if largest > STRAINED_RATE else None
-        low, high = window.start, t
-        for _ in range(WINDOW_HALVINGS):
-            middle = 0.5 * (low + high)
-            low, high = (middle, high) if at(middle) <= TOO_STRAINED else (low, middle)
-        return low if low > window.start else t
+        """Another joint leads from now on, see `ActiveChart.take_over`."""
+        q, v = self.chart.take_over(q, v, before)
+        self._chart_changed()
+        return q, v
 
     def _change_chart(self, t: float, q: Real, v: Real) -> tuple[Real, Real]:
         """Other coordinates lead from now on, if any are better; coordinates and rates in their chart. Where there is one, a table
         of the way around says how far it leads, and what comes then."""
-        if len(self.scale) == len(self.compiled.mechanism.drives) == 1 and not self.friction.counts:
-            return self._tabulate(q, v)
-        taken = take_over(self.compiled, q, v, t, self.charted)
-        if taken is None:
-            if strain(self.compiled, q, v, t) > DEAD_POINT_RATE:
-                where = ", ".join(self.coordinates)
-                why = f"at t = {t:.6g} s {where} come to a dead point: they do not decide where the mechanism goes on."
-                raise MechanismError(Fault("dynamics", why, "Give the free start at other joints."))
+        if len(self.chart.scale) == len(self.compiled.mechanism.drives) == 1 and not self.friction.counts:
+            q, v = self.chart.tabulate(q, v)
+            self._chart_changed()
             return q, v
-        f, (compiled, *fresh) = len(self.coordinates), taken
-        q, v = (np.append(x, old[f:]) for x, old in zip(fresh, (q, v), strict=True))
-        if all(compiled.model is not c.model for c in self.charted):
-            self.charted.append(compiled)
-        self._use_chart(compiled, Chart(compiled), None)
-        self.unwatched = 0
-        self.friction.begin(compiled, t, q, v)
+        taken = self.chart.change(t, q, v)
+        if taken is None:
+            return q, v
+        q, v = taken
+        self._chart_changed()
+        self.friction.begin(self.compiled, t, q, v)
         return q, self._settle(t, q, v)
-
-    def _tabulate(self, q: Real, v: Real) -> tuple[Real, Real]:
-        """Go on along the curve, on a table that has not been made so far."""
-        system, valid_range = curve_around(self.compiled, float(q[0]), table_tolerance(self.tolerance))
-        self._use_chart(self.compiled, system, valid_range)
-        self.known, self.charted = [CurveChart(self.compiled, system, valid_range)] if isinstance(system, Curve) else [], []
-        beyond = any(float(boundary(q[None], v[None], np.zeros(1))[0]) >= 0.0 for boundary in self.boundaries)
-        return self._take_over(q, v, (float(q[0]), float(v[0]))) if beyond else (q, v)
 
     def _segment(self, start: float, end: float, solution: Solution, system: System) -> Segment:
         """A segment in which the present stops and contacts hold."""
@@ -471,7 +392,7 @@ class EventIntegrator:
         dry = self.friction.system()
         if dry is not None:
             return dry
-        return Chart(self.compiled, self.stops.rests) if self.stops.closed else self.system
+        return Chart(self.compiled, self.stops.rests) if self.stops.closed else self.chart.system
 
     def _settle(self, t: float, q: Real, v: Real, loose: tuple[int, float] | None = None) -> Real:
         """Decide what slides and what sticks from now on; speeds after it."""
@@ -525,7 +446,7 @@ class EventIntegrator:
             more = self.separated | {cam}
             compiled, q, v = self.separation.compiled(more, q, v, t, cam)
             self.separated = more
-            self._use_chart(compiled, Chart(compiled), None)
+            self._use_chart(compiled)
             self.log.add(SimulationEvent(t, EventKind.SEPARATION, cam, f"contact lost at {where}"))
             self.friction.begin(self.compiled, t, q, v)
             v = self._settle(t, q, v)
@@ -561,7 +482,7 @@ class EventIntegrator:
         self.separated = fewer
         compiled = self.separation.known[fewer]
         enter(compiled, held, t, motion_at(self.compiled, q[None], v[None], np.array([t])))
-        self._use_chart(compiled, Chart(compiled), None)
+        self._use_chart(compiled)
         v = np.delete(stay, k)
         self.friction.begin(self.compiled, t, held, v)
         return held, self._settle(t, held, v)
@@ -571,19 +492,3 @@ class EventIntegrator:
         assert self.separation is not None
         friction = partial(self.friction.equations_of, rests=self.stops.rests)
         return float(self.separation.parting(name, fewer, friction)(q[None], v[None], np.array([t]))[0])
-
-
-def _waypoints_along(compiled: Compiled, windows: Sequence[Window]) -> list[Waypoint]:
-    """Waypoints within windows, in order."""
-    t = np.concatenate([w.start + w.length * WAYPOINTS for w in windows])
-    return waypoints(compiled, Solution(list(windows))(t)[0], t)
-
-
-def _waypoints_of(compiled: Compiled, segments: Sequence[Segment]) -> list[Waypoint]:
-    """Waypoints within segments, in order, those of their windows."""
-    out: list[Waypoint] = []
-    for segment in segments:
-        assert isinstance(segment.solution, Solution)
-        t = np.concatenate([w.start + min(w.length, segment.end - w.start) * WAYPOINTS for w in segment.solution.windows])
-        out += waypoints(compiled, segment.solution(t)[0], t)
-    return out

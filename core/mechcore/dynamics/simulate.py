@@ -14,13 +14,14 @@ import numpy as np
 
 from mechcore.arrays import Real
 from mechcore.constants import MOST_TURNS, TURN
+from mechcore.dynamics.active_chart import table_tolerance
 from mechcore.dynamics.equations.charts import Chart, curve_around
 from mechcore.dynamics.equations.contacts import contact_program, rubs
 from mechcore.dynamics.equations.curve import Curve
 from mechcore.dynamics.equations.energy import by_energy
 from mechcore.dynamics.equations.program import EquationsProgram
 from mechcore.dynamics.equations.reduced import coordinate_scales, free_of, integrating, moving, reduce
-from mechcore.dynamics.event_integrator import EventIntegrator, Method, table_tolerance
+from mechcore.dynamics.event_integrator import EventIntegrator, Method
 from mechcore.dynamics.events import EndStop, EventKind, EventTrigger, SeparableCam, SimulationEvent, with_slot_ends
 from mechcore.dynamics.integration.collocation import Window
 from mechcore.dynamics.integration.windows import Solution

@@ -160,14 +160,14 @@ def test_a_free_camshaft_feels_the_impact():
 
 
 def test_what_is_not_named_is_not_looked_at(monkeypatch):
-    from mechcore.dynamics import event_integrator as progress
+    from mechcore.dynamics import event_integrator
     from mechcore.dynamics.contact import separation
 
     def never(*_, **__):
         raise AssertionError
 
     monkeypatch.setattr(separation.FollowerSeparation, "__init__", never)
-    monkeypatch.setattr(progress, "first_beyond", never)
+    monkeypatch.setattr(event_integrator, "first_beyond", never)
     from simulated_scenes import STOPPED
 
     run_scene(mechviz.loads(STOPPED))

@@ -9,7 +9,7 @@ import pytest
 from dynamic_mechanisms import double_pendulum, pendulum, swinging_five_bar
 from mechanisms import case
 
-from mechcore.dynamics import event_integrator as progress
+from mechcore.dynamics import active_chart
 from mechcore.dynamics.equations.charts import strain
 from mechcore.dynamics.simulate import simulate
 from mechcore.laws.timed import ConstantSpeed, Free
@@ -105,7 +105,7 @@ def test_dead_points_are_passed_where_springs_count_the_turns_of_both_arms():
 
 
 def test_open_chains_and_single_freedoms_are_not_watched(monkeypatch):
-    monkeypatch.setattr(progress, "strain", lambda *_: pytest.fail("watched"))
+    monkeypatch.setattr(active_chart, "strain", lambda *_: pytest.fail("watched"))
     simulate(double_pendulum(case("dynamics", "double-pendulum-rods")["inputs"]), 0.2, tolerance=1e-4)
     simulate(pendulum(inertia=1.0, mass=1.0, distance=1.0, angle=1.0), 0.2, tolerance=1e-4, method="gauss")
 
