@@ -64,11 +64,47 @@ class CollocationRule(Protocol):
     def legendre(self) -> Real: ...
 
 
+class WindowTrial(NamedTuple):
+    """A window to be solved: from ``start`` [s] over ``length`` [s], ``q``, ``v`` (f,) at its start, a ``guess`` (s, f) of the
+    accelerations at its nodes. ``tolerance``: of the positions' error that is left, absolute, in units of q."""
+
+    start: float
+    length: float
+    q: Real
+    v: Real
+    guess: Real
+    tolerance: float
+
+
+class BatchLimits(NamedTuple):
+    """What windows in a row keep to: their ``end``, the ``shortest`` and the ``longest`` window [s], the ``tolerance``, and that of
+    Newton's method. They are ``most`` in number or fewer; they end at the times ``breaks`` (k,) [s], and where laws change their
+    forms if that is ``checked``."""
+
+    end: float
+    shortest: float
+    longest: float
+    tolerance: float
+    newton_tolerance: float
+    most: int
+    checked: bool
+    breaks: Real
+
+    @property
+    def bounds(self) -> tuple[float, ...]:
+        """The five numbers in the order of `collocation.c`."""
+        return self[:5]
+
+    @property
+    def breaks_to_infinity(self) -> Real:
+        """Times (k + 1,) [s], as `collocation.c` reads them: the last one is never reached."""
+        return np.append(self.breaks, np.inf)
+
+
 class Batch(NamedTuple):
     """Windows in a row: ``starts``, ``lengths`` (w,) [s], position and speed ``q``, ``v`` (w, f) at the starts, Legendre
     coefficients ``a`` (w, s, f) of the accelerations; ``strain`` (w,) at their ends; ``cut`` (w,), whether they end at a
-    breakpoint; ``stuck``: after the last one none is short
-    enough."""
+    breakpoint; ``stuck``: after the last one none is short enough."""
 
     starts: Real
     lengths: Real
@@ -250,62 +286,42 @@ class CompiledEquations:
             _RULES[id(rule)] = known
         return known[0]
 
-    def window(
-        self,
-        rule: CollocationRule,
-        t: tuple[float, float],
-        start: tuple[Real, Real],
-        d: Real,
-        near: Real,
-        guess: Real,
-        small: float,
-    ) -> tuple[Real, int] | None:
+    def window(self, rule: CollocationRule, trial: WindowTrial, d: Real, near: Real) -> tuple[Real, int] | None:
         """Accelerations at the nodes (s, f) of one window, and the number of evaluations; None where Newton's method fails.
 
-        ``t``: start and length [s]; ``d`` (s, g): values of the drives at the nodes; ``small``: error of positions that is left.
+        ``d`` (s, g): values of the drives at the nodes; ``near`` (a,): the angles that are followed.
         """
-        a = np.array(guess, float)
-        q, v, d, near = (np.ascontiguousarray(x, float) for x in (*start, d, near))
-        times = map(ctypes.c_double, t)
-        given = _at(q), _at(v), _at(d), _at(near), _at(a), ctypes.c_double(small)
+        a = np.array(trial.guess, float)
+        q, v, d, near = (np.ascontiguousarray(x, float) for x in (trial.q, trial.v, d, near))
+        times = ctypes.c_double(trial.start), ctypes.c_double(trial.length)
+        given = _at(q), _at(v), _at(d), _at(near), _at(a), ctypes.c_double(trial.tolerance)
         count = self._loaded.window(self._system, self._rule(rule), *times, *given)
         return (a, int(count)) if count else None
 
-    def windows(
-        self,
-        rule: CollocationRule,
-        at: Real,
-        bounds: tuple[float, float, float, float, float],
-        count: int,
-        checked: bool,
-        breaks: Real,
-    ) -> Batch:
-        """``count`` windows at the most, from where ``at`` says, which then says where they end; see `collocation.c`.
-
-        ``checked``: they end where laws change their forms, and at the times ``breaks`` (k,) [s] in any case.
-        ``bounds``: end [s], shortest and longest window [s], tolerance, and that of Newton's method.
-        """
+    def windows(self, rule: CollocationRule, at: Real, limits: BatchLimits) -> Batch:
+        """Windows from where ``at`` says, which then says where they end; see `collocation.c`."""
         s, f = len(rule.nodes), self.freedoms
-        out = np.empty((count, 4 + 2 * f + s * f))
-        numbers = (ctypes.c_double(x) for x in bounds)
-        most, breaks = (ctypes.c_long(count), ctypes.c_long(checked)), np.append(breaks, np.inf)
+        out = np.empty((limits.most, 4 + 2 * f + s * f))
+        numbers = (ctypes.c_double(x) for x in limits.bounds)
+        most, breaks = (ctypes.c_long(limits.most), ctypes.c_long(limits.checked)), limits.breaks_to_infinity
         made = int(self._loaded.windows(self._system, self._rule(rule), *numbers, *most, _at(breaks), _at(at), _at(out)))
         return self._batch(out[: made if made >= 0 else -made - 1], s, made < 0)
 
     def phases(
-        self, rule: CollocationRule, at: Real, numbers: Real, given: Sequence[Real], count: int, checked: bool, breaks: Real
+        self, rule: CollocationRule, at: Real, limits: BatchLimits, constants: Sequence[float], given: Sequence[Real]
     ) -> Phases:
-        """Phases of a motion with contacts, ``count`` windows at the most, from where ``at`` says; see `phases.c`.
+        """Phases of a motion with contacts from where ``at`` says, within the ``limits`` of their windows; see `phases.c`.
 
-        ``given``: scales of the elements (e,) and their signs (e,), the stops (k, 5). Not where angles are followed.
+        ``constants``: numbers that follow those of the limits there; ``given``: scales of the elements (e,) and their signs (e,),
+        the stops (k, 5). Not where angles are followed.
         """
         scales, signs, stops = given
-        s, f, e = len(rule.nodes), self.freedoms, len(signs)
+        s, f, e, count = len(rule.nodes), self.freedoms, len(signs), limits.most
         out, marks = np.empty((count, 4 + 2 * f + s * f)), np.empty((count, 8 + e))
-        own, breaks = np.concatenate([scales, signs, stops.ravel(), [0.0]]), np.append(breaks, np.inf)
-        modes, numbers = len(self.modes) - e - 1, np.ascontiguousarray(numbers, float)
+        own, breaks = np.concatenate([scales, signs, stops.ravel(), [0.0]]), limits.breaks_to_infinity
+        modes, numbers = len(self.modes) - e - 1, np.array([*limits.bounds, *constants])
         whole = (ctypes.c_long(x) for x in (modes, len(stops)))
-        more = (ctypes.c_long(x) for x in (count, count, checked))
+        more = (ctypes.c_long(x) for x in (count, count, limits.checked))
         pointers = _at(breaks), _at(at), _at(out), _at(marks)
         done = int(self._loaded.phases(self._system, self._rule(rule), _at(numbers), *whole, _at(own), *more, *pointers))
         marks, made = marks[:done], int(marks[done - 1, 2]) if done else 0

@@ -12,7 +12,7 @@ from mechcore.constants import REST
 from mechcore.dynamics.equations.charts import STRAINED_RATE
 from mechcore.dynamics.equations.contacts import ContactProgram, Ending
 from mechcore.dynamics.integration.collocation import Window
-from mechcore.dynamics.integration.windows import Integrator, breaks_from, windows_of
+from mechcore.dynamics.integration.windows import Integrator, windows_of
 
 ENDINGS = tuple(Ending)
 MOST = 256  # windows in a row
@@ -63,14 +63,12 @@ def run_phases(
     """
     t, q, v = start
     rule, f = by.rule(), len(q)
-    searched = by.breakpoints is not None and by.breakpoints.searched
-    if searched and not program.has_forms:
+    if by.searches_breakpoints and not program.has_forms:
         return PhaseRun([], t, q, v, friction[1], 0)
     least = by.least(t, duration)
-    numbers = np.array([duration, least, by.longest, by.tolerance, by.small, duration, soon, REST, STRAINED_RATE])
     at = np.concatenate([[t], np.zeros(HEAD - 1), q, v, np.zeros(f * (len(rule.nodes) + 1))])
-    breaks = breaks_from(by.breakpoints, t, duration, MOST)
-    known = program.phases(rule, at, numbers, (*friction, stops), MOST, searched, breaks)
+    limits = by.limits(t, duration, least, MOST)
+    known = program.phases(rule, at, limits, (duration, soon, REST, STRAINED_RATE), (*friction, stops))
     if known is None:
         return PhaseRun([], t, q, v, friction[1], 0)
     marks, signs, batch = known

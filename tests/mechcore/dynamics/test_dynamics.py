@@ -172,12 +172,13 @@ def test_order_of_the_collocation(rule, nodes: int):
     errors = []
     counts = np.array([8, 16])
     for windows in counts:
+        from mechcore.compiled.collocation import WindowTrial
         from mechcore.dynamics.integration.collocation import Window, solve_window
 
         r, q, v, h = rule(nodes), np.array([0.7 - np.pi / 2]), np.array([1.2]), 1.0 / windows
         for k in range(windows):
             guess = np.zeros((nodes, 1))
-            solved = solve_window(r, system, k * h, h, q, v, guess, 1e-15)
+            solved = solve_window(r, system, WindowTrial(k * h, h, q, v, guess, 1e-15))
             assert solved is not None
             window = Window(k * h, h, q, v, r.legendre @ solved[0])
             ends = window(np.array([(k + 1) * h]))

@@ -14,6 +14,7 @@ from scipy.special import ellipk
 from scipy_check import cross_check
 
 import mechviz
+from mechcore.compiled.collocation import WindowTrial
 from mechcore.dynamics.equations.charts import Chart
 from mechcore.dynamics.events import EndStop
 from mechcore.dynamics.integration.collocation import Window, gauss, radau, solve_window
@@ -86,7 +87,7 @@ def end_of(mechanism: Mechanism, rule, windows: int, span: float) -> np.ndarray:
     q, v = (np.array([float(d.law(0.0)[k]) for d in mechanism.drives]) for k in (0, 1))
     h, s = span / windows, len(rule.nodes)
     for k in range(windows):
-        solved = solve_window(rule, system, k * h, h, q, v, np.zeros((s, len(q))), 1e-15)
+        solved = solve_window(rule, system, WindowTrial(k * h, h, q, v, np.zeros((s, len(q))), 1e-15))
         assert solved is not None
         window = Window(k * h, h, q, v, rule.legendre @ solved[0])
         q, v = (x[0] for x in window(np.array([(k + 1) * h]))[:2])

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from dynamic_mechanisms import pendulum
 
+from mechcore.compiled.collocation import WindowTrial
 from mechcore.dynamics.equations.reduced import reduce
 from mechcore.dynamics.integration.collocation import Window, radau, solve_window
 from mechcore.dynamics.rest.equilibrium import fastest_vibration, find_equilibrium
@@ -45,7 +46,7 @@ def test_radau_is_l_stable(nodes):
     """A window of a million radians leaves nothing of a vibration, neither of its place nor of its speed."""
     rule, omega = radau(nodes), 1e6
     for q, v in ((1.0, 0.0), (0.0, omega)):
-        a, _ = solve_window(rule, Vibrating(omega), 0.0, 1.0, np.array([q]), np.array([v]), np.zeros((nodes, 1)), 1e-6)
+        a, _ = solve_window(rule, Vibrating(omega), WindowTrial(0.0, 1.0, np.array([q]), np.array([v]), np.zeros((nodes, 1)), 1e-6))
         end = Window(0.0, 1.0, np.array([q]), np.array([v]), rule.legendre @ a)(np.array([1.0]))
         assert abs(end[0].item()) < 1e-3 and abs(end[1].item()) < 1e-3 * omega
 
@@ -72,7 +73,7 @@ def test_stiff_windows_do_not_stand_on_the_last_digits(nodes):
         rule = replace(exact, once=once, twice=twice, legendre=series)
         omega, h = 10.0 ** noise.uniform(4.0, 9.0), 10.0 ** noise.uniform(-1.0, 1.0)
         for system, q, v in ((Vibrating(omega), 1.0, 0.0), (Vibrating(omega), 0.0, omega), (Damped(omega), 0.0, omega)):
-            solved = solve_window(rule, system, 0.0, h, np.array([q]), np.array([v]), np.zeros((nodes, 1)), 1e-6)
+            solved = solve_window(rule, system, WindowTrial(0.0, h, np.array([q]), np.array([v]), np.zeros((nodes, 1)), 1e-6))
             assert solved is not None and solved[1] <= 4
             end = Window(0.0, h, np.array([q]), np.array([v]), rule.legendre @ solved[0])(np.array([h]))
             left, rounding = 2.0 * nodes / (omega * h), 1e-12 * h * abs(v)

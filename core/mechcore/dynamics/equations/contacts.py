@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mechcore.arrays import Plane, Real, Values
-from mechcore.compiled.collocation import HEAD, CollocationRule, Contacts, Phases
+from mechcore.compiled.collocation import HEAD, BatchLimits, CollocationRule, Contacts, Phases, WindowTrial
 from mechcore.compiled.steps import check_forces_traceable
 from mechcore.compiled.symbols import Symbol, Untraceable
 from mechcore.constants import REST
@@ -94,20 +94,18 @@ class ContactProgram(EquationsProgram):
     def __call__(self, q: Real, v: Real, t: Real) -> Real:
         return self.friction_state(q, v, t).acceleration
 
-    def window(
-        self, rule: CollocationRule, t0: float, h: float, q: Real, v: Real, guess: Real, tolerance: float
-    ) -> tuple[Real, int] | None:
+    def window(self, rule: CollocationRule, trial: WindowTrial) -> tuple[Real, int] | None:
         self._set(self._signs)
-        return super().window(rule, t0, h, q, v, guess, tolerance)
+        return super().window(rule, trial)
 
     def phases(
-        self, rule: CollocationRule, at: Real, numbers: Real, given: Sequence[Real], count: int, checked: bool, breaks: Real
+        self, rule: CollocationRule, at: Real, limits: BatchLimits, constants: Sequence[float], given: Sequence[Real]
     ) -> Phases | None:
         """Phases one after the other, see `CompiledEquations.phases`; none next to a singular point."""
         between = self._away(at[HEAD : HEAD + self._equations.freedoms])
         if between is None:
             return None
-        return self._equations.phases(rule, at, np.append(numbers, between), given, count, checked, breaks)
+        return self._equations.phases(rule, at, limits, (*constants, *between), given)
 
     def settled(
         self, t: float, q: Real, v: Real, given: tuple[Real, Real], soon: float, loose: tuple[int, float] | None

@@ -16,7 +16,15 @@ import numpy as np
 
 from mechcore.arrays import Real, Values
 from mechcore.branches.unwrapped import LinkAngles, StartPose
-from mechcore.compiled.collocation import Batch, CollocationRule, CompiledEquations, Contacts, WrittenEquations
+from mechcore.compiled.collocation import (
+    Batch,
+    BatchLimits,
+    CollocationRule,
+    CompiledEquations,
+    Contacts,
+    WindowTrial,
+    WrittenEquations,
+)
 from mechcore.compiled.motion import MOST_LINES
 from mechcore.compiled.steps import check_traceable, followed_angle, place_all
 from mechcore.compiled.symbols import Code, Symbol, Untraceable, on_symbols, rotation
@@ -154,14 +162,13 @@ class EquationsProgram:
         }
         return np.array([float(np.ravel(of[what](i))[0]) for what, i in self.followed])
 
-    def window(
-        self, rule: CollocationRule, t0: float, h: float, q: Real, v: Real, guess: Real, tolerance: float
-    ) -> tuple[Real, int] | None:
+    def window(self, rule: CollocationRule, trial: WindowTrial) -> tuple[Real, int] | None:
         """Accelerations at the nodes of a window as `solve_window` of numpy; None, too, where it comes near a singular point."""
+        t0, h, q, v = trial[:4]
         if self._away(q) is None:
             return None
         near = self.near(q[None], v[None], np.array([t0]))
-        solved = self._equations.window(rule, (t0, h), (q, v), self._drives(t0 + h * rule.nodes), near, guess, tolerance)
+        solved = self._equations.window(rule, trial, self._drives(t0 + h * rule.nodes), near)
         if solved is None or self._singular is None:
             return solved
         places = q + h * rule.nodes[:, None] * v + h * h * (rule.twice @ solved[0])
@@ -189,18 +196,10 @@ class EquationsProgram:
         away = q - self.compiled.start[0]
         return not self._singular.within(float(away.min()) - reach, float(away.max()) + reach)
 
-    def windows(
-        self,
-        rule: CollocationRule,
-        at: Real,
-        bounds: tuple[float, float, float, float, float],
-        count: int,
-        checked: bool,
-        breaks: Real,
-    ) -> Batch:
+    def windows(self, rule: CollocationRule, at: Real, limits: BatchLimits) -> Batch:
         """Windows one after the other, see `CompiledEquations.windows`; only where it is ``alone``, and ``checked`` where it
         ``has_forms`` forms."""
-        return self._equations.windows(rule, at, bounds, count, checked, breaks)
+        return self._equations.windows(rule, at, limits)
 
 
 def compiled_program(compiled: Compiled) -> EquationsProgram | None:

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.polynomial import legendre
 
 from mechcore.arrays import Real
+from mechcore.compiled.collocation import WindowTrial
 from mechcore.records import dataclass
 
 ROUNDING = 1e-15  # of the largest term of a position: a correction below that is none
@@ -143,24 +144,22 @@ class Window(NamedTuple):
         return self.q + self.length * self.v + self.length**2 * (0.5 * first - second / 6.0), self.v + self.length * first
 
 
-def solve_window(
-    rule: Rule, system: System, t0: float, h: float, q0: Real, v0: Real, guess: Real, tolerance: float
-) -> tuple[Real, int] | None:
+def solve_window(rule: Rule, system: System, trial: WindowTrial) -> tuple[Real, int] | None:
     """Accelerations at the nodes (s, f) of one window, and the number of evaluations; None where Newton's method does not converge.
 
     ``system(q, v, t)`` gives the accelerations (s, f) at nodes, ``system.slopes(q, v, t, a)`` their derivatives by position and
     speed, (s, f, f) each; a system whose slopes are differences may have both in one call, ``system.with_slopes(q, v, t, near)``
-    beside accelerations that are near. ``tolerance``: of the positions' error that is left, absolute, in units of q.
+    beside accelerations that are near.
 
     The iteration ends when a step moves no position by more than that, or than the rounding of the sums that make the positions:
     the accelerations themselves may keep far fewer digits. Over a stiff vibration they are as large as the inverse of the
     collocation matrix makes them (1e4 times the position for 12 nodes), and rounding of a position moves them as much.
     """
-    s, f = guess.shape
+    t0, h, q0, v0, a, tolerance = trial
+    s, f = a.shape
     together = getattr(system, "with_slopes", None)
     t = t0 + h * rule.nodes
     drift = q0 + h * rule.nodes[:, None] * v0
-    a = guess
     matrix = None
     last, reach = np.inf, float(np.abs(drift).max())
     for count in range(1, 16):

@@ -10,7 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from mechcore.arrays import Real, numbers
-from mechcore.compiled.collocation import Batch, CollocationRule
+from mechcore.compiled.collocation import Batch, BatchLimits, CollocationRule, WindowTrial
 from mechcore.dynamics.integration.collocation import (
     Rule,
     System,
@@ -57,18 +57,8 @@ class WindowProgram(Protocol):
     @property
     def has_forms(self) -> bool: ...
     def near(self, q: Real, v: Real, t: Real) -> Real: ...
-    def window(
-        self, rule: CollocationRule, t0: float, h: float, q: Real, v: Real, guess: Real, tolerance: float
-    ) -> tuple[Real, int] | None: ...
-    def windows(
-        self,
-        rule: CollocationRule,
-        at: Real,
-        bounds: tuple[float, float, float, float, float],
-        count: int,
-        checked: bool,
-        breaks: Real,
-    ) -> Batch: ...
+    def window(self, rule: CollocationRule, trial: WindowTrial) -> tuple[Real, int] | None: ...
+    def windows(self, rule: CollocationRule, at: Real, limits: BatchLimits) -> Batch: ...
 
 
 class BreakpointFinder(Protocol):
@@ -169,7 +159,7 @@ class Integrator:
         return radau(nodes) if self.stiff else gauss(nodes)
 
     @property
-    def small(self) -> float:
+    def newton_tolerance(self) -> float:
         """Error of positions that Newton's method leaves, in units of q."""
         return max(1e-3 * self.tolerance, SCALE_ROUNDING) * float(np.min(self.scale))
 
@@ -177,6 +167,17 @@ class Integrator:
     def longest(self) -> float:
         """Longest window that is wanted [s]."""
         return np.inf if self.most is None else self.most
+
+    @property
+    def searches_breakpoints(self) -> bool:
+        """Whether there may be breakpoints in a window that are not known without it."""
+        return self.breakpoints is not None and self.breakpoints.searched
+
+    def limits(self, t: float, end: float, shortest: float, count: int) -> BatchLimits:
+        """What a compiled program keeps to from a time ``t`` to an ``end`` [s], with so many windows at the most."""
+        breaks = _breaks_from(self.breakpoints, t, end, count)
+        bounds = end, shortest, self.longest, self.tolerance, self.newton_tolerance
+        return BatchLimits(*bounds, count, self.searches_breakpoints, breaks)
 
     @staticmethod
     def least(t0: float, t1: float) -> float:
@@ -226,8 +227,8 @@ class _Integration:
             self.settled = True
             if self.program is None and self.t1 - self.t > MANY_WINDOWS * self.h:
                 self.program = self.offered(long=True)
-        program, breakpoints = self.program, self.by.breakpoints
-        in_program = program is not None and (breakpoints is None or not breakpoints.searched or program.has_forms)
+        program = self.program
+        in_program = program is not None and (not self.by.searches_breakpoints or program.has_forms)
         if program is not None and in_program and program.alone and self.by.keeps is None:
             return self._batch(program)
         row: list[Window] = []
@@ -251,12 +252,7 @@ class _Integration:
         near = program.near(self.q[None], self.v[None], np.array([self.t]))
         head = [self.t, self.h, self.longest, 0.0, 0.0, self.starts, self.cuts, self.uncut, self.chatter]
         at = np.concatenate([head, self.q, self.v, self.end_a[0], self.guess.ravel(), near])
-        bounds = self.t1, self.least, self.by.longest, self.by.tolerance, self.by.small
-        breakpoints = self.by.breakpoints
-        searched = breakpoints is not None and breakpoints.searched
-        batch = program.windows(
-            self.rule, at, bounds, BATCH_WINDOWS, searched, breaks_from(breakpoints, self.t, self.t1, BATCH_WINDOWS)
-        )
+        batch = program.windows(self.rule, at, self.by.limits(self.t, self.t1, self.least, BATCH_WINDOWS))
         solution.evaluations, solution.rejected = solution.evaluations + int(at[3]), solution.rejected + int(at[4])
         windows = windows_of(batch)
         if self.by.passed is not None and self.by.passed(windows):
@@ -314,10 +310,10 @@ class _Integration:
 
     def _solved(self) -> tuple[Real, int] | None:
         """Accelerations at the nodes of the window, and how often the system was called; None where the solver fails."""
-        at = self.t, self.h, self.q, self.v, self.guess, self.by.small
-        solved = None if self.program is None else self.program.window(self.rule, *at)
+        trial = WindowTrial(self.t, self.h, self.q, self.v, self.guess, self.by.newton_tolerance)
+        solved = None if self.program is None else self.program.window(self.rule, trial)
         if self.program is None or (solved is None and self.program.partial):
-            solved = solve_window(self.rule, self.by.system, *at)
+            solved = solve_window(self.rule, self.by.system, trial)
         return solved
 
     def _error(self, window: Window) -> tuple[float, float]:
@@ -422,7 +418,7 @@ def windows_of(batch: Batch) -> list[Window]:
     return list(map(Window, starts, lengths, batch.q, batch.v, batch.a, cut, strain))
 
 
-def breaks_from(breakpoints: BreakpointFinder | None, t: float, until: float, most: int) -> Real:
+def _breaks_from(breakpoints: BreakpointFinder | None, t: float, until: float, most: int) -> Real:
     """Stated breakpoints [s] between two times, as many as so many windows meet at the ``most``."""
     out = [t]
     while breakpoints is not None and len(out) <= most and out[-1] < until:
