@@ -13,6 +13,8 @@ from mechanisms import case
 from random_mechanisms import draw
 
 from mechcore import spec as sp
+from mechcore.arrays import Real
+from mechcore.compiled.collocation import WindowTrial
 from mechcore.compiled.toolchain import compiler
 from mechcore.constants import TURN
 from mechcore.dynamics.equations import curve
@@ -210,9 +212,12 @@ def test_numpy_leads_through_change_points() -> None:
     program = compiled_program(compiled)
     assert program is not None and program.partial
     flat = compiled.start[0] + compiled.singular_points.points[0].time
-    ask = partial(program.window, gauss(7), 0.0, 1e-3, v=np.ones(1), guess=np.zeros((7, 1)), tolerance=1e-12)
-    assert ask(q=np.array([flat])) is None and ask(q=np.array([flat + 0.01])) is None
-    assert ask(q=np.array([flat + 0.2])) is not None
+
+    def solved(q: float) -> tuple[Real, int] | None:
+        return program.window(gauss(7), WindowTrial(0.0, 1e-3, np.array([q]), np.ones(1), np.zeros((7, 1)), 1e-12))
+
+    assert solved(flat) is None and solved(flat + 0.01) is None
+    assert solved(flat + 0.2) is not None
     t = np.linspace(0.0, 4.0, 33)
     (q, v, _), (p, w, _) = (simulate(replace(compiled, executor=e), 4.0, method="gauss")(t) for e in ("numpy", "c"))
     assert q.min() < -0.5 < 0.5 < q.max()  # flat at 0
