@@ -292,7 +292,7 @@ def _row(at: Waypoint) -> Real:
 
 
 def _time_step(laws: Sequence[Law], steps: Real) -> float:
-    """A step of time [s] in which no drive goes farther than its own step."""
+    """A step of time [s] in which no drive goes farther than its own step; infinite where none moves."""
     lengths = []
     for law, step in zip(laws, steps, strict=True):
         if not moves(law):
@@ -300,7 +300,7 @@ def _time_step(laws: Sequence[Law], steps: Real) -> float:
         t = np.linspace(0.0, law.duration, SAMPLES_A_CYCLE + 1)
         fastest = float(np.abs(law(t)[1]).max())
         lengths.append(min(law.duration / 32.0, step / fastest if fastest > 0.0 else math.inf))
-    return min(lengths)
+    return min(lengths, default=math.inf)
 
 
 class _Table:

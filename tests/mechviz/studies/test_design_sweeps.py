@@ -104,6 +104,23 @@ def test_a_design_at_a_change_point_is_what_it_is_by_itself(effects):
         assert outcomes.values[0][1] == pytest.approx(alone.catalogue.peak("joint.B.reaction"), rel=1e-12)
 
 
+@pytest.mark.parametrize("drive", [', drive = { speed = "0 rpm" }', ""])
+def test_what_stands_still_is_computed_side_by_side(drive):
+    """A crank that is held, and a structure: the bar from the crank's end to the frame takes the crank's freedom."""
+    text = CHANGE_POINT.replace('["inertia"]', '["inertia", "gravity"]').replace(', drive = { speed = "120 rpm" }', drive)
+    if not drive:
+        text = text.replace("[joints]", "bar = { points = { B = [0, 0], D = [165, 0] } }\n[joints]")
+        text += 'E = { revolute = ["frame", "bar"], at = "D" }\nF = { revolute = ["crank", "bar"], at = "B", side = "left" }\n'
+    study = question(loads(text, "still"), ["crank=60mm,70mm"], ["joint.B.reaction:peak", "link.coupler.angle:max"], None)
+    assert study.batch is not None
+    outcomes = evaluate(study, grid(study.variations))
+    assert not any(outcomes.reasons)
+    for k, crank in enumerate(("60 mm", "70 mm")):
+        run = run_scene(study.scene.with_parameters({"crank": crank}))
+        assert outcomes.values[0][k] == pytest.approx(run.catalogue.peak("joint.B.reaction"), rel=1e-12)
+        assert outcomes.values[1][k] == pytest.approx(run.catalogue["link.coupler.angle"].values().max(), rel=1e-12)
+
+
 def test_a_drive_that_would_turn_round_is_run_by_itself(press):
     text = press.to_toml().replace('speed = "speed"', 'speed = "speed - 100 rpm"')
     assert text != press.to_toml()
