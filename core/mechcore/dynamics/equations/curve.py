@@ -146,6 +146,8 @@ def beside_singular(compiled: Compiled, x: Real, at_x: Motion | None = None) -> 
         return np.where(reached(compiled, q), inverse, np.nan)
 
     near, most = distances(x, _unit(compiled, x) if at_x is None else at_x), MOST_TIMES * len(x)
+    if not (near < CLOSE_CONDITION).any():
+        return x
     for _ in range(MOST_HALVINGS):
         widths, least = np.diff(x), np.minimum(near[:-1], near[1:])
         slopes = np.nan_to_num(np.abs(np.diff(near)) / widths)
