@@ -6,10 +6,11 @@ import cmath
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import product
+from typing import Any
 
 import numpy as np
 
-from mechcore.arrays import Real
+from mechcore.arrays import Complex, Plane, Real, Values
 from mechcore.branches.modes import (
     KEYS,
     TWO_MODES,
@@ -166,9 +167,7 @@ def _mode(model: Model, block: Block, state: State, joints: Sequence[str]) -> tu
     sketched = _sketched_mode(model, block, state)
     if sketched is not None:
         return sketched, []
-    plus = _solution(model, block, state, 1.0)
-    minus = _solution(model, block, state, -1.0)
-    if all(abs(plus[k] - minus[k]) < 1e-12 for k in plus):
+    if all(abs(plus - minus) < 1e-12 for plus, minus in _solutions(model, block, state, (1.0, -1.0)).values()):
         return 1.0, []
     words = WORDS[block.kind]
     key = KEYS[words[0]]
@@ -184,16 +183,15 @@ def _mode(model: Model, block: Block, state: State, joints: Sequence[str]) -> tu
     ]
 
 
-def _solution(model: Model, block: Block, state: State, mode: float) -> dict[tuple[str, int], complex | float]:
-    """A block's unknowns (rotations and displacements) in one mode, without changing ``state``."""
+def _solutions(model: Model, block: Block, state: State, modes: Sequence[float]) -> dict[tuple[str, int], Complex]:
+    """A block's unknowns (rotations and displacements) in some modes, (modes,) each, without changing ``state``."""
     trial = state.copy()
     with np.errstate(invalid="ignore", divide="ignore"):
-        place(model, block, trial, mode)
-    out: dict[tuple[str, int], complex | float] = {
-        ("angle", g): complex(trial.rot[s] / state.delta[s]) for g in block.angles for s in [model.angles.classes_of[g][0]]
-    }
-    out |= {("slide", j): float(trial.slide[j]) for j in block.slides}
-    return out
+        place(model, block, trial, np.array(modes))
+    classes = {g: model.angles.classes_of[g][0] for g in block.angles}
+    values: dict[tuple[str, int], Plane | Values] = {("angle", g): trial.rot[s] / state.delta[s] for g, s in classes.items()}
+    values |= {("slide", j): trial.slide[j] for j in block.slides}
+    return {key: np.broadcast_to(value, len(modes)) for key, value in values.items()}
 
 
 def _mode_words(model: Model, block: Block, state: State, modes: Sequence[float]) -> list[str]:
@@ -202,10 +200,12 @@ def _mode_words(model: Model, block: Block, state: State, modes: Sequence[float]
     if len(set(places)) == len(places):
         return places
     rows = []
-    for mode in modes:
-        solution = _solution(model, block, state, mode)
-        slides = [f"{model.joints[j].name} is displaced by {as_length(float(solution['slide', j].real), 4)}" for j in block.slides]
-        angles = [_angle_words(model, g, float(np.angle(solution["angle", g]))) for g in block.angles]
+    solutions = _solutions(model, block, state, modes)
+    for k in range(len(modes)):
+        slides = [
+            f"{model.joints[j].name} is displaced by {as_length(float(solutions['slide', j][k].real), 4)}" for j in block.slides
+        ]
+        angles = [_angle_words(model, g, float(np.angle(solutions["angle", g][k]))) for g in block.angles]
         rows.append([*slides, *angles])
     telling = [k for k, words in enumerate(zip(*rows, strict=True)) if len(set(words)) > 1]
     return [", ".join(row[k] for k in telling) or place for row, place in zip(rows, places, strict=True)]
@@ -275,22 +275,17 @@ def _fix_relation(model: Model, block: Block, state: State, constants: list[floa
 
 def _sketched_mode(model: Model, block: Block, state: State) -> float | None:
     """The mode nearest to the sketch, None where the sketch does not decide."""
-    errors = []
-    for mode in (1.0, -1.0):
-        error, stated = 0.0, False
-        for (what, i), value in _solution(model, block, state, mode).items():
-            if what == "angle":
-                angle = sketched_angle(model, i, state)
-                if angle is not None:
-                    error, stated = error + abs(value - cmath.exp(1j * angle)), True
-            else:
-                slide = sketched_slide(model, i)
-                if slide is not None:
-                    error, stated = error + abs(value - slide) / model.length_scale, True
-        if not stated:
-            return None
-        errors.append(error)
-    if abs(errors[0] - errors[1]) < 1e-9:
+    errors: Any = None
+    for (what, i), values in _solutions(model, block, state, (1.0, -1.0)).items():
+        if what == "angle":
+            angle = sketched_angle(model, i, state)
+            error = None if angle is None else abs(values - cmath.exp(1j * angle))
+        else:
+            slide = sketched_slide(model, i)
+            error = None if slide is None else abs(values - slide) / model.length_scale
+        if error is not None:
+            errors = error if errors is None else errors + error
+    if errors is None or abs(errors[0] - errors[1]) < 1e-9:
         return None
     return 1.0 if errors[0] < errors[1] else -1.0
 

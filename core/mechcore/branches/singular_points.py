@@ -111,8 +111,8 @@ class SingularPoints:
         cycle = np.floor((time + 1e-12 * self.period) / self.period)
         local = time - cycle * self.period
         after_start = times[times > tiny]  # one at the start itself has been passed already
-        count = cycle * len(times) + np.searchsorted(after_start, local, side="left")
-        return np.where(np.mod(count, 2) == 0, 1.0, -1.0)
+        count = cycle.astype(int) * len(times) + np.searchsorted(after_start, local, side="left")
+        return np.asarray(1.0 - 2.0 * (count & 1))
 
 
 def find_singular_points(
@@ -202,7 +202,7 @@ def _sampled(
     values = [law(time) for law in laws]
     state = initial_state(model, [v[0] for v in values])
     still = np.max([np.abs(v[1]) for v in values], axis=0)
-    speed = float(still.max(initial=0.0))
+    slow = 20.0 * coarse / cycle * float(still.max(initial=0.0))
     points: list[SingularPoint] = []
     unreachable: list[UnreachableRange] = []
     resolved, rounding = True, rounding_of(model)
@@ -219,7 +219,7 @@ def _sampled(
                     return None, True
                 unreachable += [UnreachableRange(a, b, i) for a, b in missing if b > 0.0 and a < period]
                 own = [
-                    SingularPoint(t, i, block.name, bool(np.interp(t, time, still) < 20.0 * coarse / cycle * speed), flips)
+                    SingularPoint(t, i, block.name, not by_drive and float(np.interp(t, time, still)) < slow, flips)
                     for t, flips in instants
                     if -1e-9 * period <= t < period * (1.0 - 1e-9)
                 ]
@@ -326,7 +326,7 @@ def dead_point_instants(
         for k in (np.flatnonzero(low) + 1).tolist():
             a, b = max(k - WINDOW_SAMPLES, 0), min(k + WINDOW_SAMPLES + 1, len(time))
             y = h[a:b]
-            if not np.isfinite(y).all() or np.ptp(y) < ROUNDING:
+            if not np.isfinite(y).all() or y.max() - y.min() < ROUNDING:
                 continue
             fit = _LocalPolynomial(y, k - a, b - 1 - k)
             at, curvature = 0.0, 0.0

@@ -45,13 +45,13 @@ FIT_TAIL = 1e-12  # last terms of that polynomial: below, what it leaves out is 
 
 def unknowns_of(model: Model, block: Block, state: State, at: Index) -> Real:
     """A block's positions (n, unknowns) at the places ``at``: angles without jumps [rad], then slides [m]."""
-    rows = [_unwrapped(np.asarray(wrapped_angle(model, state, g))[at]) for g in block.angles]
+    rows = [_unwrapped(np.asarray(wrapped_angle(model, state, g, at))) for g in block.angles]
     return np.array([*rows, *(np.asarray(state.slide[j])[at] for j in block.slides)]).T
 
 
 def _unwrapped(angle: Real) -> Real:
     """As `np.unwrap`, which takes four times as long for few angles."""
-    turns = np.rint(np.diff(angle) / TURN)
+    turns = np.rint((angle[1:] - angle[:-1]) / TURN)
     return angle - TURN * np.append(0.0, np.cumsum(turns)) if turns.any() else angle
 
 

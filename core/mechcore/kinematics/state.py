@@ -150,10 +150,12 @@ def _argument(model: Model, curve: NonlinearTerm, state: State) -> Values:
     return argument
 
 
-def wrapped_angle(model: Model, state: State, group: int) -> Values:
-    """A group's angle within one turn."""
+def wrapped_angle(model: Model, state: State, group: int, at: Index | None = None) -> Values:
+    """A group's angle within one turn, at some frames ``at`` or all."""
     rotation_class = model.angles.classes_of[group][0]
     rot, delta = state.rot[rotation_class], state.delta[rotation_class]
+    if at is not None:
+        rot, delta = (x[at] if isinstance(x, np.ndarray) else x for x in (rot, delta))
     e = rot if isinstance(delta, complex) and delta == 1 else rot * delta.conjugate()
     angle: Values = np.arctan2(e.imag, e.real)
     return angle
