@@ -697,6 +697,8 @@ def test_a_recording_plays_and_its_scene_can_be_edited(viewer, browser, folder):
             assert opened.get_by_role("tab", name="Edit", exact=True).count() == 0
             open_tab(opened, "Diagrams")
             opened.get_by_role("img", name="Phase: velocity [rad/s] against angle [°], E", exact=True).wait_for()
+            open_tab(opened, "About")
+            opened.get_by_text("Kinetostatics of a four-bar").last.wait_for()
             open_tab(opened, "Plots")
             opened.get_by_role("button", name="Play", exact=True).click()
             until(opened, lambda: shown.player.aside, "played by the browser")

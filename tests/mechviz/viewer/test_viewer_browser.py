@@ -165,6 +165,12 @@ def test_nothing_is_loaded_from_elsewhere_whatever_the_page_is_told(viewer, page
     assert not asked
 
 
+def test_a_frame_is_typed(viewer, page):
+    page.get_by_label("Frame", exact=True).last.fill("120")
+    until(page, lambda: viewer.frame == 120, "the frame that was typed")
+    _until_drawn(viewer, page)
+
+
 def test_play_moves_the_mechanism_and_pause_stops_it(viewer, page):
     page.get_by_role("button", name="Play", exact=True).click()
     until(page, lambda: viewer.playing and viewer.frame != 300, "playing")
@@ -271,13 +277,15 @@ def test_what_has_arrived_is_taken_at_once_and_drawn_in_a_few_frames(viewer, pag
     )
     assert taken == [0, 1, 2, 3], "without waiting for a frame"
     next_frames(page, 3)
-    drawn, began = page.evaluate(DRAWN)
+    before, _ = page.evaluate(DRAWN)
     viewer.set_frame(301)
     _until_drawn(viewer, page)
+    drawn, began = page.evaluate(DRAWN)
+    assert drawn > before
     next_frames(page, 20)
     again, ended = page.evaluate(DRAWN)
-    # viser draws one frame a second in any case; after a message it would go on for a quarter of a second
-    assert 1 <= again - drawn <= 5 + (ended - began) / 1000
+    # viser draws one frame a second in any case; after the last message it would go on for a quarter of a second
+    assert again - drawn <= 5 + (ended - began) / 1000
 
 
 def test_a_long_play_leaves_the_memory_as_it_is(viewer, page):
