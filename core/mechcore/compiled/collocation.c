@@ -203,6 +203,19 @@ void strained_at(const System *y, long n, const double *q, const double *v, cons
     for (long i = 0; i < n; i++) out[i] = strained(y, q + i * y->f, v + i * y->f, t[i], d + i * y->given, near);
 }
 
+/* M, Q - h and the largest ratio (n, 3) at rest at places (n) of the only coordinate, with assembly modes (n, count) of their own;
+no angle is followed, and nothing is given. */
+void resting(const System *y, long n, const double *q, const double *modes, long count, double *out) {
+    const double still[F + STATES] = {0.0}, moving[F + STATES] = {1.0};
+    double own[ANGLES + 1] = {0.0}, found[F * (F + 1) / 2 + F + STATES + ADDITIONAL];
+    System at = *y;
+    for (long i = 0; i < n; i++) {
+        at.m = modes + i * count;
+        reduced(at.p, at.m, q + i, still, 0.0, own, own, found);
+        out[3 * i] = found[0], out[3 * i + 1] = found[1], out[3 * i + 2] = strained(&at, q + i, moving, 0.0, own, own);
+    }
+}
+
 /* Forms of laws at states (n, FORMS). */
 void formed(const System *y, long n, const double *q, const double *v, const double *t, const double *d, double *out) {
     for (long i = 0; i < n; i++) forms(y->p, y->m, q + i * y->f, v + i * y->f, t[i], d + i * y->given, 0, out + i * FORMS);

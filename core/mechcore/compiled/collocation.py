@@ -206,7 +206,7 @@ def _at(x: Real) -> ctypes.c_void_p:
 
 
 @cache
-def _below(k: int) -> tuple[Index, Index]:
+def lower_triangle(k: int) -> tuple[Index, Index]:
     """Rows and columns of a lower triangle (k, k)."""
     i, j = np.tril_indices(k)
     return i, j
@@ -228,7 +228,7 @@ class CompiledEquations:
         self._loaded.window.restype = self._loaded.windows.restype = ctypes.c_long
         if written.contacts is not None:
             self._loaded.phases.restype = ctypes.c_long
-        for function in ("evaluated", "formed", "reduced_at", "strained_at"):
+        for function in ("evaluated", "formed", "reduced_at", "strained_at", "resting"):
             getattr(self._loaded, function).restype = None
         self.coordinates = written.coordinates
         self.kinds, self._additional = written.forms, written.additional
@@ -254,20 +254,28 @@ class CompiledEquations:
 
     def reduced(self, q: Real, v: Real, t: Real, d: Real, near: Real) -> tuple[Real, Real]:
         """M (n, k, k) and Q - h (n, k) of the k coordinates that are no states, for what `accelerations` is given."""
-        k, (i, j) = self.coordinates, _below(self.coordinates)
+        k, (i, j) = self.coordinates, lower_triangle(self.coordinates)
         rest = self._rows(q, v, t, d, near)
         inertia = np.empty((len(t), k, k))
         inertia[:, i, j] = inertia[:, j, i] = rest[:, : len(i)]
         return inertia, rest[:, len(i) : len(i) + k]
 
+    def at_rest(self, q: Real, modes: Real) -> Real:
+        """M, Q - h and what `strain` is at a unit rate (n, 3), at places (n,) of the only coordinate with assembly modes (n, b) of
+        their own; no angle is followed, and there are no drives."""
+        out = np.empty((len(q), 3))
+        modes = np.ascontiguousarray(modes, float)
+        self._loaded.resting(self._system, ctypes.c_long(len(q)), _at(q), _at(modes), ctypes.c_long(modes.shape[1]), _at(out))
+        return out
+
     def outputs(self, q: Real, v: Real, t: Real, d: Real, near: Real) -> tuple[Real, Real]:
         """Q - h and rates of states (n, f), which are accelerations where M is one, and additional outputs (n, k)."""
-        rest, k = self._rows(q, v, t, d, near), len(_below(self.coordinates)[0])
+        rest, k = self._rows(q, v, t, d, near), len(lower_triangle(self.coordinates)[0])
         return rest[:, k : k + self.freedoms], rest[:, k + self.freedoms :]
 
     def _rows(self, *at: Real) -> Real:
         given = [np.ascontiguousarray(x, float) for x in at]
-        out = np.empty((len(at[2]), len(_below(self.coordinates)[0]) + self.freedoms + self._additional))
+        out = np.empty((len(at[2]), len(lower_triangle(self.coordinates)[0]) + self.freedoms + self._additional))
         self._loaded.reduced_at(self._system, ctypes.c_long(len(out)), *(_at(x) for x in given), _at(out))
         return out
 

@@ -39,7 +39,7 @@ WAYPOINTS = np.linspace(0.25, 1.0, 4)  # of a window
 
 def table_tolerance(tolerance: float) -> float:
     """Relative tolerance of tables of a motion of a ``tolerance``: their errors add up over turns, and digits there cost little."""
-    return float(np.clip(1e-4 * tolerance, 1e-13, 1e-9))
+    return min(max(1e-4 * tolerance, 1e-13), 1e-9)
 
 
 class ActiveChart:

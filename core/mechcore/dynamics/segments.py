@@ -132,13 +132,13 @@ class Breakpoints(Programmed):
     taken as they are; all else is looked for along a window."""
 
     def __init__(self, compiled: Compiled):
-        self.compiled = compiled
+        self.compiled, effects = compiled, effects_of(compiled.mechanism)
         laws = [d.law for d in compiled.mechanism.drives if not isinstance(d.law, Free)]
-        laws += [law for e in effects_of(compiled.mechanism) for law in e.laws]
+        laws += [law for e in effects for law in e.laws]
         self.laws = [law for law in laws if law.breaks or isinstance(law, Piecewise)]
-        self.breaks = np.array(sorted({t for e in effects_of(compiled.mechanism) for t in e.breaks}))
+        self.breaks = np.array(sorted({t for e in effects for t in e.breaks}))
         self.driven = "friction" in compiled.mechanism.effects and not free_of(compiled)  # else friction's phases end segments
-        several = any(e.piecewise for e in effects_of(compiled.mechanism)) or any(r.kind == "cam" for r in compiled.model.relations)
+        several = any(e.piecewise for e in effects) or any(r.kind == "cam" for r in compiled.model.relations)
         self.searched = several or self.driven
 
     def stated(self, after: float) -> float:

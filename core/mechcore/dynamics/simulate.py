@@ -101,7 +101,7 @@ def simulate(
     if warn is not None:
         progress = _counted(duration, warn, progress)
     if isinstance(system, Curve) and system.conservative and not stops and not triggers and method in ("auto", "energy"):
-        fine = float(np.clip(1e-3 * tolerance, 1e-13, 1e-7))
+        fine = min(max(1e-3 * tolerance, 1e-13), 1e-7)
         energy = by_energy(system, q[0], v[0], duration, tolerance=fine, progress=progress)
         if energy is not None:
             if energy.period is not None and duration > MOST_TURNS * energy.period:

@@ -121,7 +121,7 @@ class Panels:
         if self.boundaries is not None:
             if self.periodic:
                 x = x - (self.high - self.low) * np.floor((x - self.low) / (self.high - self.low))
-            cell = np.clip(np.searchsorted(self.boundaries, x, side="right") - 1, 0, self.count - 1)
+            cell = self.boundaries[1:-1].searchsorted(x, side="right")
             z = 2.0 * (x - self.boundaries[cell]) / (self.boundaries[cell + 1] - self.boundaries[cell]) - 1.0
             return self._at(cell, z)
         u = (x - self.low) / self.width

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mechcore.arrays import Plane, Real, Values
-from mechcore.compiled.collocation import HEAD, BatchLimits, CollocationRule, Contacts, Phases, WindowTrial
+from mechcore.compiled.collocation import HEAD, BatchLimits, CollocationRule, Contacts, Phases, WindowTrial, lower_triangle
 from mechcore.compiled.steps import check_forces_traceable
 from mechcore.compiled.symbols import Symbol, Untraceable
 from mechcore.constants import REST
@@ -119,7 +119,7 @@ class ContactProgram(EquationsProgram):
 
     def reduced(self, q: Real, v: Real, t: Real) -> tuple[Real, Real]:
         """As `EquationsProgram.reduced`, without friction."""
-        f, (i, j) = q.shape[1], np.tril_indices(q.shape[1])
+        f, (i, j) = q.shape[1], lower_triangle(q.shape[1])
         rest = self._outputs(q, v, t)[1][:, 4 * (len(self._signs) - 1) + self._rests + 1 :]
         inertia = np.empty((len(t), f, f))
         inertia[:, i, j] = inertia[:, j, i] = rest[:, f : f + len(i)]

@@ -346,8 +346,8 @@ def _clear_of(singular_points: SingularPoints, start: float, q: float) -> float:
     places = np.unique(np.round([start + c.time for c in singular_points.points], 9))
     if not len(places):
         return q
-    shifts = TURN / FIRST_PANELS * np.arange(32) / 32
-    x = nodes_of(q, q + TURN, FIRST_PANELS)
-    away = shifts[:, None, None] + x[:, None] - places
-    away = np.abs(away - TURN * np.round(away / TURN))
+    width = TURN / FIRST_PANELS  # after which the nodes repeat
+    shifts = width * np.arange(32) / 32
+    away = shifts[:, None, None] + nodes_of(q, q + width, 1)[:, None] - places
+    away = np.abs(away - width * np.round(away / width))
     return q + float(shifts[np.argmax(away.min(axis=(1, 2)))])

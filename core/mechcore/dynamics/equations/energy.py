@@ -59,12 +59,11 @@ class Leg:
 
     def __call__(self, t: Real) -> tuple[Real, Real]:
         """Position and speed (n,) at times (n,) within the leg."""
-        edges, count = self.edges, self.clock.count
+        edges = self.edges
         assert self.clock.boundaries is not None
         boundaries = self.clock.boundaries
         local = np.minimum(np.maximum(t - self.time, 0.0), self.duration)
-        cell = np.minimum(np.searchsorted(edges[:-1], local, side="right") - 1, count - 1)
-        cell = np.maximum(cell, 0)
+        cell = edges[1:-1].searchsorted(local, side="right")
         low, high = boundaries[cell], boundaries[cell + 1]
         u = low + (local - edges[cell]) / (edges[cell + 1] - edges[cell]) * (high - low)
         for _ in range(40):
@@ -115,8 +114,7 @@ class EnergyMotion:
             end = self.last
             turns = np.where(t > end, np.ceil((t - end) / self.period), 0.0)
         local = t - turns * (self.period or 0.0)
-        starts = np.array([leg.time for leg in self.legs])
-        which = np.clip(np.searchsorted(starts, local, side="right") - 1, 0, len(self.legs) - 1)
+        which = np.array([leg.time for leg in self.legs[1:]], float).searchsorted(local, side="right")
         q, v = np.empty_like(t), np.empty_like(t)
         for k in np.unique(which):
             rows = which == k

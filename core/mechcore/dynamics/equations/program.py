@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
-from itertools import pairwise
 from typing import Any, NamedTuple, TypeAlias, TypeVar
 
 import numpy as np
@@ -121,26 +120,16 @@ class EquationsProgram:
     def at_rest(self, q: Real) -> Real | None:
         """M, Q - h and the largest rate of a joint per unit rate (n, 3) at positions (n,) of the only drive, where the program has
         nothing to follow and no laws; None where one of them is near a singular point."""
-        assembled, away = self.compiled.assembly.modes, q - self.compiled.start[0]
-        modes = np.repeat(np.array(assembled, float)[:, None], len(q), axis=1)
+        away = q - self.compiled.start[0]
+        modes = np.repeat(self._equations.modes[None], len(q), axis=0)
         if self._singular is not None:
             points, period = self._singular.points, self._singular.period
             far = away - np.array([[c.time] for c in points])
             if (np.abs(far - period * np.round(far / period)) < NEAR_STEPS * np.array([[c.step] for c in points])).any():
                 return None
-            for i, row in enumerate(modes):
-                row *= self._singular.signs(i, away)
-        places, still = q[:, None], np.zeros((len(q), 1))
-        out = np.empty((len(q), 3))
-        changes = np.flatnonzero((modes[:, 1:] != modes[:, :-1]).any(axis=0)) + 1
-        for first, last in pairwise([0, *changes.tolist(), len(q)]):
-            part = slice(first, last)
-            self._equations.modes[: len(modes)] = modes[:, first]
-            inertia, force = self.reduced(places[part], still[part], still[part, 0])
-            strain = self._equations.strain(places[part], still[part] + 1.0, still[part, 0], still[part, :0], np.zeros(0))
-            out[part] = np.column_stack([inertia[:, :, 0], force, strain])
-        self._equations.modes[: len(modes)] = assembled
-        return out
+            for i in range(len(self.compiled.assembly.modes)):
+                modes[:, i] *= self._singular.signs(i, away)
+        return self._equations.at_rest(q, modes)
 
     def _drives(self, t: Real) -> Real:
         out = np.empty((len(t), self._equations.given))
