@@ -111,7 +111,7 @@ class SingularPoints:
         cycle = np.floor((time + 1e-12 * self.period) / self.period)
         local = time - cycle * self.period
         after_start = times[times > tiny]  # one at the start itself has been passed already
-        count = cycle.astype(int) * len(times) + np.searchsorted(after_start, local, side="left")
+        count = (cycle % 2.0).astype(int) * len(times) + np.searchsorted(after_start, local, side="left")  # its parity
         return np.asarray(1.0 - 2.0 * (count & 1))
 
 

@@ -116,6 +116,12 @@ def test_rates_at_a_singular_position_are_not_determined_and_raise_no_warning():
     assert any(np.isnan(r).any() for r in rates) and not any(np.isinf(r).any() for r in rates)
 
 
+def test_a_run_of_any_length_ends_at_its_stop():
+    """The cycles of a drive that nothing moves are counted, however many: 1e29 of them are no integer."""
+    ends = [run_scene(changed("toggle-press-stop", (("run", "duration"), d))).motion.pose("ram")[-1] for d in ("2 s", 1e29)]
+    np.testing.assert_allclose(ends[1], ends[0], rtol=0.0, atol=1e-9)
+
+
 def test_a_link_beside_which_the_others_vanish_is_refused_by_name():
     run = run_scene(changed("contour-lever", (("links", "slider", "points", "D"), [1e29, 0])))
     with pytest.raises(MechanismError, match=r"links\.slider: the solids cannot be made") as error:
