@@ -18,7 +18,7 @@ from dataclasses import replace
 from functools import partial
 
 import mechviz
-from mechcore.effects.plan import make_plan
+from mechcore.effects.plan import StageKind, make_plan
 from mechcore.effects.registry import EFFECTS
 from mechcore.effects.registry import LOADS as REGISTRY
 from mechcore.forces.kinetostatics import solve_forces
@@ -144,7 +144,7 @@ def by_plan(compiled: Compiled, times: object) -> Callable[[], object]:
 
     def run() -> object:
         motion, *_ = kinematics(compiled, times)
-        return solve_forces(motion) if plan.has("reactions and drive efforts") else motion
+        return solve_forces(motion) if plan.has(StageKind.FORCES) else motion
 
     return run
 

@@ -20,7 +20,7 @@ from mechcore.constructions.studies import compute as compute_studies
 from mechcore.dynamics.joined import JoinedForces, JoinedMotion
 from mechcore.dynamics.rest.steady import SteadyRun
 from mechcore.dynamics.simulate import simulate
-from mechcore.effects.plan import OUTPUTS, Plan, make_plan
+from mechcore.effects.plan import OUTPUTS, Plan, StageKind, make_plan
 from mechcore.forces.kinetostatics import Forces, solve_forces
 from mechcore.motion.compiled import Compiled
 from mechcore.motion.motion import Motion
@@ -159,7 +159,7 @@ def run_scene(
         if scene.simulation.steady is not None:
             with stage("steady run"):
                 steady, compiled = steady_state(scene.simulation.steady, compiled)
-        with stage("motion under forces"):
+        with stage(StageKind.SIMULATION.value):
             again = _resimulate(scene, compiled, advance, steady, observe, warn)
             simulation = _simulate(scene, settings, again, asked=accuracy is not None)
     fit = None
@@ -167,28 +167,28 @@ def run_scene(
         with stage("frames for the accuracy"):
             fit = _fit(scene, settings, simulation)
         scene = with_run(scene, fit.frames, None)
-    with stage("positions"):
+    with stage(StageKind.POSITIONS.value):
         motion = _motion(scene, compiled, simulation)
         _read(motion, "origins")
-    if plan.has("velocities"):
-        with stage("velocities"):
+    if plan.has(StageKind.VELOCITIES):
+        with stage(StageKind.VELOCITIES.value):
             _read(motion, "origin_velocities")
-    if plan.has("accelerations"):
-        with stage("accelerations"):
+    if plan.has(StageKind.ACCELERATIONS):
+        with stage(StageKind.ACCELERATIONS.value):
             _read(motion, "origin_accelerations")
     forces = None
-    if plan.has("reactions and drive efforts"):
-        with stage("reactions and drive efforts"):
+    if plan.has(StageKind.FORCES):
+        with stage(StageKind.FORCES.value):
             forces = solve_forces(motion) if simulation is None else simulation.forces(motion)
-    if forces is not None and plan.has("energy and power balance"):
-        with stage("energy and power balance"):
+    if forces is not None and plan.has(StageKind.ENERGY):
+        with stage(StageKind.ENERGY.value):
             _ = forces.energy, forces.power_balance
     studies = StudyResults()
     if mechanism.studies.items() and {"accelerations", "forces"} <= wanted:
         with stage("studies"):
             studies = compute_studies(motion, forces)
-    if plan.has("closure and condition"):
-        with stage("closure and condition"):
+    if plan.has(StageKind.HEALTH):
+        with stage(StageKind.HEALTH.value):
             _ = motion.closure, motion.velocity_closure, motion.acceleration_closure, motion.condition
     run = Run(
         scene=scene,
@@ -339,7 +339,7 @@ class Running:
         self._stretches = []
         motion = new.view(times)
         forces = None
-        if self.plan.has("reactions and drive efforts"):
+        if self.plan.has(StageKind.FORCES):
             forces = new.forces(motion)
             _ = new.energies(times)  # its works: the whole then need not find them again
         block = _Block(times, motion, forces)

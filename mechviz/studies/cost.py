@@ -22,7 +22,7 @@ from mechcore.dynamics.equations.contacts import missing_in_c, rubs, written_sou
 from mechcore.dynamics.events import with_slot_ends
 from mechcore.dynamics.integration.windows import MANY_WINDOWS
 from mechcore.effects.base import sum_up
-from mechcore.effects.plan import Plan, make_plan
+from mechcore.effects.plan import Plan, PlannedStage, StageKind, make_plan
 from mechcore.effects.registry import effects_of, wrenches
 from mechcore.forces.friction.solve import solve_friction
 from mechcore.forces.kinetostatics import solve_forces
@@ -42,10 +42,11 @@ HEALTH = ("closure", "velocity_closure", "acceleration_closure", "condition")
 
 @dataclass(frozen=True)
 class Cost:
-    """A stage or effect of the plan and the median of its wall times [s]."""
+    """A stage or effect of the plan and the median of its wall times [s]. ``part``: it is within the time of the reactions."""
 
     name: str
     seconds: float
+    part: bool = False
 
 
 @in_scene_words
@@ -62,6 +63,14 @@ def measure(scene: Scene, *, repeats: int = 7, outputs: Any = None, executor: Ex
         walls.setdefault(name, []).append(time.perf_counter() - start)
         return result
 
+    parts: set[str] = set()
+
+    def part(kind: StageKind, item: str) -> str:
+        """Name of a stage whose time is part of that of the reactions."""
+        name = PlannedStage(kind, item, "").name
+        parts.add(name)
+        return name
+
     effects = effects_of(mechanism)
     named = len(mechanism.effects)
     for _ in range(repeats + 1):
@@ -71,21 +80,21 @@ def measure(scene: Scene, *, repeats: int = 7, outputs: Any = None, executor: Ex
             continue
         compiled = clocked("compile", partial(compile_mechanism, mechanism, executor=executor))
         motion = clocked("positions", partial(_positions, compiled, frames))
-        for stage in ("velocities", "accelerations"):
-            if plan.has(stage):
-                clocked(stage, partial(getattr, motion, f"origin_{stage}"))
-        if plan.has("reactions and drive efforts"):
+        for kind in (StageKind.VELOCITIES, StageKind.ACCELERATIONS):
+            if plan.has(kind):
+                clocked(kind.value, partial(getattr, motion, f"origin_{kind.value}"))
+        if plan.has(StageKind.FORCES):
             for k, effect in enumerate(effects):
                 if "reactions" not in effect.needs:
-                    clocked(f"{'effect' if k < named else 'load'} {effect.name}", partial(effect.wrenches, motion))
-            if plan.has("effect friction"):
-                clocked("effect friction", partial(_friction, motion))
-            forces = clocked("reactions and drive efforts", partial(solve_forces, motion))
-            if plan.has("energy and power balance"):
-                clocked("energy and power balance", partial(_read, forces, ("energy", "power_balance")))
-        if plan.has("closure and condition"):
-            clocked("closure and condition", partial(_read, motion, HEALTH))
-    return [Cost(name, statistics.median(times[1:])) for name, times in walls.items()]  # the first one warms up
+                    clocked(part(StageKind.EFFECT if k < named else StageKind.LOAD, effect.name), partial(effect.wrenches, motion))
+            if plan.has(StageKind.EFFECT, "friction"):
+                clocked(part(StageKind.EFFECT, "friction"), partial(_friction, motion))
+            forces = clocked(StageKind.FORCES.value, partial(solve_forces, motion))
+            if plan.has(StageKind.ENERGY):
+                clocked(StageKind.ENERGY.value, partial(_read, forces, ("energy", "power_balance")))
+        if plan.has(StageKind.HEALTH):
+            clocked(StageKind.HEALTH.value, partial(_read, motion, HEALTH))
+    return [Cost(name, statistics.median(times[1:]), name in parts) for name, times in walls.items()]  # the first one warms up
 
 
 def _positions(compiled: Compiled, frames: Any) -> Motion:
@@ -108,7 +117,7 @@ def _read(result: object, names: tuple[str, ...]) -> None:
 
 def cost_lines(costs: list[Cost], frames: int) -> list[str]:
     """The costs as a table: milliseconds, microseconds a frame, share."""
-    total = sum(c.seconds for c in costs if not c.name.startswith(("effect ", "load ")))  # those are part of the reactions
+    total = sum(c.seconds for c in costs if not c.part)
     width = max(len(c.name) for c in costs)
     lines = [f"cost (median, {frames} frames; effects and loads are part of the reactions' time)"]
     lines.append(f"  {'':<{width}}  {'ms':>9}  {'us/frame':>9}  {'share':>6}")

@@ -6,6 +6,7 @@ It follows from what the effects declare that they need (`mechcore.effects.regis
 from __future__ import annotations
 
 from collections.abc import Iterable
+from enum import Enum
 
 from mechcore.effects.registry import effects_of
 from mechcore.laws.timed import Free
@@ -16,24 +17,49 @@ OUTPUTS = ("positions", "velocities", "accelerations", "forces", "energy", "heal
 """Outputs that can be asked for; a recording asks for everything that the scene calls for."""
 
 
+class StageKind(Enum):
+    """Kinds of stages; the value is what people read."""
+
+    SIMULATION = "motion under forces"
+    POSITIONS = "positions"
+    VELOCITIES = "velocities"
+    ACCELERATIONS = "accelerations"
+    EFFECT = "effect"
+    LOAD = "load"
+    FORCES = "reactions and drive efforts"
+    ENERGY = "energy and power balance"
+    HEALTH = "closure and condition"
+    METRIC = "metric"
+    STUDY = "study"
+
+
 @dataclass(frozen=True)
 class PlannedStage:
-    """One stage or effect and the reason why it is computed or left out."""
+    """One stage and the reason ``why`` it is computed or left out. ``item``: of which effect, load, metric or study, else ""."""
 
-    name: str
+    kind: StageKind
+    item: str
     why: str
+
+    @property
+    def name(self) -> str:
+        """What people read; no two stages of a plan have the same."""
+        if self.kind in (StageKind.METRIC, StageKind.STUDY):
+            return self.item.replace("_", " ")
+        return f"{self.kind.value} {self.item}".rstrip()
 
 
 @dataclass(frozen=True)
 class Plan:
-    """``computed`` and ``skipped`` stages and effects, in working order. ``effects``: those computed, by name."""
+    """``computed`` and ``skipped`` stages, in working order. ``effects``: those computed, by name."""
 
     computed: tuple[PlannedStage, ...]
     skipped: tuple[PlannedStage, ...]
     effects: tuple[str, ...]
 
-    def has(self, name: str) -> bool:
-        return any(s.name == name for s in self.computed)
+    def has(self, kind: StageKind, item: str = "") -> bool:
+        """Whether a stage is computed."""
+        return any(s.kind is kind and s.item == item for s in self.computed)
 
 
 def make_plan(mechanism: Mechanism, outputs: Iterable[str] = OUTPUTS) -> Plan:
@@ -43,14 +69,14 @@ def make_plan(mechanism: Mechanism, outputs: Iterable[str] = OUTPUTS) -> Plan:
     loads = effects[len(mechanism.effects) :]
     free = [d.joint for d in mechanism.drives if isinstance(d.law, Free)]
     do_forces = bool(effects) and bool(wanted & {"forces", "energy"})
-    computed: list[PlannedStage] = [PlannedStage("positions", "always")]
+    computed: list[PlannedStage] = [PlannedStage(StageKind.POSITIONS, "", "always")]
     if free:
         why = f"forces decide the motion of {_listed(free)}: it is found before all else"
-        computed.insert(0, PlannedStage("motion under forces", why))
+        computed.insert(0, PlannedStage(StageKind.SIMULATION, "", why))
     skipped: list[PlannedStage] = []
 
-    def step(name: str, needed: bool, why: str, why_not: str) -> None:
-        (computed if needed else skipped).append(PlannedStage(name, why if needed else why_not))
+    def step(kind: StageKind, needed: bool, why: str, why_not: str, item: str = "") -> None:
+        (computed if needed else skipped).append(PlannedStage(kind, item, why if needed else why_not))
 
     def called_for(quantity: str) -> list[str]:
         return [e.name for e in effects if quantity in e.needs] if do_forces else []
@@ -58,13 +84,13 @@ def make_plan(mechanism: Mechanism, outputs: Iterable[str] = OUTPUTS) -> Plan:
     by, faster = called_for("velocities"), called_for("accelerations")
     asked = wanted & {"velocities", "accelerations", "energy", "health"}
     step(
-        "velocities",
+        StageKind.VELOCITIES,
         bool(asked or by),
         "asked for" if "velocities" in asked else _needed(by) if by else "accelerations, powers and health need them",
         "nothing asks for them: no force depends on a velocity" if do_forces else "only positions are asked for",
     )
     step(
-        "accelerations",
+        StageKind.ACCELERATIONS,
         bool(wanted & {"accelerations", "health"} or faster),
         _needed(faster) if faster and "accelerations" not in wanted else "asked for",
         "nothing asks for them",
@@ -74,28 +100,29 @@ def make_plan(mechanism: Mechanism, outputs: Iterable[str] = OUTPUTS) -> Plan:
         if name == "friction":
             continue  # below: it is solved together with the reactions
         why_not = "forces are not asked for" if name in named else "the scene does not list it in effects"
-        step(f"effect {name}", do_forces and name in named, what, why_not)
+        step(StageKind.EFFECT, do_forces and name in named, what, why_not, name)
     for load in loads:
-        step(f"load {load.name}", do_forces, f"{load.cause}, from {_listed(sorted(load.needs))}", "forces are not asked for")
+        why = f"{load.cause}, from {_listed(sorted(load.needs))}"
+        step(StageKind.LOAD, do_forces, why, "forces are not asked for", load.name)
     none = "forces are not asked for" if effects else "the scene lists no effects and no loads: pure kinematics"
     rubbing = ", ".join(braked(mechanism.joints))
     do_friction = do_forces and "friction" in mechanism.effects and bool(rubbing)
     how = "kinetostatics under the effects and loads above, "
     how += "solved together with the friction in the joints" if do_friction else "frictionless"
-    step("reactions and drive efforts", do_forces, how, none)
-    step("energy and power balance", do_forces and bool(wanted & {"energy", "health"}), "check of the forces", none)
+    step(StageKind.FORCES, do_forces, how, none)
+    step(StageKind.ENERGY, do_forces and bool(wanted & {"energy", "health"}), "check of the forces", none)
     if "friction" not in mechanism.effects or not rubbing:
         idle = (
             f"{rubbing} have coefficients, but the scene does not list it in effects" if rubbing else "no joint has a coefficient"
         )
     else:
         idle = "forces are not asked for"
-    step("effect friction", do_friction, f"dry friction in {rubbing}: iterates until it fits the reactions", idle)
-    step("closure and condition", "health" in wanted, "health of every frame", "health is not asked for")
+    step(StageKind.EFFECT, do_friction, f"dry friction in {rubbing}: iterates until it fits the reactions", idle, "friction")
+    step(StageKind.HEALTH, "health" in wanted, "health of every frame", "health is not asked for")
     for name in mechanism.metrics:
-        step(f"answer {name}", "velocities" in wanted, METRICS[name], "velocities are not asked for")
+        step(StageKind.METRIC, "velocities" in wanted, METRICS[name], "velocities are not asked for", name)
     for name, what in mechanism.studies.items():
-        step(name, "velocities" in wanted, what, "velocities are not asked for")
+        step(StageKind.STUDY, "velocities" in wanted, what, "velocities are not asked for", name)
     names = (*mechanism.effects, *(f"load {e.name}" for e in loads)) if do_forces else ()
     return Plan(computed=tuple(computed), skipped=tuple(skipped), effects=names)
 

@@ -10,9 +10,9 @@ Vec2 = tuple[float, float]
 Place = tuple[str, str]  # link, point
 
 POLYGONS: Mapping[str, str] = {
-    "velocity": "velocity plan: images of the points, joined by omega x r and sliding velocities",
-    "acceleration": "acceleration plan with centripetal, tangential, Coriolis and sliding parts",
-    "force": "force plan of every group, in the order of the hand method",
+    "velocity": "velocity polygon: images of the points, joined by omega x r and sliding velocities",
+    "acceleration": "acceleration polygon with centripetal, tangential, Coriolis and sliding parts",
+    "force": "force polygons of every group, in the order of the hand method",
     "graph": "contour graph: links as vertices, joints as edges, loops numbered",
 }
 """Graphical constructions that a scene can ask for; see `mechcore.constructions`."""
@@ -104,8 +104,8 @@ class Studies:
 
     def items(self) -> tuple[tuple[str, str], ...]:
         """Name and meaning of each study that is asked for."""
-        asked = [("contour graph" if name == "graph" else f"plan {name}", POLYGONS[name]) for name in self.polygons]
-        asked += [(f"polodes {link}", "paths of the instant centre on the frame and on the link") for link in self.centrodes]
+        asked = [("contour graph" if name == "graph" else f"{name} polygon", POLYGONS[name]) for name in self.polygons]
+        asked += [(f"centrodes of {link}", "paths of the instant centre on the frame and on the link") for link in self.centrodes]
         asked += [
             (f"equivalent {joint}", "the linkage of lower pairs that moves like this higher pair") for joint in self.equivalent
         ]

@@ -14,7 +14,7 @@ from uuid import uuid4
 import numpy as np
 
 from mechcore.arrays import Real
-from mechcore.effects.plan import OUTPUTS, make_plan
+from mechcore.effects.plan import OUTPUTS, StageKind, make_plan
 from mechcore.motion.events import Event
 from mechcore.numerics.frames import give_back_memory
 from mechcore.records import dataclass
@@ -331,7 +331,7 @@ def _blueprint(scene: Scene, room: Real) -> Any:
     made = made_joints(scene.mechanism)
     free = [d.joint for d in scene.mechanism.drives if d.joint not in made]
     plots = [rrb.TimeSeriesView(name=joint, origin="/", contents=[f"+ /data/joints/{joint}/motion"]) for joint in free[:3]]
-    if make_plan(scene.mechanism, set(OUTPUTS)).has("reactions and drive efforts"):
+    if make_plan(scene.mechanism, set(OUTPUTS)).has(StageKind.FORCES):
         plots.append(rrb.TimeSeriesView(name="Energy [J]", origin="/", contents=["+ /data/energy"]))
     return rrb.Blueprint(
         rrb.Horizontal(mechanism_view("Mechanism", [], room), rrb.Vertical(*plots), column_shares=[3, 2]),

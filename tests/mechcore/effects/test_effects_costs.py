@@ -11,7 +11,7 @@ import pytest
 
 import mechviz
 from mechcore.effects import registry as effects
-from mechcore.effects.plan import make_plan
+from mechcore.effects.plan import StageKind, make_plan
 from mechcore.forces.kinetostatics import solve_forces
 from mechcore.kinematics.model import Model
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
@@ -104,7 +104,7 @@ def test_the_plan_names_what_needs_what():
     assert steps["velocities"] == "damper needs them"
     assert steps["load strut"] == "elastic, from positions"
     assert steps["load damper"] == "viscous, from positions and velocities"
-    assert not plan.has("accelerations") and not plan.has("effect inertia")
+    assert not plan.has(StageKind.ACCELERATIONS) and not plan.has(StageKind.EFFECT, "inertia")
 
 
 def test_measured_costs_name_every_stage_of_the_plan():

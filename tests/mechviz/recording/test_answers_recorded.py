@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 import mechviz
+from mechcore.effects.plan import StageKind
 from mechcore.motion import metrics as answers
 from mechviz.outputs.rerun.reader import Recording
 from mechviz.outputs.rerun.writer import write_recording
@@ -44,7 +45,7 @@ def test_nothing_is_recorded_that_was_not_asked_for(tmp_path):
     recording = Recording(tmp_path / "b.rrd")
     assert not any("/answers/" in e for e in recording.entities)
     assert not any("transmission" in e.text for e in recording.events)
-    assert run.plan.has("answer curvature") is False
+    assert not run.plan.has(StageKind.METRIC, "curvature")
 
 
 def test_passing_a_change_point_is_an_event(tmp_path):

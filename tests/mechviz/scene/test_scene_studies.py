@@ -221,7 +221,7 @@ def test_what_is_not_named_is_not_computed(monkeypatch):
         "reduce_mechanism": 2, "shaking": 2, "substitute_masses": 1,
     }  # fmt: skip
     named = {s.name for s in run.plan.computed}
-    assert {"plan velocity", "plan force", "polodes coupler", "system load", "reduced to rocker.D", "shaking"} <= named
+    assert {"velocity polygon", "force polygon", "centrodes of coupler", "system load", "reduced to rocker.D", "shaking"} <= named
 
 
 # -- results ------------------------------------------------------------------------------------------------------------

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 from functools import partial
 from html import escape
 from itertools import pairwise
 
 import viser
 
-from mechcore.effects.plan import Plan
+from mechcore.effects.plan import Plan, PlannedStage, StageKind
 from mechcore.effects.registry import effects_of
 from mechcore.records import dataclass
 from mechcore.spec.mechanism import EFFECTS, Mechanism
@@ -19,8 +19,7 @@ from mechviz.outputs.viewer.server import Callback
 from mechviz.outputs.viewer.session import Contribution, EditSession
 from mechviz.outputs.viewer.view_model import ViewModel
 
-MOTION = ("motion under forces", "positions", "velocities", "accelerations")
-REACTIONS, ENERGY, HEALTH = "reactions and drive efforts", "energy and power balance", "closure and condition"
+MOTION = (StageKind.SIMULATION, StageKind.POSITIONS, StageKind.VELOCITIES, StageKind.ACCELERATIONS)
 MOST = 8  # effects and loads that have a box of their own; the rest share one
 
 WIDTH, ROW, GAP = 276.0, 25.0, 7.0  # [px]
@@ -49,59 +48,54 @@ class PlanGraph:
 
 def plan_graph(mechanism: Mechanism, plan: Plan) -> PlanGraph:
     """Graph of needs. An arrow goes to the highest derivative of the motion that an effect needs; those below follow."""
-    why = {step.name: step.why for step in (*plan.computed, *plan.skipped)}
-    computed = {step.name for step in plan.computed}
+    stages = (*plan.computed, *plan.skipped)
+    by_kind = {kind: [s for s in stages if s.kind is kind] for kind in StageKind}
     boxes: list[Box] = []
     arrows: list[tuple[str, str]] = []
 
-    def box(names: Iterable[str], label: str, column: int) -> str:
-        parts = [name for name in names if name in why]
-        on = any(name in computed for name in parts)
-        boxes.append(Box(parts[0], label, column, on, "; ".join(dict.fromkeys(why[name] for name in parts))))
-        return parts[0]
+    def box(parts: Sequence[PlannedStage], label: str, column: int) -> str:
+        on = any(s in plan.computed for s in parts)
+        boxes.append(Box(parts[0].name, label, column, on, "; ".join(dict.fromkeys(s.why for s in parts))))
+        return parts[0].name
 
     named = len(mechanism.effects)  # those come first, then the loads
-    needs = {f"{'effect' if k < named else 'load'} {e.name}": e.needs for k, e in enumerate(effects_of(mechanism))}
-    forces = [name for name in why if name.startswith(("effect ", "load "))]
-    # from top to bottom as the quantities are, so that few arrows cross; what is left out comes last
-    level = {name: max((k for k, q in enumerate(MOTION) if q in needs.get(name, ())), default=0) for name in forces}
-    forces.sort(key=lambda name: (name not in computed, level[name]))
-    shown, rest = (forces, []) if len(forces) <= MOST else (forces[: MOST - 1], forces[MOST - 1 :])
-    groups = [[name] for name in shown] + ([rest] if rest else [])
-    for names in groups:
-        label = names[0].split(" ", 1)[1] if len(names) == 1 else f"{len(names)} more"
-        source = box(names, label, 0)
-        needed = {n for name in names if name in computed for n in needs.get(name, ())}
-        for quantity in reversed(MOTION):
-            if quantity in needed and quantity in computed:
-                arrows.append((source, quantity))
-                break
-        if "reactions" in needed:  # found together with them
-            arrows.append((source, REACTIONS))
+    needs = {(StageKind.EFFECT if k < named else StageKind.LOAD, e.name): e.needs for k, e in enumerate(effects_of(mechanism))}
+    computed = [kind for kind in MOTION if plan.has(kind)]
 
-    quantities = [box([name], name, 1) for name in MOTION if name in why]
-    moving = [name for name in quantities if name in computed]
+    def needed(stage: PlannedStage) -> frozenset[str]:
+        """The quantities that an effect or a load needs."""
+        return frozenset(needs.get((stage.kind, stage.item), ()))
+
+    def level(stage: PlannedStage) -> int:
+        return max((k for k, kind in enumerate(MOTION) if kind.value in needed(stage)), default=0)
+
+    # from top to bottom as the quantities are, so that few arrows cross; what is left out comes last
+    forces = sorted(by_kind[StageKind.EFFECT] + by_kind[StageKind.LOAD], key=lambda s: (s not in plan.computed, level(s)))
+    shown, rest = (forces, []) if len(forces) <= MOST else (forces[: MOST - 1], forces[MOST - 1 :])
+    for parts in [*([s] for s in shown), *([rest] if rest else [])]:
+        source = box(parts, parts[0].item if len(parts) == 1 else f"{len(parts)} more", 0)
+        wanted = frozenset().union(*(needed(s) for s in parts if s in plan.computed))
+        arrows += [(source, kind.value) for kind in reversed(computed) if kind.value in wanted][:1]
+        if "reactions" in wanted:  # found together with them
+            arrows.append((source, StageKind.FORCES.value))
+    moving = [box(by_kind[kind], kind.value, 1) for kind in MOTION if by_kind[kind]][: len(computed)]
     arrows += list(pairwise(moving))
-    box([HEALTH], HEALTH, 2)
-    if HEALTH in computed:
-        arrows.append(("positions", HEALTH))
-    others = [name for name in why if name not in {*MOTION, REACTIONS, ENERGY, HEALTH} and name not in forces]
-    answers = [name for name in others if name.startswith("answer ")]
-    for names, label in ((answers, "answer"), ([name for name in others if name not in answers], "diagram")):
-        if names:
-            kind, _, own = names[0].partition(" ")
-            single = f"{own} plan" if kind == "plan" else (own or kind).replace("_", " ")
-            several = f"{len(names)} {label}s" if len(names) > 1 else single
-            source = box(names, several, 2)
-            if source in computed and "velocities" in computed:
-                arrows.append(("velocities", source))
-    box([REACTIONS], REACTIONS, 2)
-    box([ENERGY], ENERGY, 2)
-    if REACTIONS in computed:
-        called = [n for name in forces if name in computed for n in needs.get(name, ())]
-        arrows.append((next((q for q in reversed(moving) if q in called), "positions"), REACTIONS))
-    if ENERGY in computed:
-        arrows.append((REACTIONS, ENERGY))
+    box(by_kind[StageKind.HEALTH], StageKind.HEALTH.value, 2)
+    if plan.has(StageKind.HEALTH):
+        arrows.append((StageKind.POSITIONS.value, StageKind.HEALTH.value))
+    for kind, several in ((StageKind.METRIC, "metrics"), (StageKind.STUDY, "diagrams")):
+        if parts := by_kind[kind]:
+            source = box(parts, parts[0].name if len(parts) == 1 else f"{len(parts)} {several}", 2)
+            if parts[0] in plan.computed and StageKind.VELOCITIES in computed:
+                arrows.append((StageKind.VELOCITIES.value, source))
+    box(by_kind[StageKind.FORCES], StageKind.FORCES.value, 2)
+    box(by_kind[StageKind.ENERGY], StageKind.ENERGY.value, 2)
+    if plan.has(StageKind.FORCES):
+        called = frozenset().union(*(needed(s) for s in forces if s in plan.computed))
+        highest = next((kind for kind in reversed(computed) if kind.value in called), StageKind.POSITIONS)
+        arrows.append((highest.value, StageKind.FORCES.value))
+    if plan.has(StageKind.ENERGY):
+        arrows.append((StageKind.FORCES.value, StageKind.ENERGY.value))
     return PlanGraph(tuple(boxes), tuple(dict.fromkeys(arrows)))
 
 
