@@ -4,6 +4,7 @@ constructions, words."""
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -124,7 +125,7 @@ def _bands_in(recording: Recording, time: Real, chosen: Integers) -> Bands:
     if not same:
         return Bands(refused="the scene's frames are not those of the recording")
     bands = bands_of(run)
-    return Bands({key: half[chosen] for key, half in bands.halves.items()}, bands.refused)
+    return replace(bands, halves={key: half[chosen] for key, half in bands.halves.items()})
 
 
 def _lanes_in(recording: Recording) -> Iterator[Lane]:

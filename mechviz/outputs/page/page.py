@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from html import escape
 from importlib.resources import files
@@ -24,6 +24,7 @@ from mechviz.quantities.catalogue import Catalogue
 from mechviz.quantities.numbers import Numbers
 from mechviz.quantities.vectors import FAMILIES, FORCE_FAMILIES, round_value
 from mechviz.scene.units import Units
+from mechviz.studies.designs.sensitivity import Bands
 
 ROUND_OFF = 1e-9  # of the largest value of the same unit
 MOST_FIRST = 4
@@ -236,7 +237,9 @@ def show_text(
     pack = Pack()
     frames = find_frames(shown, most, keep)
     picture, catalogue = shown.picture, shown.catalogue
-    curves = find_plots(catalogue, frames, shown.bands().halves) if plots else []
+    bands = shown.bands() if plots else Bands()
+    curves = find_plots(catalogue, frames, bands.halves) if plots else []
+    first = first_plots(catalogue, curves, simulated=shown.simulated)
     drawn = pack_drawables(picture, frames, pack, progress)
     drawables = [drawable for drawable, _ in drawn]
     bodies = pack_bodies(picture, frames, pack)
@@ -261,14 +264,32 @@ def show_text(
         "groups": _groups(picture, [*drawables, *bodies], catalogue.numbers.units),
         "length": dict(zip(("unit", "per_metre"), catalogue.numbers.units.reads("m"), strict=True)),
         "plots": [pack_plot(p, pack) for p in curves],
-        "first": first_plots(catalogue, curves, simulated=shown.simulated),
+        "first": first,
         "lanes": [
             {"name": lane.name, "changes": [[t, word, hex_of(color)] for t, word, color in lane.changes]} for lane in shown.lanes
         ],
         "events": [{"time": e.time, "level": e.level, "text": f"{e.item}: {e.text}"} for e in shown.events],
-        "notes": html_of(shown.notes),
+        "notes": html_of(shown.notes + _on_tolerances(bands, [curves[k] for k in first])),
     }
     return pack.text(header), frames
+
+
+def _on_tolerances(bands: Bands, plots: Sequence[Plot]) -> str:
+    """Markdown on tolerance bands: whose tolerances they are, how wide they are in some plots, why others are missing."""
+    if not bands.variables:
+        return ""
+    amounts = ((v.name, *(f"{x} {v.unit}".rstrip() for x in (f"{v.value:.6g}", f"{v.tolerance:.4g}"))) for v in bands.variables)
+    lines = [f"- {name}: {value} ± {tolerance}" for name, value, tolerance in amounts]
+    for plot in plots:
+        if plot.half is None:
+            continue
+        for name, half in zip(plot.names, plot.half.T, strict=True):
+            if np.isfinite(half).any():
+                label = plot.title if len(plot.names) == 1 or name == plot.title else f"{plot.title}, {name}"
+                lines.append(f"- {label}: at most ± {np.nanmax(half):.3g} {plot.unit}, all tolerances added up")
+    if bands.refused:
+        lines.append(f"- Some curves have no band: {bands.refused}")
+    return "\n".join(["", "", "## Tolerances", "", *lines, ""])
 
 
 def _axes(catalogue: Catalogue, frames: Frames, pack: Pack) -> list[dict[str, Any]]:

@@ -241,10 +241,11 @@ def tornado(row: Sensitivity, title: str, most: int = 20) -> Figure:
 @dataclass(frozen=True, eq=False)
 class Bands:
     """Half widths (F, n) of the curves of quantities by their keys, in their units: the worst case, all tolerances added up; NaN
-    at singular frames. ``refused``: why some or all are missing."""
+    at singular frames. ``refused``: why some or all are missing; ``variables``: whose tolerances they are."""
 
     halves: Mapping[str, Real] = field(default_factory=dict)
     refused: str = ""
+    variables: tuple[Variable, ...] = ()
 
 
 def with_tolerances(scene: Scene) -> tuple[Variable, ...]:
@@ -263,7 +264,7 @@ def bands_of(run: Run) -> Bands:
     try:
         parts = derivatives_of(run, variables)
     except MechanismError as error:
-        return Bands(refused=error.faults[0].message)
+        return Bands(refused=error.faults[0].message, variables=variables)
     for rows, exact in parts:
         columns = {}
         for key in slopes_of:
@@ -280,4 +281,4 @@ def bands_of(run: Run) -> Bands:
     halves = {
         key: np.asarray(np.tensordot(tolerances, np.abs(slopes), 1)) for key, slopes in slopes_of.items() if slopes is not None
     }
-    return Bands(halves, refused)
+    return Bands(halves, refused, variables)

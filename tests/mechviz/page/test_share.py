@@ -174,6 +174,11 @@ def test_plots_have_the_bands_of_tolerances():
     np.testing.assert_allclose(arrays[plots["Joint S: displacement"]["half"]], 0.05 * by_stroke, rtol=1e-6)
     together = plots["Joint reactions, magnitude"]
     assert len(arrays[together["half"]]) == len(q) * len(together["names"]) and "half" not in plots["Power"]
+    notes = header["notes"]
+    assert "<li>stroke: 80 mm ± 0.1 mm</li>" in notes and "Tolerances" not in content(make_page(recorded().shown)[0])[0]["notes"]
+    first = header["plots"][header["first"][0]]
+    widest = max(arrays[first["half"]]) if len(first["names"]) == 1 else 0.0
+    assert f"{first['title']}: at most ± {widest:.3g} {first['unit']}, all tolerances added up" in notes
 
 
 def test_a_recording_has_the_bands_of_its_scene(tmp_path):
