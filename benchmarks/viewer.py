@@ -49,7 +49,7 @@ SIZE = {"width": 900, "height": 560}
 MOVES = 80
 DENSE = 90.0  # frames of the run a second while playing: more than are shown, so that each picture is another
 TINY = {"width": 320, "height": 240}
-LARGEST = playback.LARGEST
+LARGEST = playback.LARGEST_MOTION
 KIND = {False: "drawn by software", True: "drawing left out"}
 PLAYED = "() => window.mechvizPlayback ? window.mechvizPlayback.frames : 0"
 LISTEN = (
@@ -239,7 +239,7 @@ def play() -> None:
         for box in viewer.switches.families:
             viewer.scene.arrows.switch(box, False)
         viewer.scene.joints.switch(False)
-        largest, playback.LARGEST = playback.LARGEST, 0
+        largest, playback.LARGEST_MOTION = playback.LARGEST_MOTION, 0
         viewer.inspector.playback.change()
         rates: list[float] = []
         other = threading.Thread(target=lambda: rates.extend(listeners(viewer, 1, 8.0)))
@@ -251,7 +251,7 @@ def play() -> None:
         viewer.pause()
         bodies = len(run.motion.mechanism.links) - 1
         print(f"play: {bodies} bodies, every frame sent: {100 * pushed:.0f} % of a core, {rates[0]:.0f} messages a second")
-        playback.LARGEST = largest
+        playback.LARGEST_MOTION = largest
         viewer.inspector.playback.change()
         viewer.play()
         time.sleep(2.0)
@@ -283,13 +283,13 @@ def many() -> None:
     with Viewer(run, port=0) as viewer:
         viewer.session.wait(rested=True)
         dense(viewer)
-        playback.LARGEST = 0
+        playback.LARGEST_MOTION = 0
         viewer.inspector.playback.change()
         viewer.play()
         rates = listeners(viewer, 20, 8.0)
         viewer.pause()
         print(f"many: 20 sockets, frames pushed: {min(rates):.0f} to {max(rates):.0f} messages a second at each")
-        playback.LARGEST = LARGEST
+        playback.LARGEST_MOTION = LARGEST
         viewer.inspector.playback.change()
         for free in (False, True):
             _pages(viewer, 20, free)

@@ -13,7 +13,7 @@ import numpy as np
 
 import mechviz
 from mechviz.outputs.images.browser import Chromium
-from mechviz.outputs.images.pictures import SETTLED, moment
+from mechviz.outputs.images.pictures import SETTLED_SCRIPT, moment
 from mechviz.outputs.page.page import make_page
 from mechviz.outputs.presentation import presentation_of
 from mechviz.runs import run_scene
@@ -29,7 +29,7 @@ def main(scene: str, degrees: float) -> None:
         page.write_text(make_page(shown)[0], encoding="utf-8")
         browser.go(page)
         browser.evaluate("mechviz.ready")
-        browser.evaluate(f"mechviz.player.seek({time!r}); mechviz.player.drawNow(); {SETTLED}")
+        browser.evaluate(f"mechviz.player.seek({time!r}); mechviz.player.drawNow(); {SETTLED_SCRIPT}")
         TO.write_bytes(browser.screenshot())
     print(TO)
 

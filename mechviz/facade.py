@@ -17,7 +17,7 @@ from mechviz.figures import save_chart
 from mechviz.files import OutputError, check_target, replacing
 from mechviz.outputs.exports.tables import plot_figure
 from mechviz.outputs.images.drawing import svg_of, write_svg
-from mechviz.outputs.images.pictures import VIEWS, Look, moment
+from mechviz.outputs.images.pictures import VIEW_NAMES, Look, moment
 from mechviz.outputs.images.pictures import shot as take
 from mechviz.outputs.page.page import make_page
 from mechviz.outputs.presentation import Presentation, presentation_in, presentation_of
@@ -196,8 +196,8 @@ class Result:
         target, drawing = Path(path), Path(path).suffix.lower() == ".svg"
         if target.suffix.lower() not in (".svg", ".png"):
             raise OutputError(f"'{path}' ends neither in .png nor in .svg.", "Give a name that does.")
-        if view not in VIEWS or (drawing and view not in ("3d", "front")):
-            offered = "'front'" if drawing else ", ".join(VIEWS)
+        if view not in VIEW_NAMES or (drawing and view not in ("3d", "front")):
+            offered = "'front'" if drawing else ", ".join(VIEW_NAMES)
             raise OutputError(f"'{path}' cannot be taken from the view '{view}'.", f"There are: {offered}.")
         check_target(target)
         place = moment(self.presentation, at=at, frame=frame, angle=None if angle is None else float(np.radians(angle)))

@@ -28,9 +28,8 @@ LAYERS = {
     ),
 }  # fmt: skip
 
-MOST_LAZY = (
-    4  # imports of ours within functions of mechviz: what must not load before it is used (signals, viser, outlines, motion)
-)
+# Imports of ours within functions of mechviz: what must not load before it is used (signals, viser, outlines, motion)
+MOST_LAZY = 4
 ADAPTERS = {  # the only module of a folder that uses the insides of a library, and how many lines of it do
     "mechviz.outputs.viewer": ("viser", "mechviz.outputs.viewer.viser_adapter", 10),
     "mechviz.outputs.rerun": ("rerun", "mechviz.outputs.rerun.rerun_adapter", 3),

@@ -28,12 +28,12 @@ from mechviz.files import replacing
 from mechviz.outputs.exports.cam_profiles import export_profiles
 from mechviz.outputs.exports.code import export_code
 from mechviz.outputs.exports.gltf import export_glb
-from mechviz.outputs.exports.gltf_marks import ARROWS
+from mechviz.outputs.exports.gltf_marks import ARROW_FAMILIES
 from mechviz.outputs.exports.solids import export_3mf, export_kit, export_stl
 from mechviz.outputs.exports.tables import even_times, export_csv, export_parquet
 from mechviz.outputs.images.browser import find_chromium
 from mechviz.outputs.images.drawing import write_svg
-from mechviz.outputs.images.pictures import VIEWS, Look, find_ffmpeg, moment
+from mechviz.outputs.images.pictures import VIEW_NAMES, Look, find_ffmpeg, moment
 from mechviz.outputs.images.pictures import film as make
 from mechviz.outputs.images.pictures import shot as take
 from mechviz.outputs.page.pack import MOST_FRAMES
@@ -158,7 +158,7 @@ def _size(text: str, option: str) -> float:
 def _families(text: str | None) -> tuple[str, ...]:
     """The families of arrows that an option names; the usual ones where nothing is said."""
     if text is None:
-        return ARROWS
+        return ARROW_FAMILIES
     names = tuple(name.strip() for name in text.split(",") if name.strip() not in ("", "none"))
     unknown = [name for name in names if name not in FAMILIES]
     if unknown:
@@ -303,8 +303,8 @@ def _ending(path: Path, endings: tuple[str, ...], what: str) -> None:
 
 
 def _look(view: str, size: str, dark: bool, show: str | None) -> Look:
-    if view not in VIEWS:
-        fail(f"--view {view}: there is no such view. There are: {', '.join(VIEWS)}.")
+    if view not in VIEW_NAMES:
+        fail(f"--view {view}: there is no such view. There are: {', '.join(VIEW_NAMES)}.")
     match = re.fullmatch(r"(\d{1,5})\s*[xX×]\s*(\d{1,5})", size.strip())
     if not match or not all(SMALLEST <= int(n) <= LARGEST for n in match.groups()):
         fail(f"--size {size}: a size is written like 1280x800, each side from {SMALLEST} to {LARGEST} pixels.")

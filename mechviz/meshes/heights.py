@@ -15,9 +15,9 @@ from mechcore.spec.mechanism import Mechanism, Vec2
 from mechviz.meshes.extrude import Part
 from mechviz.meshes.model import Model
 
-_NEAR = 0.25  # of half a plate's width: parts this near to a point carry it
-_FLAT = ("plate", "wheel", "block")  # kinds of parts that a spring may act on in their own plane
-_LIFT = 0.002  # of the mechanism's size: how far marks lie before what they lie on
+_NEAR_POINT = 0.25  # of half a plate's width: parts this near to a point carry it
+_FLAT_KINDS = ("plate", "wheel", "block")  # kinds of parts that a spring may act on in their own plane
+_MARK_LIFT = 0.002  # of the mechanism's size: how far marks lie before what they lie on
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +35,7 @@ class Heights:
     def of_joint(self, joint: str) -> float:
         """On the front of a joint's pin, or of what touches there; before everything if nothing is drawn of it. A ball lies there,
         which needs no room between; from the side one would see that."""
-        return self.joints.get(joint, self.top) - _LIFT * self.size
+        return self.joints.get(joint, self.top) - _MARK_LIFT * self.size
 
     def of_point(self, link: str, xy: Vec2) -> float:
         """Just before a link, at a point of its frame [m]; before the whole link where the point lies beside its plate."""
@@ -45,7 +45,7 @@ class Heights:
         """Half way through a moving link's part at a point of its frame [m]; None where it has none there."""
         spot = shapely.Point(xy[0] / self.size, xy[1] / self.size)
         for part in self._parts:
-            if part.link == link and part.kind in _FLAT:
+            if part.link == link and part.kind in _FLAT_KINDS:
                 for prism in part.space:
                     if prism.outline.distance(spot) < self._near:
                         return 0.5 * (prism.low + prism.high) * self.size
@@ -53,7 +53,7 @@ class Heights:
 
     def flat(self, link: str) -> Iterator[tuple[shapely.Polygon, float, float]]:
         """Outlines [m] in the link's frame of its flat parts, each with the heights [m] between which it lies."""
-        for part in self.parts(link, _FLAT):
+        for part in self.parts(link, _FLAT_KINDS):
             yield from part
 
     def parts(self, link: str, kinds: Collection[str]) -> Iterator[list[tuple[shapely.Polygon, float, float]]]:
@@ -102,14 +102,14 @@ class Heights:
     @cached_property
     def _fronts(self) -> list[tuple[float, Part]]:
         """Just before each part [m], the foremost first."""
-        return sorted(((_height(part) * self.size + _LIFT * self.size, part) for part in self._parts), key=lambda f: -f[0])
+        return sorted(((_height(part) * self.size + _MARK_LIFT * self.size, part) for part in self._parts), key=lambda f: -f[0])
 
 
 def find_heights(
     mechanism: Mechanism, model: Model, parts: Sequence[Part], poses: Mapping[str, Real] | None, top: float
 ) -> Heights:
     """The heights of a mechanism's joints and parts; ``top`` [m] is before everything."""
-    near = _NEAR * model.proportions.r
+    near = _NEAR_POINT * model.proportions.r
     joints = {}
     for joint in build_joints(mechanism).joints:
         spots = {
@@ -127,7 +127,7 @@ def find_heights(
         level = [p for p in second if any(prism.low < z < prism.high for prism in p.space for z in middles)]
         touching = [_height(part) for part in level or second]  # not the cheeks of a fork beside its roller
         if contact.name not in joints and touching:
-            joints[contact.name] = min((max(touching) + _LIFT) * model.size, top)
+            joints[contact.name] = min((max(touching) + _MARK_LIFT) * model.size, top)
     kept = {link: np.asarray(pose, float) for link, pose in (poses or {}).items()}
     return Heights(model.size, top, joints, kept, tuple(parts), near)
 
@@ -138,7 +138,7 @@ def _front(parts: Iterable[Part], spots: Mapping[str, Vec2], near: float, size: 
     at = [prism.high for part, spot in mine for prism in part.space if prism.outline.distance(spot) < near]
     whole = [_height(part) for part, _ in mine if part.kind not in ("pin", "pedestal")]
     highs = at or whole
-    return min((max(highs) + _LIFT) * size, top) if highs else top
+    return min((max(highs) + _MARK_LIFT) * size, top) if highs else top
 
 
 def _height(part: Part) -> float:

@@ -23,11 +23,11 @@ from mechviz.meshes.outline import disc, largest, polygons
 from mechviz.meshes.shapes import draft_pieces
 from mechviz.meshes.solids import shaped
 
-SIDES = 128  # of a full circle
-_EDGE = 1.8  # of the bosses: how far a base reaches beyond the axes that stand on it
-_FLAT = 0.3  # of its radius: how much is cut off a shaft that turns its cams
-_SAME = 1e-6  # in sizes of the mechanism
-_APART = 4.0  # between parts that are laid out [mm]
+PART_SIDES = 128  # of a full circle
+_BASE_EDGE = 1.8  # of the bosses: how far a base reaches beyond the axes that stand on it
+_SHAFT_FLAT = 0.3  # of its radius: how much is cut off a shaft that turns its cams
+_SAME_PLACE = 1e-6  # in sizes of the mechanism
+_PART_SPACING = 4.0  # between parts that are laid out [mm]
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +53,7 @@ def kit_of(
     links differ too much in size.
     """
     with shaped(mechanism):
-        model = build_model(mechanism, poses, SIDES)
+        model = build_model(mechanism, poses, PART_SIDES)
         draft = draft_pieces(model)
         levels = stack_pieces(model, draft)
         return _Kit(model, draft, levels, thickness, clearance, washer).parts()
@@ -103,7 +103,7 @@ class _Kit:
                 number = names[link] = names.get(link, 0) + 1
                 circles, flats = self._holes(link, shape)
                 outline = affinity.scale(shape, self.scale, self.scale, origin=(0.0, 0.0))
-                holes = [Point(x, y).buffer(r, quad_segs=SIDES // 4) for x, y, r in circles]
+                holes = [Point(x, y).buffer(r, quad_segs=PART_SIDES // 4) for x, y, r in circles]
                 cut = largest(outline.difference(unary_union([*holes, *flats])))
                 deep = (height[1] - height[0]) * self.thickness
                 label = link if number == 1 else f"{link} {number} ({group})"
@@ -145,7 +145,7 @@ class _Kit:
         places = {axle.owner: (*at, 0.0)}
         for weld in self.model.welds:
             for k, sign in ((0, -1.0), (1, 1.0)):
-                if weld.links[k] == axle.owner and np.hypot(*np.subtract(weld.points[k], at)) < _SAME:
+                if weld.links[k] == axle.owner and np.hypot(*np.subtract(weld.points[k], at)) < _SAME_PLACE:
                     places[weld.links[1 - k]] = (*weld.points[1 - k], sign * weld.angle)
         return places
 
@@ -157,8 +157,8 @@ class _Kit:
             own = [a for a, f in zip(model.axles, self.levels.axle_front, strict=True) if frame in a.centres and f == front]
             if not own:
                 continue
-            reach = _EDGE * max(axle.boss for axle in own)
-            spots = MultiPoint([axle.centres[frame] for axle in own]).buffer(reach, quad_segs=SIDES // 4)
+            reach = _BASE_EDGE * max(axle.boss for axle in own)
+            spots = MultiPoint([axle.centres[frame] for axle in own]).buffer(reach, quad_segs=PART_SIDES // 4)
             shape = unary_union([spots, *([] if front else rails)]).convex_hull
             circles = []
             for axle in own:
@@ -166,7 +166,7 @@ class _Kit:
                 x, y = (self.scale * v for v in axle.centres[frame])
                 circles.append((x, y, self.scale * axle.pin + turns))
             outline = affinity.scale(shape, self.scale, self.scale, origin=(0.0, 0.0))
-            holes = unary_union([Point(x, y).buffer(r, quad_segs=SIDES // 4) for x, y, r in circles])
+            holes = unary_union([Point(x, y).buffer(r, quad_segs=PART_SIDES // 4) for x, y, r in circles])
             cut = largest(outline.difference(holes))
             yield FlatPart("front" if front else "base", "plate", cut, self.thickness, tuple(circles))
 
@@ -194,14 +194,16 @@ class _Kit:
             ends = [layer * pitch + part * self.thickness for layer, *height in through for part in height]
             radius = self.scale * roller.pin
             if len(through) > 1:
-                yield FlatPart(f"roller pin {2.0 * radius:.3g} mm", "pin", disc((0.0, 0.0), radius, SIDES), max(ends) - min(ends))
+                yield FlatPart(
+                    f"roller pin {2.0 * radius:.3g} mm", "pin", disc((0.0, 0.0), radius, PART_SIDES), max(ends) - min(ends)
+                )
         for number, axle in enumerate(self.model.axles):
             layers = self._reach(number)
             if len(layers) < 2:
                 continue
             radius = self.scale * axle.pin
             span = layers[-1] - layers[0]
-            shape = disc((0.0, 0.0), radius, SIDES) if axle.key is None else _shaft(radius, axle.key, 0.0)
+            shape = disc((0.0, 0.0), radius, PART_SIDES) if axle.key is None else _shaft(radius, axle.key, 0.0)
             name = f"{'shaft' if axle.key is not None else 'pin'} {2.0 * radius:.3g} mm"
             yield FlatPart(name, "pin", shape, span * (self.thickness + self.washer) + self.thickness)
 
@@ -211,7 +213,7 @@ class _Kit:
         for pin, sleeve, layers in between:
             inner = self.scale * pin + 0.5 * self.clearance
             outer = max(self.scale * sleeve, inner + 1.0)
-            ring = disc((0.0, 0.0), outer, SIDES).difference(disc((0.0, 0.0), inner, SIDES))
+            ring = disc((0.0, 0.0), outer, PART_SIDES).difference(disc((0.0, 0.0), inner, PART_SIDES))
             for a, b in pairwise(layers):
                 height = (b - a) * (self.thickness + self.washer) - self.thickness
                 yield FlatPart(f"spacer {2.0 * inner:.3g} mm", "spacer", largest(ring), height, ((0.0, 0.0, inner),))
@@ -220,8 +222,8 @@ class _Kit:
 def _shaft(radius: float, key: tuple[float, float], turned: float) -> Polygon:
     """A round shaft about the origin, flattened in the direction of its key, which is ``turned`` [rad]."""
     turn = math.degrees(math.atan2(key[1], key[0]) + turned)
-    cut = box((1.0 - _FLAT) * radius, -2.0 * radius, 2.0 * radius, 2.0 * radius)
-    whole = disc((0.0, 0.0), radius, SIDES).difference(affinity.rotate(cut, turn, origin=(0.0, 0.0)))
+    cut = box((1.0 - _SHAFT_FLAT) * radius, -2.0 * radius, 2.0 * radius, 2.0 * radius)
+    whole = disc((0.0, 0.0), radius, PART_SIDES).difference(affinity.rotate(cut, turn, origin=(0.0, 0.0)))
     return largest(whole)
 
 
@@ -241,7 +243,7 @@ def laid_out(parts: Sequence[FlatPart], width: float) -> list[tuple[FlatPart, fl
     for part in every:
         x0, y0, x1, y1 = part.outline.bounds
         if x > 0.0 and x + (x1 - x0) > width:
-            x, y, tall = 0.0, y + tall + _APART, 0.0
+            x, y, tall = 0.0, y + tall + _PART_SPACING, 0.0
         placed.append((part, x - x0, y - y0))
-        x, tall = x + (x1 - x0) + _APART, max(tall, y1 - y0)
+        x, tall = x + (x1 - x0) + _PART_SPACING, max(tall, y1 - y0)
     return placed

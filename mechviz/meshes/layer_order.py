@@ -17,14 +17,14 @@ from numpy.typing import NDArray
 from mechcore.arrays import Flags, Integers, Real
 from mechcore.records import dataclass
 
-_CLASH = 1000.0
-_FRONT = 12.0  # a pedestal in front of everything hides the view: worth one more layer, but no clash
-_HEIGHT = 8.0
-_SPAN = 3.0  # a pin that is one layer longer than it needs to be
-WEIGHTS = (_CLASH, _FRONT, _HEIGHT, _SPAN)
-_MANY = 24  # groups above which the moves of a step are tried in portions
-_FEW = 12  # groups up to which each step is the best one there is, not the first one down
-_LESS = 1e-9  # what is not cheaper by this is not cheaper
+_CLASH_COST = 1000.0
+_FRONT_COST = 12.0  # a pedestal in front of everything hides the view: worth one more layer, but no clash
+_HEIGHT_COST = 8.0
+_SPAN_COST = 3.0  # a pin that is one layer longer than it needs to be
+COST_WEIGHTS = (_CLASH_COST, _FRONT_COST, _HEIGHT_COST, _SPAN_COST)
+_MANY_GROUPS = 24  # groups above which the moves of a step are tried in portions
+_FEW_GROUPS = 12  # groups up to which each step is the best one there is, not the first one down
+_LEAST_GAIN = 1e-9  # what is not cheaper by this is not cheaper
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ def order_layers(conflicts: Sequence[int], posts: Sequence[Post], behind: Mappin
     n = len(conflicts)
     if n == 0:
         return Order((), tuple(False for _ in posts), 0)
-    costs = Costs(conflicts, posts, behind, WEIGHTS)
+    costs = Costs(conflicts, posts, behind, COST_WEIGHTS)
     layers = np.zeros((1, 1), np.int16) if n == 1 else _best_order(costs, conflicts, posts)
     best = layers[[int(np.argmin(costs(layers)))]]
     clashes, _, front = costs.counted(best)
@@ -69,10 +69,10 @@ def _best_order(costs: Costs, conflicts: Sequence[int], posts: Sequence[Post]) -
     """The orders (S, n) that no move makes cheaper, from one or another start."""
     n = len(conflicts)
     rng = random.Random(0)
-    starts = 14 if n <= _FEW else 5 if n <= 20 else 3 if n <= _MANY else 2
+    starts = 14 if n <= _FEW_GROUPS else 5 if n <= 20 else 3 if n <= _MANY_GROUPS else 2
     ranks = [natural_ranks(conflicts, posts), *(rng.sample(range(n), n) for _ in range(starts - 1))]
     layers = packed(greedy(costs, np.array(ranks)))
-    return improve(costs, layers) if n <= _MANY else improve_many(costs, layers)
+    return improve(costs, layers) if n <= _MANY_GROUPS else improve_many(costs, layers)
 
 
 def natural_ranks(conflicts: Sequence[int], posts: Sequence[Post]) -> list[int]:
@@ -121,9 +121,9 @@ def improve(costs: Costs, layers: Layers) -> Layers:
         trials = packed(_moved(current[which]).reshape(-1, n)).reshape(len(which), -1, n)
         prices = costs(trials.reshape(-1, n)).reshape(len(which), -1)
         # few groups: the best step; many groups: the first step down will do
-        step = prices.argmin(axis=1) if n <= _FEW else (prices < cost[which, None] - _LESS).argmax(axis=1)
+        step = prices.argmin(axis=1) if n <= _FEW_GROUPS else (prices < cost[which, None] - _LEAST_GAIN).argmax(axis=1)
         row = np.arange(len(which))
-        helps = prices[row, step] < cost[which] - _LESS
+        helps = prices[row, step] < cost[which] - _LEAST_GAIN
         current[which[helps]], cost[which[helps]] = trials[row[helps], step[helps]], prices[row[helps], step[helps]]
         open_[which[~helps]] = False
         _, first = np.unique(current, axis=0, return_index=True)
@@ -261,7 +261,7 @@ def packed(layers: Layers) -> Layers:
     return np.take_along_axis(np.cumsum(used, axis=1, dtype=np.int16) - np.int16(1), wide, axis=1)
 
 
-CHUNK = 512  # orders at once: small enough for the cache
+ORDERS_AT_ONCE = 512  # orders at once: small enough for the cache
 
 
 def improve_many(costs: Costs, layers: Layers) -> Layers:
@@ -296,8 +296,8 @@ def _chunks(layers: Layers) -> Iterator[Integers]:
     first, second = np.tril_indices(n, -1)
     kinds = [(np.zeros(1, int), np.zeros(1, int)), (groups, levels), (groups, levels), (first, second)]
     moves = np.concatenate([np.column_stack([np.full(len(a), kind), a, b]) for kind, (a, b) in enumerate(kinds)])
-    for k in range(0, len(moves), CHUNK):
-        yield moves[k : k + CHUNK]
+    for k in range(0, len(moves), ORDERS_AT_ONCE):
+        yield moves[k : k + ORDERS_AT_ONCE]
 
 
 def _applied(layers: Layers, moves: Integers) -> Layers:

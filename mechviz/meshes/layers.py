@@ -19,9 +19,9 @@ from mechviz.meshes.layer_order import Post, order_layers
 from mechviz.meshes.model import Model, Proportions
 from mechviz.meshes.outline import ShapeError, disc
 
-_FIRST = 3  # places at which a question is tried before all others
-_TOGETHER = (48, 6)  # frames in a row that are looked at as one, in turn
-_PORTION = 500_000  # pairs of outlines times frames, and vertices, in one array
+_FIRST_PLACES = 3  # places at which a question is tried before all others
+_FRAMES_TOGETHER = (48, 6)  # frames in a row that are looked at as one, in turn
+_PAIRS_AT_ONCE = 500_000  # pairs of outlines times frames, and vertices, in one array
 
 
 class Sweeps:
@@ -52,10 +52,10 @@ class Sweeps:
         # the deeper boxes lie in each other, the likelier the outlines meet
         order = np.lexsort((-depth, asked))
         rank = np.arange(len(order)) - np.searchsorted(asked[order], asked[order])
-        nearest = order[rank < _FIRST]
+        nearest = order[rank < _FIRST_PLACES]
         met[asked[nearest[self._touch(pairs[pair[nearest]], frame[nearest])]]] = True
         rest = np.flatnonzero(~met[asked])
-        for count in _TOGETHER:
+        for count in _FRAMES_TOGETHER:
             rest = rest[self._within_reach(pairs, pair[rest], frame[rest], count)]
         for part in self._portions(rest, pairs[pair, 1]):
             open_ = part[~met[asked[part]]]
@@ -107,7 +107,7 @@ class Sweeps:
         a, b = pairs.T
         near = np.flatnonzero((np.minimum(high[:, a], high[:, b]) >= np.maximum(low[:, a], low[:, b])).all(axis=0))
         meetings = []
-        step = max(1, _PORTION // x.shape[1])
+        step = max(1, _PAIRS_AT_ONCE // x.shape[1])
         for k in range(0, len(near), step):
             some = near[k : k + step]
             i, j = pairs[some].T
@@ -159,7 +159,7 @@ class Sweeps:
         """Places in portions whose moved outlines have not too many vertices."""
         _, _, length, first = self._rings
         size = np.add.reduceat(length, first[:-1])[moved[places]]
-        return np.split(places, np.flatnonzero(np.diff(np.cumsum(size) // _PORTION)) + 1)
+        return np.split(places, np.flatnonzero(np.diff(np.cumsum(size) // _PAIRS_AT_ONCE)) + 1)
 
     def _touch(self, pairs: Integers, frame: Integers) -> Flags:
         """Whether outlines (M, 2) meet, each pair at one frame: (M,). Of the second the rings are looked at, moved to the first."""
@@ -185,8 +185,8 @@ def _ranges(start: Integers, count: Integers) -> Integers:
     return np.arange(ends[-1] if len(ends) else 0) + np.repeat(start - ends + count, count)
 
 
-_RAIL = 1.0  # what it costs to have rails one layer further from the back
-_CARRIER = 9.0  # and the arm of a planetary gear or the web of a ring, which would hide the wheels
+_RAIL_COST = 1.0  # what it costs to have rails one layer further from the back
+_CARRIER_COST = 9.0  # and the arm of a planetary gear or the web of a ring, which would hide the wheels
 
 
 @dataclass(frozen=True)
@@ -241,9 +241,9 @@ def stack_pieces(model: Model, draft: Draft) -> Levels:
     posts = [
         Post(tuple(sorted({number[g] for g in reach.groups})), reach.ground, hits[k], near[k]) for k, reach in enumerate(reaches)
     ]
-    behind = {number[piece.group]: _RAIL for piece in draft.pieces if piece.kind == "rail"}
-    behind |= {number[draft.groups[name]]: _CARRIER for name in model.wheels.carriers - {model.frame}}
-    behind |= {number[group]: _CARRIER for group in webs(model, draft)}
+    behind = {number[piece.group]: _RAIL_COST for piece in draft.pieces if piece.kind == "rail"}
+    behind |= {number[draft.groups[name]]: _CARRIER_COST for name in model.wheels.carriers - {model.frame}}
+    behind |= {number[group]: _CARRIER_COST for group in webs(model, draft)}
     order = order_layers(conflicts, posts, behind)
     layer = _in_planes(model, draft, {name: order.layers[number[name]] for name in names})
     axles, necks = len(model.axles), len(draft.necks)

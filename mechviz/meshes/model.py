@@ -20,9 +20,9 @@ from mechviz.meshes.kinds.spatial_cams import SpatialDrawing, find_spatial
 from mechviz.meshes.kinds.wheels import Wheels, find_wheels
 from mechviz.meshes.outline import polygons, rounded
 
-_SAME = 1e-6  # points closer than this share one axle
-_WIRE = 0.015  # half the width of the thinnest plates, in sizes of the mechanism
-_SHAFT, _HUB = 0.58, 1.15  # radii of a camshaft and of the hub on it, in half widths of a plate
+_SAME_AXLE = 1e-6  # points closer than this share one axle
+_LEAST_HALF_WIDTH = 0.015  # half the width of the thinnest plates, in sizes of the mechanism
+_CAMSHAFT_RADIUS, _CAM_HUB_RADIUS = 0.58, 1.15  # radii of a camshaft and of the hub on it, in half widths of a plate
 _DEFAULT_TRAVEL = 0.15  # half the travel of a guide whose motion is not known
 
 
@@ -327,7 +327,7 @@ def _clusters(mechanism: Mechanism, joints: Sequence[LoopJoint]) -> list[Cluster
             continue
         rest: list[Cluster] = []
         for centres, old_owner in groups:
-            if any(link in centres and _distance(centres[link], xy) < _SAME for link, xy in new.items()):
+            if any(link in centres and _distance(centres[link], xy) < _SAME_AXLE for link, xy in new.items()):
                 new = {**centres, **new}
                 owner = mechanism.frame if mechanism.frame in new else old_owner
             else:
@@ -351,7 +351,7 @@ def _marks(mechanism: Mechanism, points: Points, clusters: list[Cluster]) -> Mar
         for name, xy in named.items():
             if (link, name) in guides and (link, name) not in wanted:
                 continue
-            if all(_distance(xy, other) >= _SAME for other in [*pins, *kept]):
+            if all(_distance(xy, other) >= _SAME_AXLE for other in [*pins, *kept]):
                 kept.append(xy)
         marks[link] = tuple(kept) if link != mechanism.frame else ()
     return marks
@@ -371,7 +371,7 @@ def _proportions(mechanism: Mechanism, links: Sequence[Link], clusters: list[Clu
         apart = [_distance(a, b) for i, a in enumerate(pins) for b in pins[:i]]
         shortest = min([shortest, *apart])
         lengths += [max(apart)] if apart else []
-    wire = min(_WIRE, _WIRE * 8.0 * float(np.median(lengths))) if lengths else _WIRE
+    wire = min(_LEAST_HALF_WIDTH, _LEAST_HALF_WIDTH * 8.0 * float(np.median(lengths))) if lengths else _LEAST_HALF_WIDTH
     r = float(np.clip(0.36 * shortest, wire, 0.033))
     t = 0.75 * r
     return Proportions(r=r, t=t, bevel=0.12 * t, boss=0.22 * t, clearance=0.12 * t)
@@ -385,7 +385,7 @@ def _axle(cluster: Cluster, clusters: list[Cluster], marks: Marks, size: Proport
         others = [c[link] for c, _ in clusters if link in c and c is not centres]
         room = min([room, *(_distance(xy, other) for other in others)])
         room = min([room, *(1.3 * _distance(xy, mark) for mark in marks[link])])  # a mark needs less room than a pin
-    room = max(room, 10.0 * _SAME)
+    room = max(room, 10.0 * _SAME_AXLE)
     return Axle(centres, owner, pin=min(0.4 * size.r, 0.3 * room), boss=min(0.82 * size.r, 0.46 * room))
 
 
@@ -398,7 +398,7 @@ def _play(axle: Axle, poses: Mapping[str, Real]) -> dict[str, float]:
     for link, centre in axle.centres.items():
         if link != axle.owner and link in poses:
             away = float(np.hypot(*(place(np.array([centre]), poses[link])[:, 0] - pin).T).max())
-            if away > _SAME:
+            if away > _SAME_AXLE:
                 play[link] = away
     return play
 
@@ -408,15 +408,15 @@ def _keyed(axle: Axle, cams: Sequence[CamDrawing], welds: Sequence[Weldment], fr
     to which another one is welded there, such as a hand crank."""
     for cam in cams:
         at = axle.centres.get(cam.cam)
-        if cam.placed.bed is not None or at is None or _distance(at, cam.bore) > _SAME:
+        if cam.placed.bed is not None or at is None or _distance(at, cam.bore) > _SAME_AXLE:
             continue
         keyed = replace(axle, owner=cam.cam, key=_xy(cam.placed.mount / abs(cam.placed.mount)))
         rim = min(Point(c.bore).distance(c.profile.exterior) for c in cams if c.cam == cam.cam)
-        thick = set(axle.centres) == {frame, cam.cam} and rim > 1.5 * _HUB * r and axle.boss > 0.8 * r
-        return replace(keyed, pin=_SHAFT * r, boss=_HUB * r) if thick else keyed
+        thick = set(axle.centres) == {frame, cam.cam} and rim > 1.5 * _CAM_HUB_RADIUS * r and axle.boss > 0.8 * r
+        return replace(keyed, pin=_CAMSHAFT_RADIUS * r, boss=_CAM_HUB_RADIUS * r) if thick else keyed
     for weld in welds:
         for link, other, at in zip(weld.links, weld.links[::-1], weld.points, strict=True):
-            on = frame != link in axle.centres and _distance(axle.centres[link], at) < _SAME
+            on = frame != link in axle.centres and _distance(axle.centres[link], at) < _SAME_AXLE
             if on and frame in axle.centres and other not in axle.centres:
                 return replace(axle, owner=link, key=(1.0, 0.0))
     return axle

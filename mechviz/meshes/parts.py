@@ -30,10 +30,10 @@ from mechviz.meshes.outline import (
     pedestal,
     polygons,
 )
-from mechviz.meshes.shading import BELT, PIN
+from mechviz.meshes.shading import BELT_COLOR, PIN_COLOR
 
-_HEAD = 0.3  # height of pin heads above everything else, in plate thicknesses
-_GROOVE = (0.2, 0.8)  # from where to where a groove reaches, from the bottom to the top of a plate
+_PIN_HEAD_HEIGHT = 0.3  # height of pin heads above everything else, in plate thicknesses
+_GROOVE_EXTENT = (0.2, 0.8)  # from where to where a groove reaches, from the bottom to the top of a plate
 _OUTER_BOSS = 0.33  # height of a boss that faces no other link, in heights of one that does
 
 
@@ -108,13 +108,13 @@ def _flat_parts(model: Model, draft: Draft, levels: Levels, piece: Piece) -> lis
     space = (Prism(flat, low, high), *bosses)
     groove = None
     if piece.groove:
-        bottom, top = (low + part * (high - low) for part in _GROOVE)
+        bottom, top = (low + part * (high - low) for part in _GROOVE_EXTENT)
         groove = Groove(piece.groove, bottom, top)
         core = flat.intersection(shape.buffer(-piece.groove))
         space = (Prism(flat, low, bottom), Prism(largest(core), bottom, top), Prism(flat, top, high), *bosses)
     bevel = 0.0 if piece.kind == "belt" else size.bevel  # the corners of crossing spans are too sharp for one
     shell = plate(shape, (low, high), bevel, turned, model.segments, groove)
-    color = BELT if piece.kind == "belt" else None
+    color = BELT_COLOR if piece.kind == "belt" else None
     return [Part(piece.link, piece.kind, shell, color, space, piece.mates), *keys]
 
 
@@ -122,7 +122,7 @@ def _key(axle: Axle, z: tuple[float, float], model: Model) -> Part:
     """The key of a shaft between two heights."""
     assert axle.key is not None
     shape = key_outline(axle.centres[axle.owner], axle.pin, axle.key, model.segments)
-    return Part(axle.owner, "key", plate(shape, z, 0.0), PIN, (Prism(shape, *z),))
+    return Part(axle.owner, "key", plate(shape, z, 0.0), PIN_COLOR, (Prism(shape, *z),))
 
 
 def _block_heights(levels: Levels, layer: int) -> tuple[float, float]:
@@ -137,7 +137,7 @@ def _round_part(levels: Levels, piece: Piece, model: Model) -> Part:
     middle, radius = 0.5 * (low + high), max(radius for radius, _ in piece.profile)
     shell = _laid(revolve(piece.profile, segments=model.segments), piece, middle)
     space = (Prism(piece.outline, middle - radius, middle + radius),)
-    return Part(piece.link, piece.kind, shell, PIN if piece.kind == "rod" else None, space, piece.mates)
+    return Part(piece.link, piece.kind, shell, PIN_COLOR if piece.kind == "rod" else None, space, piece.mates)
 
 
 def _nut(levels: Levels, piece: Piece, model: Model) -> Part:
@@ -267,7 +267,7 @@ def _pin(model: Model, draft: Draft, levels: Levels, axle_number: int, reached: 
             gap = 0.5 * size.clearance
             steps.append((axle.sleeve, levels.slab(a)[1] + gap, levels.slab(b)[0] - gap))
     free = reached[-1] == levels.top and not any(levels.axle_front) and not any(levels.block_front)
-    tall = _HEAD * size.t if free else 0.0
+    tall = _PIN_HEAD_HEIGHT * size.t if free else 0.0
     if reached[-1] == nut:
         steps.append((axle.pin, levels.slab(nut)[0], _block_heights(levels, nut)[0]))
     elif ground and front:
@@ -280,7 +280,7 @@ def _pin(model: Model, draft: Draft, levels: Levels, axle_number: int, reached: 
     shell = revolve(_stepped(axle, steps, size.bevel), centre, model.segments)
     space = tuple(Prism(disc(centre, radius, model.segments), low, high) for radius, low, high in steps)
     space += (Prism(disc(centre, axle.pin, model.segments), steps[0][1], steps[-1][2]),)
-    return Part(axle.owner, "pin", shell, PIN, space)
+    return Part(axle.owner, "pin", shell, PIN_COLOR, space)
 
 
 def _bushed(draft: Draft, levels: Levels, axle: Axle, low: int, high: int) -> bool:

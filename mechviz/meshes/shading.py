@@ -10,13 +10,13 @@ from mechcore.arrays import Index, Integers, Real
 
 Color = tuple[int, int, int, int]  # red, green, blue, alpha, each 0-255
 
-FRAME: Color = (112, 119, 128, 255)
-PIN: Color = (196, 200, 206, 255)
-BELT: Color = (62, 64, 69, 255)
+FRAME_COLOR: Color = (112, 119, 128, 255)
+PIN_COLOR: Color = (196, 200, 206, 255)
+BELT_COLOR: Color = (62, 64, 69, 255)
 
 # Ten muted hues. Neighbours in the list differ in lightness as well as in hue, so that they stay apart for colour-blind
 # viewers and in print; none is a saturated red or green, which force arrows use.
-_LINKS: tuple[Color, ...] = (
+_LINK_COLORS: tuple[Color, ...] = (
     (68, 114, 166, 255),  # blue
     (232, 163, 82, 255),  # amber
     (86, 160, 140, 255),  # teal
@@ -33,11 +33,11 @@ _LINKS: tuple[Color, ...] = (
 def link_colors(names: tuple[str, ...], frame: str, stated: Mapping[str, tuple[int, int, int]]) -> dict[str, Color]:
     """Colour of every link: the ``stated`` one, else by its place in the scene; the frame is grey and uses up no colour."""
     moving = [name for name in names if name != frame]
-    colors = {name: _LINKS[k % len(_LINKS)] for k, name in enumerate(moving)}
-    return {**colors, frame: FRAME, **{name: (*color, 255) for name, color in stated.items()}}
+    colors = {name: _LINK_COLORS[k % len(_LINK_COLORS)] for k, name in enumerate(moving)}
+    return {**colors, frame: FRAME_COLOR, **{name: (*color, 255) for name, color in stated.items()}}
 
 
-_CREASE = np.cos(np.radians(30.0))
+_CREASE_COSINE = np.cos(np.radians(30.0))
 
 
 def crisp(vertices: Real, faces: Integers, normal: Real, area: Real) -> tuple[Real, Integers, Real, Integers]:
@@ -88,7 +88,7 @@ def _fans(faces: Integers, normal: Real) -> Index:
     order = np.argsort(number, kind="stable")
     same = np.flatnonzero(number[order[1:]] == number[order[:-1]])
     a, b = order[same], order[same + 1]
-    smooth = (normal[a // 3] * normal[b // 3]).sum(axis=1) > _CREASE
+    smooth = (normal[a // 3] * normal[b // 3]).sum(axis=1) > _CREASE_COSINE
     a, b = a[smooth], b[smooth]  # both ends of an edge join a corner of one face to a corner of the other
     first, second = np.concatenate([low[a], high[a]]), np.concatenate([low[b], high[b]])
     return components(faces.size, first, second)

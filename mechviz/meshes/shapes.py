@@ -33,8 +33,8 @@ from mechviz.meshes.kinds.fittings import (
 from mechviz.meshes.kinds.wheels_drawn import draw_wheels, group_wheels, rail_ends
 from mechviz.meshes.model import Guide, Model
 
-_BORE = 1.06  # radius of a nut's bore, in radii of its spindle
-_FINE, _ROOT = 0.3, 0.82  # of a thread, in radii of its spindle: the least lead that can be seen, its root
+_NUT_BORE = 1.06  # radius of a nut's bore, in radii of its spindle
+_LEAST_LEAD, _THREAD_ROOT = 0.3, 0.82  # of a thread, in radii of its spindle: the least lead that can be seen, its root
 
 
 def draft_pieces(model: Model) -> Draft:
@@ -143,7 +143,7 @@ def _draw_guide(model: Model, draft: Draft, guide: Guide, form: str, *, at_home:
         group = draft.groups[guide.block] if at_home else f"rails of {guide.joint}"
         block = _block(model, guide, half_width=1.25 * r, whole=at_home)
         screw = guide.joint in model.leads
-        line, bore = (guide.block_point, guide.block_along), _BORE * _spindle_radius(model) if screw else 0.0
+        line, bore = (guide.block_point, guide.block_along), _NUT_BORE * _spindle_radius(model) if screw else 0.0
         draft.pieces.append(Piece(guide.block, block, group, "block", frozenset(model.spindles(guide.block)), line=line, bore=bore))
         low, high = _span(model, guide, whole=at_home)
         if screw:
@@ -222,9 +222,9 @@ def _spindle_of(guide: str) -> str:
 
 def _threads(low: float, high: float, lead: float, radius: float) -> Profile:
     """Profile of a thread with its lead, or as fine as can be seen."""
-    count = max(int((high - low) / max(lead, _FINE * radius)), 1)
+    count = max(int((high - low) / max(lead, _LEAST_LEAD * radius)), 1)
     x = np.linspace(low, high, 2 * count + 1)
-    return tuple((radius * (1.0 if k % 2 == 0 else _ROOT), float(at)) for k, at in enumerate(x))
+    return tuple((radius * (1.0 if k % 2 == 0 else _THREAD_ROOT), float(at)) for k, at in enumerate(x))
 
 
 def _plate(model: Model, link: str, forms: Mapping[str, str]) -> Polygon:

@@ -36,9 +36,10 @@ if TYPE_CHECKING:
     import trimesh
 
 
-SEGMENTS = 512  # sides of a full circle: 0.003 % of its area is missing
-FLAT = ("plate", "wheel", "block", "rail")
-DEEPEST = 0.12  # all layers together, of the mechanism's size: deeper ones are drawn thinner, or perspective would shift them
+CIRCLE_SIDES = 512  # sides of a full circle: 0.003 % of its area is missing
+FLAT_KINDS = ("plate", "wheel", "block", "rail")
+# All layers together, of the mechanism's size: deeper ones are drawn thinner, or perspective would shift them
+GREATEST_DEPTH = 0.12
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +68,7 @@ class Solid:
         return _mesh(joined_shells(self.shells))
 
 
-FARTHEST = 1e12  # [m] that points may lie away: beyond, outlines are lost in rounding in ways of their own
+FARTHEST_POINT = 1e12  # [m] that points may lie away: beyond, outlines are lost in rounding in ways of their own
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,8 +105,8 @@ def build_solids(
     with shaped(mechanism), np.errstate(divide="raise", over="raise", invalid="raise"):  # of numbers that make no solids
         for link in mechanism.links:
             far = float(np.abs([*link.points.values(), *link.outline, link.centre]).max())
-            if far > FARTHEST:
-                words = f"the solids cannot be made: points lie farther than {FARTHEST:g} m away, one {far:.3g} m."
+            if far > FARTHEST_POINT:
+                words = f"the solids cannot be made: points lie farther than {FARTHEST_POINT:g} m away, one {far:.3g} m."
                 raise MechanismError(Fault(f"links.{link.name}", words, "Check its points, its centre of mass and their units."))
         return _build(mechanism, poses, tolerance, chord, profile, spindle)
 
@@ -130,8 +131,8 @@ def _build(
     model = build_model(mechanism, poses, _sides(tolerance, 128), profile, spindle=spindle)
     for cam in model.cams:
         reach = float(np.max(np.abs(cam.profile.bounds))) * cam.size
-        if reach > FARTHEST:
-            words = f"the solids cannot be made: its profile reaches {reach:.3g} m, farther than {FARTHEST:g} m."
+        if reach > FARTHEST_POINT:
+            words = f"the solids cannot be made: its profile reaches {reach:.3g} m, farther than {FARTHEST_POINT:g} m."
             raise MechanismError(Fault(f"joints.{cam.joint}", words, "Check its lift, base circle and roller, and their units."))
     if chord is not None:
         model = replace(model, segments=_sides(chord / (model.size * largest_circle(model)), 512))
@@ -143,8 +144,8 @@ def _build(
         if stacked.clashes < levels.clashes:
             model, draft, levels = other, apart, stacked
     free = not model.telescopes and not model.planes  # thin barrels would look like wires; stated planes stay
-    if free and (levels.top + 1) * model.proportions.pitch > DEEPEST:
-        model = replace(model, proportions=model.proportions.thinner(DEEPEST / ((levels.top + 1) * model.proportions.pitch)))
+    if free and (levels.top + 1) * model.proportions.pitch > GREATEST_DEPTH:
+        model = replace(model, proportions=model.proportions.thinner(GREATEST_DEPTH / ((levels.top + 1) * model.proportions.pitch)))
         draft, levels = draft_pieces(model), replace(levels, size=model.proportions)
     parts = make_parts(model, draft, levels)
     spins: dict[str, Spin] = {}
@@ -289,12 +290,12 @@ def drawn_outlines(mechanism: Mechanism, poses: Mapping[str, Real] | None, links
     poses: x, y, angle (F, 3) [m, m, rad] of every link over the run, as for `build_solids`: slots and guides follow from them.
     """
     with shaped(mechanism):
-        model = build_model(mechanism, poses, SEGMENTS)
+        model = build_model(mechanism, poses, CIRCLE_SIDES)
         draft = draft_pieces(model)
         parts = make_parts(model, draft, stack_pieces(model, draft))
     out: dict[str, list[Polygon]] = {name: [] for name in links}
     for part in parts:
-        if part.link in out and part.kind in FLAT:
+        if part.link in out and part.kind in FLAT_KINDS:
             shape = part.space[0].outline
             whole = [shape] if isinstance(shape, Polygon) else list(shape.geoms)
             out[part.link] += [scale(p, model.size, model.size, origin=(0.0, 0.0)) for p in whole]

@@ -14,8 +14,8 @@ from mechcore.records import dataclass
 from mechcore.spec.clearance import made_joints
 from mechcore.spec.loads import GasPressure
 from mechviz.outputs.rerun.entities import Static, Stream, columns_of, entity, line_strips, packed
-from mechviz.outputs.rerun.plots import PALETTE
-from mechviz.picture.centres import CENTRES
+from mechviz.outputs.rerun.plots import CURVE_PALETTE
+from mechviz.picture.centres import CENTRE_GROUPS
 from mechviz.picture.constructions import Drawing
 from mechviz.quantities.items import joint_unit, joints_of
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from mechviz.runs import Run
 
 # -- graphical constructions ------------------------------------------------------------------------------------------
-OVERLAYS = tuple(f"polygons/{group}" for group in ("funicular", "polodes", "substitutes", "equivalent", *CENTRES))
+OVERLAY_GROUPS = tuple(f"polygons/{group}" for group in ("funicular", "polodes", "substitutes", "equivalent", *CENTRE_GROUPS))
 """Entities that belong into the picture of the mechanism."""
 
 
@@ -144,12 +144,12 @@ def _strips(items: list[Complex], height: float = 0.0) -> Any:
 
 
 # -- diagrams ---------------------------------------------------------------------------------------------------------
-WIDTH, HEIGHT = 1.7, 1.0  # of the drawing; a view is about this wide
-MARGIN = 0.08  # around the curves, of their span
-MOST = 3  # curves in one diagram
-POINTS = 1500  # of a curve, at most
-TICKS = 5
-FRAME, GRID, ZERO, INK = (96, 104, 118), (48, 54, 66), (128, 136, 150), (206, 212, 222)
+DRAWING_WIDTH, DRAWING_HEIGHT = 1.7, 1.0  # of the drawing; a view is about this wide
+CURVE_MARGIN = 0.08  # around the curves, of their span
+MOST_CURVES = 3  # curves in one diagram
+MOST_CURVE_POINTS = 1500  # of a curve, at most
+TICK_COUNT = 5
+FRAME_COLOR, GRID_COLOR, ZERO_COLOR, TEXT_COLOR = (96, 104, 118), (48, 54, 66), (128, 136, 150), (206, 212, 222)
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,20 +186,20 @@ class Diagram:
         if self.turn is not None:
             x0, x1 = 0.0, self.turn
         if self.equal:
-            per = max((x1 - x0) / WIDTH, (y1 - y0) / HEIGHT)
-            x0, x1 = 0.5 * (x0 + x1) - 0.5 * per * WIDTH, 0.5 * (x0 + x1) + 0.5 * per * WIDTH
-            y0, y1 = 0.5 * (y0 + y1) - 0.5 * per * HEIGHT, 0.5 * (y0 + y1) + 0.5 * per * HEIGHT
+            per = max((x1 - x0) / DRAWING_WIDTH, (y1 - y0) / DRAWING_HEIGHT)
+            x0, x1 = 0.5 * (x0 + x1) - 0.5 * per * DRAWING_WIDTH, 0.5 * (x0 + x1) + 0.5 * per * DRAWING_WIDTH
+            y0, y1 = 0.5 * (y0 + y1) - 0.5 * per * DRAWING_HEIGHT, 0.5 * (y0 + y1) + 0.5 * per * DRAWING_HEIGHT
         return float(x0), float(x1), float(y0), float(y1)
 
     def place(self, x: Real, y: Real) -> Single:
         """Points (n, 2) of the drawing: rerun's 2D views count downwards."""
         x0, x1, y0, y1 = self.ranges
         across, up = (np.asarray(x, float) - x0) / (x1 - x0), (np.asarray(y, float) - y0) / (y1 - y0)
-        return np.column_stack([WIDTH * across, -HEIGHT * up]).astype(np.float32)
+        return np.column_stack([DRAWING_WIDTH * across, -DRAWING_HEIGHT * up]).astype(np.float32)
 
     def pieces(self, curve: Curve) -> list[Single]:
         """A curve as strips: cut where it is not known, and where x starts again."""
-        stride = max(1, -(-len(curve.x) // POINTS))
+        stride = max(1, -(-len(curve.x) // MOST_CURVE_POINTS))
         x, y = curve.x[::stride], curve.y[::stride]
         if len(curve.x) % stride != 1 and stride > 1:
             x, y = np.append(x, curve.x[-1]), np.append(y, curve.y[-1])
@@ -219,7 +219,7 @@ def find_diagrams(run: Run) -> list[Diagram]:
 def _indicator(run: Run) -> Diagram | None:
     """Absolute pressure of the gas in the cylinders against the displacement of their pistons from top dead centre."""
     motion = run.motion
-    loads = [load for load in motion.mechanism.loads if isinstance(load, GasPressure)][:MOST]
+    loads = [load for load in motion.mechanism.loads if isinstance(load, GasPressure)][:MOST_CURVES]
     if not loads or run.forces is None or run.simulation is not None:
         return None
     gases = [CylinderGas(load) for load in loads]
@@ -239,7 +239,7 @@ def _phase(run: Run) -> Diagram | None:
     if not swinging:
         return None
     unit = joint_unit(motion, swinging[0])
-    chosen = [n for n in swinging if joint_unit(motion, n) == unit][:MOST]
+    chosen = [n for n in swinging if joint_unit(motion, n) == unit][:MOST_CURVES]
     what = "displacement" if unit == "m" else "angle"
     (across, factor), (upwards, rate) = (run.scene.units.reads(si) for si in (unit, f"{unit}/s"))
     curves = tuple(Curve(n, factor * motion.coordinate(n)[:, 0], rate * motion.coordinate(n)[:, 1]) for n in chosen)
@@ -275,7 +275,7 @@ def _polar(run: Run) -> Diagram | None:
         force = run.forces.reaction(joint.name)[:, :2]
         force = factor * (force if joint.links[0] == frame else -force)
         bearings.append((float(np.max(np.hypot(*force.T), initial=0.0, where=np.isfinite(force[:, 0]))), joint.name, force))
-    largest = sorted(bearings, key=lambda b: -b[0])[:MOST]
+    largest = sorted(bearings, key=lambda b: -b[0])[:MOST_CURVES]
     if not largest or largest[0][0] <= 0.0:
         return None
     curves = tuple(Curve(name, force[:, 0], force[:, 1]) for size, name, force in largest if size > 1e-6 * largest[0][0])
@@ -306,23 +306,25 @@ def diagram_shapes(diagrams: Sequence[Diagram]) -> Iterator[Static]:
 
     for d in diagrams:
         x0, x1, y0, y1 = d.ranges
-        xs, ys = _ticks(d, x0, x1), round_ticks(y0, y1, TICKS)
+        xs, ys = _ticks(d, x0, x1), round_ticks(y0, y1, TICK_COUNT)
         titles = {"title": d.title, "x_title": d.x_title, "y_title": d.y_title}
         known = rr.AnyValues(**titles, ranges=[x0, x1, y0, y1], equal=d.equal, turn=d.turn or 0.0)
         yield Static(entity("diagrams", d.name), known)
         lines = [d.place(np.array([v, v]), np.array([y0, y1])) for v in xs] + [
             d.place(np.array([x0, x1]), np.array([v, v])) for v in ys
         ]
-        colors = [ZERO if v == 0.0 else GRID for v in (*xs, *ys)]
+        colors = [ZERO_COLOR if v == 0.0 else GRID_COLOR for v in (*xs, *ys)]
         box = d.place(np.array([x0, x1, x1, x0, x0]), np.array([y0, y0, y1, y1, y0]))
         thin = rr.Radius.ui_points(np.full(len(lines) + 1, 0.6))
-        axes = rr.LineStrips2D([*lines, box], colors=packed([*colors, FRAME]), radii=thin, draw_order=1.0)
+        axes = rr.LineStrips2D([*lines, box], colors=packed([*colors, FRAME_COLOR]), radii=thin, draw_order=1.0)
         yield Static(entity("diagrams", d.name, "axes"), axes)
         below, beside = np.array([0.0, 0.012]), np.array([-0.06, -0.035])  # where rerun writes a label under its point
         marks = [*(d.place(xs, np.full(len(xs), y0)) + below), *(d.place(np.full(len(ys), x0), ys) + beside)]
         words = [*(_words(v) for v in xs), *(_words(v) for v in ys), d.x_title, d.y_title]
-        marks += [np.array([0.5 * WIDTH, 0.11]), np.array([0.0, -HEIGHT - 0.12])]
-        ticks = rr.Points2D(marks, labels=words, show_labels=True, colors=[INK], radii=rr.Radius.ui_points(0.01), draw_order=2.0)
+        marks += [np.array([0.5 * DRAWING_WIDTH, 0.11]), np.array([0.0, -DRAWING_HEIGHT - 0.12])]
+        ticks = rr.Points2D(
+            marks, labels=words, show_labels=True, colors=[TEXT_COLOR], radii=rr.Radius.ui_points(0.01), draw_order=2.0
+        )
         yield Static(entity("diagrams", d.name, "ticks"), ticks)
         for k, curve in enumerate(d.curves):
             pieces = d.pieces(curve)
@@ -330,14 +332,14 @@ def diagram_shapes(diagrams: Sequence[Diagram]) -> Iterator[Static]:
             if pieces:
                 look = rr.LineStrips2D(
                     pieces,
-                    colors=[PALETTE[k]],
+                    colors=[CURVE_PALETTE[k]],
                     radii=rr.Radius.ui_points(1.3),
                     labels=labels,
                     show_labels=len(d.curves) > 1,
                     draw_order=3.0,
                 )
                 yield Static(entity("diagrams", d.name, "curves", curve.name), look)
-        colors = [PALETTE[k] for k in range(len(d.curves))]
+        colors = [CURVE_PALETTE[k] for k in range(len(d.curves))]
         dots = rr.Points2D.from_fields(colors=colors, radii=rr.Radius.ui_points(5.0), draw_order=5.0)
         yield Static(entity("diagrams", d.name, "now"), dots)
         if d.equal:
@@ -379,7 +381,7 @@ def diagram_views(diagrams: Sequence[Diagram], background: tuple[int, ...]) -> l
             origin=entity("diagrams", d.name),
             name=d.title,
             background=list(background),
-            visual_bounds=rrb.VisualBounds2D(x_range=[-0.2, WIDTH + 0.08], y_range=[-HEIGHT - 0.2, 0.3]),
+            visual_bounds=rrb.VisualBounds2D(x_range=[-0.2, DRAWING_WIDTH + 0.08], y_range=[-DRAWING_HEIGHT - 0.2, 0.3]),
         )
         for d in diagrams
     ]
@@ -395,7 +397,7 @@ def round_ticks(low: float, high: float, count: int) -> Real:
 
 
 def _ticks(d: Diagram, low: float, high: float) -> Real:
-    return np.arange(0.0, 361.0, 90.0) if d.turn == 360.0 else round_ticks(low, high, TICKS)
+    return np.arange(0.0, 361.0, 90.0) if d.turn == 360.0 else round_ticks(low, high, TICK_COUNT)
 
 
 def _words(value: float) -> str:
@@ -405,7 +407,7 @@ def _words(value: float) -> str:
 
 def _padded(values: Real) -> tuple[float, float]:
     low, high = (float(values.min()), float(values.max())) if len(values) else (0.0, 1.0)
-    room = MARGIN * (high - low)
+    room = CURVE_MARGIN * (high - low)
     if room <= 1e-9 * max(abs(low), abs(high)):
         room = 0.1 * max(abs(low), abs(high)) or 1.0
     return low - room, high + room

@@ -18,7 +18,7 @@ from mechviz.quantities.events import line_of
 from mechviz.quantities.items import ERROR_COLUMNS
 from mechviz.scene.units import MILLIMETRES, Units
 
-HEALTH = (
+CLOSURE_UNITS = (
     ("closure", "m"),
     ("velocity_closure", "m/s"),
     ("acceleration_closure", "m/s²"),
@@ -29,15 +29,15 @@ HEALTH = (
 
 Spans = tuple[tuple[float, float], ...]
 
-MOMENTS = ("torque", "drag torque", "viscous torque", "torsion spring", "torsion damper")
+MOMENT_LOADS = ("torque", "drag torque", "viscous torque", "torsion spring", "torsion damper")
 """Kinds of loads that are moments, even where they are zero."""
 
-ENDS = ("behind", "ahead")
+GUIDE_ENDS = ("behind", "ahead")
 """Of the bearing of a guide, in its direction."""
 
-STUDIES = ("systems", "reduced", "shaking", "substitutes", "sections", "evolutes", "inflection", "percussion")
+STUDY_TABLES = ("systems", "reduced", "shaking", "substitutes", "sections", "evolutes", "inflection", "percussion")
 
-NOISE = 1e-9  # of the largest value of the same unit
+LEAST_PEAK = 1e-9  # of the largest value of the same unit
 
 
 @dataclass(frozen=True)
@@ -141,7 +141,9 @@ def _peaks(recording: Recording, model: Model) -> list[Peak]:
         if model.joints[joint].type == "prismatic":
             peaks.append(_peak(recording, path, f"couple {joint}", "N m", [2], signed=True))
             ends = ("data", "joints", joint, "bearing")
-            peaks += [_peak(recording, ends, f"bearing force {end} {joint}", "N", [k], signed=True) for k, end in enumerate(ENDS)]
+            peaks += [
+                _peak(recording, ends, f"bearing force {end} {joint}", "N", [k], signed=True) for k, end in enumerate(GUIDE_ENDS)
+            ]
     for joint in model.joints:
         path = ("data", "joints", joint, "friction")
         rubs = _peak(recording, path, f"friction force {joint}", "N", [0, 1])
@@ -151,7 +153,7 @@ def _peaks(recording: Recording, model: Model) -> list[Peak]:
         if about.kind != "gravity":
             force = _peak(recording, ("data", "loads", load), f"load {load}", "N", [0, 1])
             moment = _peak(recording, ("data", "loads", load), f"load {load}", "N m", [2], signed=True)
-            is_moment = about.kind in MOMENTS or (moment is not None and moment.value != 0.0)
+            is_moment = about.kind in MOMENT_LOADS or (moment is not None and moment.value != 0.0)
             peaks.append(moment if is_moment and force is not None and force.value == 0.0 else force)
     return [p for p in peaks if p is not None]
 
@@ -174,7 +176,7 @@ def _studies(recording: Recording) -> list[Peak]:
     for path in recording.entities:
         parts = parts_of(path)
         names = recording.static(path, component="SeriesLines:names")
-        if names is None or parts[0] != "data" or parts[1] not in STUDIES or not recording.has(path):
+        if names is None or parts[0] != "data" or parts[1] not in STUDY_TABLES or not recording.has(path):
             continue
         for k, header in enumerate(map(str, names)):
             of, _, name = header.removesuffix("]").rpartition(".")
@@ -226,7 +228,7 @@ def _loss_lines(inspection: Inspection) -> list[str]:
 
 
 def _health(recording: Recording) -> list[Peak]:
-    peaks = [_peak(recording, ("health", name), name.replace("_", " "), unit, [0]) for name, unit in HEALTH]
+    peaks = [_peak(recording, ("health", name), name.replace("_", " "), unit, [0]) for name, unit in CLOSURE_UNITS]
     path = ("health", "error_estimate")
     peaks += [_peak(recording, path, f"estimated error: {name.replace('_', ' ')}", "", [k]) for k, name in enumerate(ERROR_COLUMNS)]
     return [p for p in peaks if p is not None]
@@ -311,7 +313,7 @@ def _without_noise(peaks: tuple[Peak, ...]) -> tuple[Peak, ...]:
     largest: dict[str, float] = {}
     for peak in peaks:
         largest[peak.unit] = max(largest.get(peak.unit, 0.0), abs(peak.value))
-    return tuple(replace(peak, value=0.0) if abs(peak.value) <= NOISE * largest[peak.unit] else peak for peak in peaks)
+    return tuple(replace(peak, value=0.0) if abs(peak.value) <= LEAST_PEAK * largest[peak.unit] else peak for peak in peaks)
 
 
 def _peak_lines(peaks: tuple[Peak, ...], reads: Callable[[str], tuple[str, float]]) -> list[str]:

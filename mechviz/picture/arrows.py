@@ -12,7 +12,7 @@ import numpy as np
 from mechcore.arrays import Flags, Index, Real
 from mechcore.records import dataclass
 from mechviz.picture.nodes import Arc, Arrow, Node
-from mechviz.picture.proportions import ARC_RADIUS, HEAD_RADIUS
+from mechviz.picture.proportions import ARC_RADIUS, ARROW_HEAD_RADIUS
 from mechviz.quantities.items import Source, Table, values_of
 from mechviz.quantities.numbers import Numbers
 from mechviz.quantities.vectors import FAMILIES, Moment, Scales, Vector, calm_frames, centre_name, find_scales
@@ -23,16 +23,17 @@ if TYPE_CHECKING:
 
 T = TypeVar("T", Vector, Moment)
 
-LONGEST = 1.4  # in sizes of the mechanism: only near a jam, where forces grow beyond all bounds, and there left out
-SHORTEST = 0.015  # in sizes of the mechanism; what is shorter is left out
-APART = 2.1 * HEAD_RADIUS  # in sizes of the mechanism: distance of arrows that would lie on one line, head beside head
-RING = 0.3  # of the radius of an arc: distance of arcs about one place
-ALONG = 0.1  # sine of the angle up to which arrows from one place lie on one line
+LONGEST_ARROW = 1.4  # in sizes of the mechanism: only near a jam, where forces grow beyond all bounds, and there left out
+SHORTEST_ARROW = 0.015  # in sizes of the mechanism; what is shorter is left out
+# In sizes of the mechanism: distance of arrows that would lie on one line, head beside head
+ARROW_SPACING = 2.1 * ARROW_HEAD_RADIUS
+ARC_SPACING = 0.3  # of the radius of an arc: distance of arcs about one place
+SAME_LINE_SINE = 0.1  # sine of the angle up to which arrows from one place lie on one line
 # Arrows from two places lie on each other: ends this near the other's line and this much of them side by side, in sizes of the
 # mechanism, at this part of those of some frames at which both are seen
-NARROW, COVERED, OFTEN = 0.008, 0.02, 0.1
-SAMPLES = 36  # frames at which that is tried
-ALL, FORCE, MOMENT, PLACE = slice(None), slice(0, 2), 2, slice(3, None)  # columns of tables
+OVERLAP_DISTANCE, OVERLAP_LENGTH, OVERLAP_SHARE = 0.008, 0.02, 0.1
+OVERLAP_FRAMES = 36  # frames at which that is tried
+ALL_COLUMNS, FORCE_COLUMNS, MOMENT_COLUMN, PLACE_COLUMNS = slice(None), slice(0, 2), 2, slice(3, None)  # columns of tables
 ROUND_OFF = 1e-9  # of the largest moment: what is smaller throughout is not drawn
 
 
@@ -93,7 +94,7 @@ def with_scales(numbers: Numbers, size: float, scales: Scales, circles: Collecti
 
 
 def _drawn(vectors: tuple[Vector, ...], moments: tuple[Moment, ...], scales: Scales, size: float) -> Arrows:
-    radii = (ARC_RADIUS * size * (1.0 + RING * lane) for lane in _lanes(moments, size, lambda _a, _b: True))
+    radii = (ARC_RADIUS * size * (1.0 + ARC_SPACING * lane) for lane in _lanes(moments, size, lambda _a, _b: True))
     return Arrows(vectors, moments, scales, set_apart(vectors, scales, size), tuple(radii))
 
 
@@ -109,7 +110,7 @@ def set_apart(vectors: tuple[Vector, ...], scales: Scales, size: float) -> tuple
         for i in np.flatnonzero(covering[n, :n])[:1].tolist():
             senses[n] = senses[i] * int(covering[n, i])
         if vectors[k].family != "inertia":
-            asides[k] = (lane + 1) // 2 * (1 if lane % 2 else -1) * senses[n] * APART * size  # 0, 1, -1, 2, -2 ...
+            asides[k] = (lane + 1) // 2 * (1 if lane % 2 else -1) * senses[n] * ARROW_SPACING * size  # 0, 1, -1, 2, -2 ...
     return tuple(asides)
 
 
@@ -134,7 +135,7 @@ def _on_one_line(a: Vector, b: Vector, scales: Scales, size: float) -> bool:
     """Whether two vectors from one place are seen and point the same way at any frame."""
     (ax, ay), (bx, by) = a.value.T, b.value.T
     with np.errstate(invalid="ignore"):
-        same = np.abs(ax * by - ay * bx) < ALONG * (ax * bx + ay * by)
+        same = np.abs(ax * by - ay * bx) < SAME_LINE_SINE * (ax * bx + ay * by)
     seen = [visible(v.value, scales.per_metre(v.family), size) for v in (a, b)]
     return bool((same & seen[0] & seen[1]).any())
 
@@ -145,7 +146,7 @@ def _covering(vectors: Sequence[Vector], scales: Scales, size: float) -> Index:
     bearing."""
     if not vectors or not len(vectors[0].origin):
         return np.zeros((len(vectors), len(vectors)), int)
-    frames = np.unique(np.linspace(0, len(vectors[0].origin) - 1, SAMPLES).astype(int))
+    frames = np.unique(np.linspace(0, len(vectors[0].origin) - 1, OVERLAP_FRAMES).astype(int))
     values = [v.value[frames] for v in vectors]
     seen = np.array([visible(value, scales.per_metre(v.family), size) for v, value in zip(vectors, values, strict=True)])  # (n, k)
     covering, together, agreeing = np.zeros((3, len(vectors), len(vectors)), int)
@@ -158,14 +159,16 @@ def _covering(vectors: Sequence[Vector], scales: Scales, size: float) -> Index:
             along = arrow.conj() / np.where(length > 0.0, length, 1.0)
             places = (start - start[:, None]) * along[:, None]  # of each other arrow, along and across this one
             both = here[:, None] & here
-            i, j = np.nonzero(both & (np.abs(places.imag) < NARROW))
+            i, j = np.nonzero(both & (np.abs(places.imag) < OVERLAP_DISTANCE))
             first, second = places[i, j], places[i, j] + arrow[j] * along[i]
             low, high = np.minimum(first.real, second.real), np.maximum(first.real, second.real)
-            covered = (np.minimum(high, length[i]) - np.maximum(low, 0.0) > COVERED) & (np.abs(second.imag) < NARROW)
+            covered = (np.minimum(high, length[i]) - np.maximum(low, 0.0) > OVERLAP_LENGTH) & (
+                np.abs(second.imag) < OVERLAP_DISTANCE
+            )
             covering[i, j] += covered
             agreeing[i, j] += covered * np.sign(second.real - first.real).astype(int)
             together += both
-    often = covering >= np.maximum(OFTEN * together, 1.0)
+    often = covering >= np.maximum(OVERLAP_SHARE * together, 1.0)
     families = np.array([v.family for v in vectors])
     return np.where(often & often.T & (families[:, None] != families), np.where(agreeing < 0, -1, 1), 0)
 
@@ -173,7 +176,7 @@ def _covering(vectors: Sequence[Vector], scales: Scales, size: float) -> Index:
 def visible(vectors: Real, scale: float, size: float) -> Flags:
     """Which vectors (F, 2) are finite, long enough to be seen and short enough to make sense (F,)."""
     length = np.hypot(vectors[:, 0], vectors[:, 1]) / (size * scale)
-    return np.isfinite(length) & (length > SHORTEST) & (length < LONGEST)
+    return np.isfinite(length) & (length > SHORTEST_ARROW) & (length < LONGEST_ARROW)
 
 
 def _vectors(n: Numbers) -> Iterator[Vector]:
@@ -183,33 +186,33 @@ def _vectors(n: Numbers) -> Iterator[Vector]:
         for family in ("velocity", "acceleration"):
             table = n.tables.get(("data", "points", name, family))
             if at is not None and table is not None:
-                yield Vector(family, name, at.part(ALL), table.part(ALL))
+                yield Vector(family, name, at.part(ALL_COLUMNS), table.part(ALL_COLUMNS))
     for name, place in places.items():
         for family in ("reaction", "friction"):
             table = n.tables.get(("data", "joints", name, family))
             if table is not None and (family == "reaction" or np.any(np.nan_to_num(table.values[:, :2]))):
-                yield Vector(family, name, place, table.part(FORCE))
+                yield Vector(family, name, place, table.part(FORCE_COLUMNS))
     for name, load in n.loads.items():
         gravity = load.kind == "gravity"
         table = n.tables.get(("data", "loads", *(("gravity", load.links[0]) if gravity else (name,))))
         if table is not None and np.any(np.nan_to_num(table.values[:, :2])):
-            place, force = table.part(PLACE), table.part(FORCE)
+            place, force = table.part(PLACE_COLUMNS), table.part(FORCE_COLUMNS)
             if load.points and load.links[0] == n.frame:  # what is stated acts on the ground: what acts on the link is drawn
                 place, force = n.place(load.links[1], load.points[1]), -table.values[:, :2]
             yield Vector(*(("gravity", load.links[0]) if gravity else ("applied", name)), place, force)
     for name in n.links:
         table, at = _inertia(n, name)
         if table is not None and at is not None:
-            yield Vector("inertia", name, n.held(partial(_line_of_inertia, at, table, n.length_scale)), table.part(FORCE))
+            yield Vector("inertia", name, n.held(partial(_line_of_inertia, at, table, n.length_scale)), table.part(FORCE_COLUMNS))
     for name in n.drives:
         table = n.tables.get(("data", "drive", name, "wrench"))
         if table is not None and name in places and np.any(table.values[:, :2]):
-            yield Vector("drive", name, places[name], table.part(FORCE))
+            yield Vector("drive", name, places[name], table.part(FORCE_COLUMNS))
 
 
 def _joint_places(n: Numbers) -> dict[str, Source]:
     """Where the joints are (F, 2) [m]."""
-    return {j: n.tables["data", "joints", j, "position"].part(ALL) for j in n.joints}
+    return {j: n.tables["data", "joints", j, "position"].part(ALL_COLUMNS) for j in n.joints}
 
 
 def _inertia(n: Numbers, link: str) -> tuple[Table | None, Table | None]:
@@ -240,20 +243,20 @@ def _moments(n: Numbers, vectors: tuple[Vector, ...], scales: Scales, size: floa
     moments: list[Moment] = []
     places = _joint_places(n)
     for name in n.drives:
-        moments.append(Moment("drive", name, places[name], n.tables["data", "drive", name, "wrench"].part(MOMENT)))
+        moments.append(Moment("drive", name, places[name], n.tables["data", "drive", name, "wrench"].part(MOMENT_COLUMN)))
     for name, load in n.loads.items():
         table = None if load.kind == "gravity" else n.tables.get(("data", "loads", name))
         if table is not None and np.any(np.nan_to_num(table.values[:, 2])):
             free = not np.any(np.nan_to_num(table.values[:, :2]))
-            at = _middle_of_joints(n, load.links, places) if free else table.part(PLACE)
-            moments.append(Moment("applied", name, at, table.part(MOMENT)))
+            at = _middle_of_joints(n, load.links, places) if free else table.part(PLACE_COLUMNS)
+            moments.append(Moment("applied", name, at, table.part(MOMENT_COLUMN)))
     for name, place in places.items():
         reaction, friction = n.tables["data", "joints", name, "reaction"], n.tables.get(("data", "joints", name, "friction"))
         if friction is None:
-            moments.append(Moment("reaction", name, place, reaction.part(MOMENT)))
+            moments.append(Moment("reaction", name, place, reaction.part(MOMENT_COLUMN)))
             continue
         if name not in circles:
-            moments.append(Moment("friction", name, place, friction.part(MOMENT)))
+            moments.append(Moment("friction", name, place, friction.part(MOMENT_COLUMN)))
         moments.append(Moment("reaction", name, place, _apart(reaction.values[:, 2], friction.values[:, 2])))
     largest = max((_largest(m.value) for m in moments), default=0.0)
     pull = max((_largest(v.value) for v in vectors if v.family == "reaction"), default=0.0)
@@ -277,7 +280,7 @@ def _inertia_moments(n: Numbers, vectors: tuple[Vector, ...], scales: Scales, si
         alone = ~visible(table.values[:, :2], scales.newtons_per_metre, size)
         moment = np.where(alone, table.values[:, 2], 0.0)
         if np.any(moment):
-            yield Moment("inertia", link, centre.part(ALL), moment, alone)
+            yield Moment("inertia", link, centre.part(ALL_COLUMNS), moment, alone)
 
 
 def _middle_of_joints(n: Numbers, links: tuple[str, ...], places: Mapping[str, Source]) -> Real:

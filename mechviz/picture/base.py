@@ -22,14 +22,14 @@ if TYPE_CHECKING:
     from mechviz.meshes.solids import Solids
     from mechviz.runs import Run
 
-DEEP = 0.018  # of the bars along z, in sizes of the mechanism
-BAR, POST = 0.011, 0.006  # half widths of bars and posts, in sizes
-SHADE: Color = (92, 99, 109, 255)  # a little darker than what stands on it
-ARMS = (0.06, 0.12, 0.2, 0.3)  # how far beside a part its post may stand, in sizes
-DIRECTIONS = 12  # directions in which that is tried
-SPOTS = 12  # places of a part at which a post is tried
-CORES = (0.006, 0.004, 0.0025, 0.0015)  # what is left of an outline without a rim of this, in sizes: without its hatching
-HAIR = 5e-6  # in sizes
+BAR_DEPTH = 0.018  # of the bars along z, in sizes of the mechanism
+BAR_HALF_WIDTH, POST_HALF_WIDTH = 0.011, 0.006  # half widths of bars and posts, in sizes
+BASE_COLOR: Color = (92, 99, 109, 255)  # a little darker than what stands on it
+POST_DISTANCES = (0.06, 0.12, 0.2, 0.3)  # how far beside a part its post may stand, in sizes
+POST_DIRECTIONS = 12  # directions in which that is tried
+POST_PLACES = 12  # places of a part at which a post is tried
+CORE_RIMS = (0.006, 0.004, 0.0025, 0.0015)  # what is left of an outline without a rim of this, in sizes: without its hatching
+HAIRLINE = 5e-6  # in sizes
 
 Placed = tuple[Polygon, tuple[float, float], Color]
 """An outline [m] in the frame of a link, the heights [m] between which it lies, and its colour."""
@@ -59,9 +59,9 @@ class _Room:
 
     def post(self, at: Vec2, high: float) -> _Foot | None:
         """A post at a place up to a height [m]; None where something comes by."""
-        half, heights = POST * self.solids.size, (self.back, high)
+        half, heights = POST_HALF_WIDTH * self.solids.size, (self.back, high)
         shape = box(at[0] - half, at[1] - half, at[0] + half, at[1] + half)
-        return _Foot(at, ((shape, heights, SHADE),)) if self.free(shape, heights) else None
+        return _Foot(at, ((shape, heights, BASE_COLOR),)) if self.free(shape, heights) else None
 
 
 def blocked(run: Run, solids: Solids, shape: Polygon, heights: tuple[float, float]) -> bool:
@@ -81,7 +81,7 @@ def find_base(run: Run, solids: Solids, coils: Sequence[Coil], fixtures: Sequenc
         return []
     size, frame = solids.size, run.motion.mechanism.frame
     covered = [_covered(run, solids, coil) for coil in coils]
-    lows = [low - POST * size for low in (*(low for _, low, _ in covered), *(low for _, (low, _), _ in fixtures))]
+    lows = [low - POST_HALF_WIDTH * size for low in (*(low for _, low, _ in covered), *(low for _, (low, _), _ in fixtures))]
     room = _Room(run, solids, min([float(solids.bounds[0, 2]), *lows]), covered)
     feet: list[_Foot] = []
     for (foot, low, high), *columns in solids.heights.parts(frame, ("pedestal",)):
@@ -97,8 +97,8 @@ def find_base(run: Run, solids: Solids, coils: Sequence[Coil], fixtures: Sequenc
     if len(feet) < 2:
         return []
     places = np.array([foot.at for foot in feet])
-    bars = [LineString(places[list(pair)]).buffer(BAR * size, quad_segs=8) for pair in _tree(places)]
-    across = [(shape, (room.back - DEEP * size, room.back), SHADE) for shape in polygons(unary_union(bars))]
+    bars = [LineString(places[list(pair)]).buffer(BAR_HALF_WIDTH * size, quad_segs=8) for pair in _tree(places)]
+    across = [(shape, (room.back - BAR_DEPTH * size, room.back), BASE_COLOR) for shape in polygons(unary_union(bars))]
     longest: dict[Vec2, Placed] = {}  # of the posts at one place
     arms: list[Placed] = []
     for foot in feet:
@@ -107,7 +107,8 @@ def find_base(run: Run, solids: Solids, coils: Sequence[Coil], fixtures: Sequenc
         arms += foot.parts[1:]
     standing = [placed for placed in (*longest.values(), *arms) if placed[1][1] - placed[1][0] > 1e-3 * size]
     return across + [  # each a hair shorter than the one before: no two parts share a corner
-        (shape, (low + k * HAIR * size, high - k * HAIR * size), color) for k, (shape, (low, high), color) in enumerate(standing, 1)
+        (shape, (low + k * HAIRLINE * size, high - k * HAIRLINE * size), color)
+        for k, (shape, (low, high), color) in enumerate(standing, 1)
     ]
 
 
@@ -126,7 +127,7 @@ def _feet(room: _Room, outline: Polygon, heights: tuple[float, float]) -> list[_
     """Where a part of the ground can stand on the bars: a long one at two places; none where something is in the way everywhere."""
     size, (low, high) = room.solids.size, heights
     spots = _spots(outline, size)
-    long = np.hypot(*np.subtract(spots[0], spots[-1])) > 6.0 * BAR * size
+    long = np.hypot(*np.subtract(spots[0], spots[-1])) > 6.0 * BAR_HALF_WIDTH * size
     feet: list[_Foot] = []
     for order in (spots, spots[::-1]) if long else (spots,):
         foot = next((foot for at in order if (foot := room.post(at, low)) is not None), None)
@@ -135,25 +136,25 @@ def _feet(room: _Room, outline: Polygon, heights: tuple[float, float]) -> list[_
     if feet:
         return feet
     start = _xy(outline.representative_point())
-    for arm in ARMS:
-        for direction in np.exp(2j * np.pi * np.arange(DIRECTIONS) / DIRECTIONS):
+    for arm in POST_DISTANCES:
+        for direction in np.exp(2j * np.pi * np.arange(POST_DIRECTIONS) / POST_DIRECTIONS):
             at = (start[0] + arm * size * float(direction.real), start[1] + arm * size * float(direction.imag))
             foot = room.post(at, high)
-            reach = polygons(LineString([start, at]).buffer(POST * size, quad_segs=4).difference(outline))
+            reach = polygons(LineString([start, at]).buffer(POST_HALF_WIDTH * size, quad_segs=4).difference(outline))
             if foot is not None and all(room.free(shape, heights) for shape in reach):
-                return [_Foot(at, (*foot.parts, *((shape, heights, SHADE) for shape in reach)))]
+                return [_Foot(at, (*foot.parts, *((shape, heights, BASE_COLOR) for shape in reach)))]
     return []
 
 
 def _spots(outline: Polygon, size: float) -> list[Vec2]:
     """Places within the thickest part of an outline [m], from one end of it to the other."""
-    cores = (polygons(outline.buffer(-part * size)) for part in CORES)
+    cores = (polygons(outline.buffer(-part * size)) for part in CORE_RIMS)
     core = next((core[0] for core in cores if core), outline)
     corners = np.asarray(core.minimum_rotated_rectangle.exterior.coords)[:4]
     if np.hypot(*(corners[1] - corners[0])) < np.hypot(*(corners[2] - corners[1])):
         corners = np.roll(corners, -1, axis=0)
     start, end = 0.5 * (corners[0] + corners[3]), 0.5 * (corners[1] + corners[2])
-    places = [Point(*(start + part * (end - start))) for part in np.linspace(0.06, 0.94, SPOTS)]
+    places = [Point(*(start + part * (end - start))) for part in np.linspace(0.06, 0.94, POST_PLACES)]
     return [_xy(at) for at in places if core.contains(at)] or [_xy(core.representative_point())]
 
 

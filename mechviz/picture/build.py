@@ -12,15 +12,15 @@ from mechcore.arrays import Real, Single
 from mechcore.errors import Fault, MechanismError
 from mechviz.accuracy.fit import PROFILE_POINTS
 from mechviz.meshes.kinds.spatial_cams import spin_transforms
-from mechviz.meshes.solids import FARTHEST, Solids, build_solids
+from mechviz.meshes.solids import FARTHEST_POINT, Solids, build_solids
 from mechviz.picture.arrows import Arrows, arrows_of, key_of, owner_of
 from mechviz.picture.centres import centre_nodes
 from mechviz.picture.fixtures import bounds_with, find_fixtures, has_spindle, joined
-from mechviz.picture.nodes import FARTHEST as REACH
+from mechviz.picture.nodes import FARTHEST_VERTEX as REACH
 from mechviz.picture.nodes import Body, Lines, Mesh, Picture, Points, Poses, farthest
 from mechviz.picture.overlays import inversion_nodes, overlay_nodes, section_nodes
 from mechviz.picture.proportions import about_z, arc_height, arrow_height, in_space, path_height
-from mechviz.picture.springs import COLOR as COIL
+from mechviz.picture.springs import SPRING_COLOR as COIL
 from mechviz.picture.springs import Coil, find_coils, find_strut_glyphs
 from mechviz.picture.surface_marks import find_surface_marks, stroke_nodes
 from mechviz.quantities.items import links_of
@@ -34,24 +34,24 @@ if TYPE_CHECKING:
 
 Heights = Mapping[str, float]
 
-LOOKS = 721
+COLLISION_FRAMES = 721
 """Frames that the search for colliding solids looks at; more would cost time and find nothing else."""
-LINES = {
+STRUT_LINE_COLORS = {
     "torsion spring": (196, 214, 236),
     "damper": (168, 176, 188),
     "gas spring": (176, 190, 200),
     "actuator": (150, 170, 196),
     "bushing": (176, 150, 130),
 }
-LINE = 0.0042  # radius of the lines of dampers and gas springs, in sizes of the mechanism
-PATH = 0.0025
-FRICTION = (255, 214, 92)
+STRUT_LINE_RADIUS = 0.0042  # radius of the lines of dampers and gas springs, in sizes of the mechanism
+PATH_RADIUS = 0.0025
+FRICTION_COLOR = (255, 214, 92)
 CIRCLE_POINTS = 48
-ACTION = 0.12  # half of a drawn line of action, in sizes of the mechanism
-THIN = 0.0018  # radius of friction circles and lines of action
-BALL = (228, 196, 96)
-LARGEST_BALL = 0.045  # radius of the heaviest point mass, in sizes of the mechanism
-DOT, DOT_COLOR = 0.0045, (250, 250, 250)
+HALF_LINE_OF_ACTION = 0.12  # half of a drawn line of action, in sizes of the mechanism
+FRICTION_LINE_RADIUS = 0.0018  # radius of friction circles and lines of action
+POINT_MASS_COLOR = (228, 196, 96)
+LARGEST_POINT_MASS = 0.045  # radius of the heaviest point mass, in sizes of the mechanism
+DOT_RADIUS, DOT_COLOR = 0.0045, (250, 250, 250)
 
 
 def picture_of(run: Run, solids: Solids, arrows: Arrows | None = None, known: Picture | None = None) -> Picture:
@@ -152,7 +152,16 @@ def _struts(run: Run, solids: Solids) -> Iterator[Lines]:
         strips = tuple(in_space(strip, height) for strip in strut.strips(frames))
         entity = ("mechanism", "springs", strut.name)
         owner = ("load", strut.name)
-        yield Lines(f"spring.{strut.name}", owner, "springs", entity, height, strips, (LINES[strut.kind],), (LINE * solids.size,))
+        yield Lines(
+            f"spring.{strut.name}",
+            owner,
+            "springs",
+            entity,
+            height,
+            strips,
+            (STRUT_LINE_COLORS[strut.kind],),
+            (STRUT_LINE_RADIUS * solids.size,),
+        )
 
 
 def _friction(run: Run, solids: Solids) -> Iterator[Lines]:
@@ -174,7 +183,7 @@ def _friction(run: Run, solids: Solids) -> Iterator[Lines]:
             along = reaction[:, :2] / size[:, None]
             arm = friction.wrench(e.joint)[:, 2] / size  # the moment about the pin is that of the force on its line of action
         touch = place + arm[:, None] * np.column_stack([along[:, 1], -along[:, 0]])
-        half = ACTION * solids.size * along
+        half = HALF_LINE_OF_ACTION * solids.size * along
         circle = place[:, None] + (e.limit if e.friction.stribeck else e.factor) * around
         line = np.stack([touch - half, touch + half], axis=1)
         for name, strip in (("circle", circle), ("line", line)):
@@ -186,8 +195,8 @@ def _friction(run: Run, solids: Solids) -> Iterator[Lines]:
                 ("vectors", "friction", e.joint, name),
                 height,
                 (np.where(there[:, None, None], in_space(strip, height), np.float32(np.nan)),),
-                (FRICTION,),
-                (THIN * solids.size,),
+                (FRICTION_COLOR,),
+                (FRICTION_LINE_RADIUS * solids.size,),
                 None if there.all() else there,
             )
 
@@ -208,8 +217,8 @@ def _masses(run: Run, solids: Solids) -> Iterator[Points]:
             solids.z_top,
             name,
             np.array([[(*b.centre, solids.z_top) for b in bodies]], np.float32),
-            (BALL,),
-            tuple(LARGEST_BALL * solids.size * (b.mass / heaviest) ** (1.0 / 3.0) for b in bodies),
+            (POINT_MASS_COLOR,),
+            tuple(LARGEST_POINT_MASS * solids.size * (b.mass / heaviest) ** (1.0 / 3.0) for b in bodies),
             tuple(run.scene.units.text(b.mass, "kg", 4) for b in bodies),
         )
 
@@ -223,7 +232,7 @@ def _paths(run: Run, solids: Solids, heights: Heights) -> Iterator[Lines]:
         strip = in_space(run.motion.point(link, point)[None], height)
         r, g, b = (int(0.5 * c + 127) for c in solids.links[link].color[:3])
         entity = ("mechanism", "paths", name)
-        yield Lines(key, ("point", name), "paths", entity, height, (strip,), ((r, g, b),), (PATH * solids.size,))
+        yield Lines(key, ("point", name), "paths", entity, height, (strip,), ((r, g, b),), (PATH_RADIUS * solids.size,))
 
 
 def joint_nodes(run: Run, solids: Solids) -> Iterator[Points]:
@@ -243,7 +252,7 @@ def joint_nodes(run: Run, solids: Solids) -> Iterator[Points]:
         spots = in_space(place[:, None], height)
         entity = ("mechanism", "joints", name)
         label = (labels.get(name, ""),)
-        look = (DOT_COLOR,), (DOT * solids.size,), label
+        look = (DOT_COLOR,), (DOT_RADIUS * solids.size,), label
         yield Points(f"joint.{name}", ("joint", name), "joints", entity, height, "", spots, *look)
 
 
@@ -290,8 +299,8 @@ def solids_of(run: Run) -> Solids:
     )
     for link in links_of(run.motion):
         far = float(np.max(np.abs(run.motion.pose(link)[:, :2]), initial=0.0))
-        if far > FARTHEST:
-            words = f"it goes as far as {far:.3g} m away; up to {FARTHEST:g} m are drawn."
+        if far > FARTHEST_POINT:
+            words = f"it goes as far as {far:.3g} m away; up to {FARTHEST_POINT:g} m are drawn."
             raise MechanismError(Fault(f"links.{link}", words, "Check speeds, forces and the duration, or export its numbers."))
     return solids
 
@@ -301,5 +310,5 @@ def looked_at(run: Run) -> dict[str, Real]:
     there are too many."""
     motion = run.motion
     check_drawn(len(motion.mechanism.links))
-    frames = np.unique(np.linspace(0, motion.frames - 1, min(motion.frames, LOOKS)).round().astype(int))
+    frames = np.unique(np.linspace(0, motion.frames - 1, min(motion.frames, COLLISION_FRAMES)).round().astype(int))
     return {link: motion.pose(link)[frames] for link in links_of(motion)}

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from mechviz.meshes.solids import Solids
     from mechviz.runs import Run
 
-CENTRES: Mapping[str, tuple[str, str]] = {
+CENTRE_GROUPS: Mapping[str, tuple[str, str]] = {
     "instant_centres": ("Instant centres", "construction"),
     "evolutes": ("Evolutes", "point"),
     "inflection": ("Inflection circles", "link"),
@@ -26,15 +26,21 @@ CENTRES: Mapping[str, tuple[str, str]] = {
 }
 """By group: its words, and what its items are."""
 
-PIN, CENTRE, LINE = (255, 206, 92), (92, 214, 255), (150, 166, 190)
-CIRCLE, CURVE, RAY, TANGENT, AXIS = (120, 255, 190), (255, 150, 210), (150, 166, 190), (255, 206, 92), (190, 150, 255)
-FORCE, PART = (208, 112, 246), (244, 178, 255)
-VISIBLE = 2.5  # sizes of the mechanism from its middle: nothing is drawn farther off
-BEYOND = 0.06  # by how much a line goes on beyond the centres on it, in sizes of the mechanism
-OPEN = 0.35  # as far where one of them lies beyond the picture
-ARC = 1.6  # sizes of the mechanism: longest part of a circle that is drawn
+PIN_COLOR, CENTRE_COLOR, LINE_COLOR = (255, 206, 92), (92, 214, 255), (150, 166, 190)
+CIRCLE_COLOR, CURVE_COLOR, RAY_COLOR, TANGENT_COLOR, AXIS_COLOR = (
+    (120, 255, 190),
+    (255, 150, 210),
+    (150, 166, 190),
+    (255, 206, 92),
+    (190, 150, 255),
+)
+FORCE_COLOR, COMPONENT_COLOR = (208, 112, 246), (244, 178, 255)
+VISIBLE_RANGE = 2.5  # sizes of the mechanism from its middle: nothing is drawn farther off
+LINE_OVERHANG = 0.06  # by how much a line goes on beyond the centres on it, in sizes of the mechanism
+OPEN_OVERHANG = 0.35  # as far where one of them lies beyond the picture
+LONGEST_ARC = 1.6  # sizes of the mechanism: longest part of a circle that is drawn
 ARC_POINTS = 73
-THIN, THICK, DOT = 0.0016, 0.0028, 0.009  # radii in sizes of the mechanism
+THIN_RADIUS, THICK_RADIUS, DOT_RADIUS = 0.0016, 0.0028, 0.009  # radii in sizes of the mechanism
 
 
 def centre_nodes(run: Run, solids: Solids) -> Iterator[Node]:
@@ -72,13 +78,13 @@ class _Pen:
 
     def common(self, part: str) -> dict[str, Any]:
         path = (self.group, self.name, part)
-        owner = (CENTRES[self.group][1], self.name)
+        owner = (CENTRE_GROUPS[self.group][1], self.name)
         return {"key": ".".join(path), "owner": owner, "group": self.group, "entity": ("polygons", *path), "height": self.height}
 
     def near(self, z: Complex) -> Complex:
         """Places (F,), NaN where they are too far off to be drawn."""
         with np.errstate(invalid="ignore"):
-            return np.where(np.abs(z - self.middle) < VISIBLE * self.size, z, np.nan)
+            return np.where(np.abs(z - self.middle) < VISIBLE_RANGE * self.size, z, np.nan)
 
     def lines(self, part: str, strips: Mapping[str, tuple[Complex, Color, float]]) -> Iterator[Lines]:
         """Strips (F, n) by their labels, those that begin with a blank without one, each with its colour and radius."""
@@ -92,13 +98,13 @@ class _Pen:
     def _held(self, z: Complex) -> Complex:
         """Strips (F, n), shrunk to a point in the frames in which they run beyond the picture."""
         z = within(z, self.size)
-        return np.where(np.abs(z[:, :1] - self.middle) < 2.0 * VISIBLE * self.size, z, self.middle)
+        return np.where(np.abs(z[:, :1] - self.middle) < 2.0 * VISIBLE_RANGE * self.size, z, self.middle)
 
     def dot(self, part: str, place: Complex, color: Color, label: str) -> Iterator[Points]:
         spots = space(self.near(place)[:, None], self.height)
         spots[np.isnan(self.near(place))] = np.nan
         if np.isfinite(spots).any():
-            look: dict[str, Any] = {"colors": (color,), "radii": (DOT * self.size,), "labels": (label,)}
+            look: dict[str, Any] = {"colors": (color,), "radii": (DOT_RADIUS * self.size,), "labels": (label,)}
             yield Points(parent="", places=spots, **look, **self.common(part))
 
 
@@ -108,25 +114,25 @@ def _instant_centre(pen: _Pen, centre: InstantCentre, known: Mapping[str, Instan
     for k, line in enumerate(centre.lines):
         others = [pen.near(known[name].place) for name in line.through if name in known]
         along = np.array([np.real(np.conj(line.along) * (z - line.base)) for z in (own, *others)])
-        room = np.where(np.isfinite(along).all(axis=0) & (len(others) == 2), BEYOND, OPEN) * pen.size
+        room = np.where(np.isfinite(along).all(axis=0) & (len(others) == 2), LINE_OVERHANG, OPEN_OVERHANG) * pen.size
         with np.errstate(invalid="ignore"):
             low, high = np.fmin.reduce(along), np.fmax.reduce(along)
         ends = np.stack([line.base + (low - room) * line.along, line.base + (high + room) * line.along], axis=1)
-        strips[f" {k}"] = (ends, LINE, THIN)
+        strips[f" {k}"] = (ends, LINE_COLOR, THIN_RADIUS)
     yield from pen.lines("lines", strips)
-    yield from pen.dot("centre", centre.place, PIN if centre.determined_by == "joint" else CENTRE, pen.name)
+    yield from pen.dot("centre", centre.place, PIN_COLOR if centre.determined_by == "joint" else CENTRE_COLOR, pen.name)
 
 
 def _evolute(pen: _Pen, path: PathCurvature, solids: Solids) -> Iterator[Node]:
     centre = pen.near(path.centre)
-    strips = {" circle": (_arc(path.place, path.tangent, path.curvature, ARC * pen.size), CIRCLE, THIN)}
-    strips[" radius"] = (np.stack([path.place, centre], axis=1), RAY, THIN)
+    strips = {" circle": (_arc(path.place, path.tangent, path.curvature, LONGEST_ARC * pen.size), CIRCLE_COLOR, THIN_RADIUS)}
+    strips[" radius"] = (np.stack([path.place, centre], axis=1), RAY_COLOR, THIN_RADIUS)
     yield from pen.lines("circle", strips)
     evolute = np.column_stack([path.centre.real, path.centre.imag])
     pieces = tuple(piece[None] for piece in centrode_strips(evolute, evolute, solids, z=pen.height))
     if pieces:
-        yield Lines(strips=pieces, colors=(CURVE,), radii=(THICK * pen.size,), **pen.common("evolute"))
-    yield from pen.dot("centre", path.centre, CURVE, f"K of {pen.name}")
+        yield Lines(strips=pieces, colors=(CURVE_COLOR,), radii=(THICK_RADIUS * pen.size,), **pen.common("evolute"))
+    yield from pen.dot("centre", path.centre, CURVE_COLOR, f"K of {pen.name}")
 
 
 def _inflection(pen: _Pen, circle: InflectionCircle) -> Iterator[Node]:
@@ -135,24 +141,24 @@ def _inflection(pen: _Pen, circle: InflectionCircle) -> Iterator[Node]:
         tangent = -1j * across / np.abs(across)
         bend = 2.0 / np.abs(across)
     strips = {
-        "inflection circle": (_arc(pole, tangent, bend, 2.0 * ARC * size), CIRCLE, THICK),
-        " diameter": (np.stack([pole, pen.near(circle.end)], axis=1), RAY, THIN),
-        "pole tangent": (pole[:, None] + 0.35 * size * tangent[:, None] * np.array([-1.0, 1.0]), TANGENT, THICK),
+        "inflection circle": (_arc(pole, tangent, bend, 2.0 * LONGEST_ARC * size), CIRCLE_COLOR, THICK_RADIUS),
+        " diameter": (np.stack([pole, pen.near(circle.end)], axis=1), RAY_COLOR, THIN_RADIUS),
+        "pole tangent": (pole[:, None] + 0.35 * size * tangent[:, None] * np.array([-1.0, 1.0]), TANGENT_COLOR, THICK_RADIUS),
     }
     yield from pen.lines("circle", strips)
-    yield from pen.dot("P", circle.pole, PIN, "P")
-    yield from pen.dot("J", circle.end, CIRCLE, "J")
+    yield from pen.dot("P", circle.pole, PIN_COLOR, "P")
+    yield from pen.dot("J", circle.end, CIRCLE_COLOR, "J")
     bobillier = circle.bobillier
     if bobillier is None:
         return
     meeting, rays = pen.near(bobillier.meeting), {}
     for name, place, centre in zip(bobillier.points, bobillier.places, bobillier.centres, strict=True):
-        rays[f" ray {name}"] = (_through(pole, place, pen.near(centre)), RAY, THIN)
-    rays[" points"] = (_through(bobillier.places[0], bobillier.places[1], meeting), RAY, THIN)
-    rays[" centres"] = (_through(pen.near(bobillier.centres[0]), pen.near(bobillier.centres[1]), meeting), RAY, THIN)
-    rays["collineation axis"] = (np.stack([pole, meeting], axis=1), AXIS, THICK)
+        rays[f" ray {name}"] = (_through(pole, place, pen.near(centre)), RAY_COLOR, THIN_RADIUS)
+    rays[" points"] = (_through(bobillier.places[0], bobillier.places[1], meeting), RAY_COLOR, THIN_RADIUS)
+    rays[" centres"] = (_through(pen.near(bobillier.centres[0]), pen.near(bobillier.centres[1]), meeting), RAY_COLOR, THIN_RADIUS)
+    rays["collineation axis"] = (np.stack([pole, meeting], axis=1), AXIS_COLOR, THICK_RADIUS)
     yield from pen.lines("bobillier", rays)
-    yield from pen.dot("Q", bobillier.meeting, AXIS, "Q")
+    yield from pen.dot("Q", bobillier.meeting, AXIS_COLOR, "Q")
 
 
 def _percussion(pen: _Pen, strike: Percussion, per_metre: float) -> Iterator[Node]:
@@ -161,16 +167,20 @@ def _percussion(pen: _Pen, strike: Percussion, per_metre: float) -> Iterator[Nod
         along = strike.force / np.abs(strike.force)
     meeting = pen.near(strike.meeting)
     reach = np.real(np.conj(along) * (np.where(np.isfinite(meeting), meeting, through) - through))
-    low, high = np.minimum(reach, 0.0) - OPEN * size, np.maximum(reach, 0.0) + OPEN * size
+    low, high = np.minimum(reach, 0.0) - OPEN_OVERHANG * size, np.maximum(reach, 0.0) + OPEN_OVERHANG * size
     strips = {
-        " arm": (np.stack([strike.pivot, strike.mass_centre, strike.centre], axis=1), RAY, THIN),
-        "inertia resultant": (np.stack([through + low * along, through + high * along], axis=1), FORCE, THIN),
-        " carried": (np.stack([strike.mass_centre, meeting], axis=1), PART, THIN),
-        " turned": (np.stack([strike.centre, meeting], axis=1), PART, THIN),
+        " arm": (np.stack([strike.pivot, strike.mass_centre, strike.centre], axis=1), RAY_COLOR, THIN_RADIUS),
+        "inertia resultant": (np.stack([through + low * along, through + high * along], axis=1), FORCE_COLOR, THIN_RADIUS),
+        " carried": (np.stack([strike.mass_centre, meeting], axis=1), COMPONENT_COLOR, THIN_RADIUS),
+        " turned": (np.stack([strike.centre, meeting], axis=1), COMPONENT_COLOR, THIN_RADIUS),
     }
     yield from pen.lines("line", strips)
     carried = np.abs(strike.direct).max(initial=0.0) > 1e-9 * np.abs(strike.turned).max(initial=0.0)
-    for part, place, color in (("S", strike.mass_centre, PIN), ("W", strike.centre, CENTRE), ("T", strike.meeting, FORCE)):
+    for part, place, color in (
+        ("S", strike.mass_centre, PIN_COLOR),
+        ("W", strike.centre, CENTRE_COLOR),
+        ("T", strike.meeting, FORCE_COLOR),
+    ):
         if part != "T" or carried:  # of a pivot that is at rest T is W
             yield from pen.dot(part, place, color, part)
     arrows = [(np.where(np.isfinite(meeting), meeting, through), strike.force)]
@@ -180,10 +190,10 @@ def _percussion(pen: _Pen, strike: Percussion, per_metre: float) -> Iterator[Nod
     look: dict[str, Any] = {
         "origins": space(starts, pen.height),
         "vectors": space(np.asarray(np.where(there, forces, 0.0) / per_metre, complex), 0.0),
-        "colors": (FORCE, PART, PART)[: len(arrows)],
+        "colors": (FORCE_COLOR, COMPONENT_COLOR, COMPONENT_COLOR)[: len(arrows)],
         "labels": ("-m a_S", "-m a_B", "-m a_SB")[: len(arrows)],
     }
-    yield ArrowSet(radius=2.0 * THICK * size, **look, **pen.common("forces"))
+    yield ArrowSet(radius=2.0 * THICK_RADIUS * size, **look, **pen.common("forces"))
 
 
 def _force_scale(studied: Mapping[str, Percussion], size: float) -> float:

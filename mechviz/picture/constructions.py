@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 Color = tuple[int, int, int]
 
-COLORS: Mapping[str, Color] = {
+VECTOR_COLORS: Mapping[str, Color] = {
     "absolute": (84, 168, 255),
     "relative": (255, 190, 84),
     "normal": (255, 190, 84),
@@ -52,7 +52,7 @@ COLORS: Mapping[str, Color] = {
 }
 """Colours on a dark ground."""
 
-LEGENDS: Mapping[str, Mapping[str, str]] = {
+COLOR_LEGENDS: Mapping[str, Mapping[str, str]] = {
     "velocity": {"absolute": "absolute", "relative": "relative", "sliding": "sliding"},
     "acceleration": {
         "absolute": "absolute", "normal": "normal", "tangential": "tangential", "coriolis": "Coriolis", "sliding": "sliding",
@@ -62,9 +62,9 @@ LEGENDS: Mapping[str, Mapping[str, str]] = {
 }  # fmt: skip
 """Meanings of the colours of a drawing, by the drawing's name."""
 
-INSIDE = 0.9  # of the frames, on each side, for which a view has room where some frames run far out
-FAR = 1.7  # times the room of these frames: a drawing that reaches less far has room in all frames
-FILL = 1.0  # size of a drawing in sizes of the mechanism
+USUAL_FRAMES = 0.9  # of the frames, on each side, for which a view has room where some frames run far out
+FARTHEST_ROOM = 1.7  # times the room of these frames: a drawing that reaches less far has room in all frames
+DRAWING_SIZE = 1.0  # size of a drawing in sizes of the mechanism
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,7 +113,9 @@ class Drawing:
     def legend(self) -> list[tuple[str, Color]]:
         """Meanings of the colours that are there, where there are several: words and colour."""
         there = {stroke.color for stroke in self.strokes}
-        entries = [(words, COLORS[key]) for key, words in LEGENDS.get(self.name, {}).items() if COLORS[key] in there]
+        entries = [
+            (words, VECTOR_COLORS[key]) for key, words in COLOR_LEGENDS.get(self.name, {}).items() if VECTOR_COLORS[key] in there
+        ]
         return entries if len(entries) > 1 else []
 
     @property
@@ -126,10 +128,10 @@ class Drawing:
         z = z[:, np.isfinite(z).all(axis=0)]
         if not z.size:
             return np.zeros((2, 2))
-        low = np.array([np.quantile(part.min(axis=0), 1.0 - INSIDE) for part in (z.real, z.imag)])
-        high = np.array([np.quantile(part.max(axis=0), INSIDE) for part in (z.real, z.imag)])
+        low = np.array([np.quantile(part.min(axis=0), 1.0 - USUAL_FRAMES) for part in (z.real, z.imag)])
+        high = np.array([np.quantile(part.max(axis=0), USUAL_FRAMES) for part in (z.real, z.imag)])
         least, most = np.array([z.real.min(), z.imag.min()]), np.array([z.real.max(), z.imag.max()])
-        if self.whole or np.max(most - least) <= FAR * np.max(high - low):
+        if self.whole or np.max(most - least) <= FARTHEST_ROOM * np.max(high - low):
             low, high = least, most
         half = 0.5 * self.least
         return np.array([np.minimum(low, -half), np.maximum(high, half)]) if half else np.array([low, high])
@@ -161,7 +163,7 @@ def draw_polygons(name: str, polygons: Sequence[Polygon], size: float, units: Un
     whole = max(
         max(sum(widths[i] + gap for i in row) - gap for row in rows), sum(max(heights[i] for i in row) + gap for row in rows) - gap
     )
-    per_metre = whole / (FILL * size) if whole > 0.0 else 1.0
+    per_metre = whole / (DRAWING_SIZE * size) if whole > 0.0 else 1.0
     y = 0.0
     for row in rows:
         x = 0.0
@@ -175,7 +177,7 @@ def draw_polygons(name: str, polygons: Sequence[Polygon], size: float, units: Un
                     e.vector / per_metre,
                     e.kind == "absolute" and name != "velocity",
                 )
-                strokes.append(Stroke(pretty(e.name), COLORS[e.kind], start, vector, fine=fine))
+                strokes.append(Stroke(pretty(e.name), VECTOR_COLORS[e.kind], start, vector, fine=fine))
             for label, at in polygons[i].images.items():
                 marks.append(Mark(polygons[i].name if label == "start" else label, (at + shift) / per_metre))
             x += widths[i] + gap
@@ -190,11 +192,11 @@ def draw_graph(graph: ContourGraph, frames: int, size: float) -> Drawing:
     """The contour graph, about as large as the mechanism: edges with the names of joints, numbered links, numbers of loops."""
     places = layout(graph)
     ends = np.concatenate([places.vertices, *places.edges])
-    scale = FILL * size / max(float(np.ptp(ends.real)), float(np.ptp(ends.imag)), 1.0)
+    scale = DRAWING_SIZE * size / max(float(np.ptp(ends.real)), float(np.ptp(ends.imag)), 1.0)
     still = np.ones(frames, complex)
     strokes = []
     for edge, z in zip(graph.edges, places.edges, strict=True):
-        color = COLORS["reaction" if edge.driven else "load" if edge.higher else "ray"]
+        color = VECTOR_COLORS["reaction" if edge.driven else "load" if edge.higher else "ray"]
         for k, (a, b) in enumerate(pairwise(scale * z)):  # the name stands in the middle
             label = edge.joint if k == (len(z) - 1) // 2 else ""
             strokes.append(Stroke(label, color, a * still, (b - a) * still, plain=True))
@@ -211,8 +213,8 @@ def draw_funicular(run: Run, size: float) -> Drawing:
     aside = [_aside(s.drawing) * 0.02 * size for s in drawn]
     strokes: list[Stroke] = []
     for i in drawing.strokes:  # where all forces are parallel the resultant stands beside them
-        shift = aside.pop(0) if i.color == COLORS["resultant"] else 0j
-        strokes.append(Stroke(i.label, i.color, i.start + shift, i.vector, plain=i.color == COLORS["ray"]))
+        shift = aside.pop(0) if i.color == VECTOR_COLORS["resultant"] else 0j
+        strokes.append(Stroke(i.label, i.color, i.start + shift, i.vector, plain=i.color == VECTOR_COLORS["ray"]))
     title = f"Force polygon with pole and rays: {scale_title(run.scene.units, drawing.per_metre, 'N')}"
     closing = np.max([s.drawing.closing for s in run.studies.systems.values()], axis=0)
     return Drawing("funicular/forces", title, tuple(strokes), drawing.marks, drawing.per_metre, "N", closing)
@@ -226,12 +228,12 @@ def draw_shaking(run: Run, size: float) -> Drawing:
     single = max(s.single for _, s in shown if s is not None)
     if largest <= 1e-9 * single:  # balanced: drawn in the scale of the links' own inertia forces, not of the rounding
         largest = single
-    per_metre = largest / (0.5 * FILL * size) if largest > 0.0 else 1.0
+    per_metre = largest / (0.5 * DRAWING_SIZE * size) if largest > 0.0 else 1.0
     names = {"before": "shaking force", "after": "with counterweights"}
     zero = np.zeros(run.motion.frames, complex)
-    strokes = tuple(Stroke(names[key], COLORS[key], zero, f / per_metre) for key, f in forces)
+    strokes = tuple(Stroke(names[key], VECTOR_COLORS[key], zero, f / per_metre) for key, f in forces)
     title = f"Shaking force, polar: {scale_title(run.scene.units, per_metre, 'N')}"
-    return Drawing("shaking", title, strokes, (), per_metre, "N", least=0.3 * FILL * size, whole=True)
+    return Drawing("shaking", title, strokes, (), per_metre, "N", least=0.3 * DRAWING_SIZE * size, whole=True)
 
 
 def _aside(f: Funicular) -> complex:
@@ -292,13 +294,13 @@ def rows_of(widths: Sequence[float], heights: Sequence[float]) -> list[list[int]
     return best
 
 
-STARTS, ROUNDS = 24, 120
+LAYOUT_STARTS, LAYOUT_ROUNDS = 24, 120
 """Layouts that are tried, and steps of each."""
-BEND = 0.22
+EDGE_BEND = 0.22
 """How far edges between the same two vertices bend apart, in lengths of an edge."""
-APART = 0.45
+LOOP_NUMBER_SPACING = 0.45
 """Least distance of loop numbers from each other, in lengths of an edge."""
-CLEAR = 0.15
+VERTEX_CLEARANCE = 0.15
 """A vertex this near to another one or to an edge, in lengths of an edge, counts as lying on it."""
 CURVE_POINTS = 15
 
@@ -325,15 +327,15 @@ def layout(graph: ContourGraph) -> GraphLayout:
     curves: list[Complex] = []
     for k, (p, q) in enumerate(pairs):
         alike = [i for i, ends in enumerate(pairs) if set(ends) == {p, q}]
-        aside = BEND * (alike.index(k) - 0.5 * (len(alike) - 1)) * (1.0 if p < q else -1.0)
+        aside = EDGE_BEND * (alike.index(k) - 0.5 * (len(alike) - 1)) * (1.0 if p < q else -1.0)
         along = np.linspace(0.0, 1.0, CURVE_POINTS if aside else 2)
         curves.append(places[p] + (along + 4j * aside * along * (1.0 - along)) * (places[q] - places[p]))
     numbers = np.array([_middle([curves[e] for e in edges]) for _, edges in graph.loops], complex)
     for _ in range(60):  # loops within each other: their numbers side by side
         for a, b in combinations(range(len(numbers)), 2):
             gap = numbers[b] - numbers[a]
-            if abs(gap) < APART:
-                push = 0.5 * (APART - abs(gap)) * (gap / abs(gap) if abs(gap) > 1e-9 else 1.0)
+            if abs(gap) < LOOP_NUMBER_SPACING:
+                push = 0.5 * (LOOP_NUMBER_SPACING - abs(gap)) * (gap / abs(gap) if abs(gap) > 1e-9 else 1.0)
                 numbers[a] -= push
                 numbers[b] += push
     return GraphLayout(places, tuple(curves), numbers)
@@ -348,7 +350,7 @@ def _spread(count: int, pairs: Sequence[tuple[int, int]], loops: Sequence[Sequen
     far = _distances(count, pairs)
     random = np.random.default_rng(1)
     best, least = np.zeros(count, complex), (np.inf, np.inf)
-    for start in range(STARTS if count > 3 else 1):
+    for start in range(LAYOUT_STARTS if count > 3 else 1):
         order = np.arange(count) if not start else random.permutation(count)
         z = _majorized(np.exp(2j * np.pi * np.argsort(order) / count) * count / (2.0 * np.pi), far)
         cost = (float(_crossings(z, pairs)), _stress(z, far))
@@ -396,7 +398,7 @@ def _majorized(z: Complex, far: Real) -> Complex:
     weights = np.divide(1.0, far * far, out=np.zeros_like(far), where=far > 0.0)
     laplacian = np.diag(weights.sum(axis=1)) - weights + np.ones((count, count)) / count
     inverse = np.linalg.inv(laplacian)
-    for _ in range(ROUNDS):
+    for _ in range(LAYOUT_ROUNDS):
         apart = np.abs(z[:, None] - z)
         ratio = np.divide(weights * far, apart, out=np.zeros_like(far), where=apart > 1e-12)
         z = inverse @ (ratio.sum(axis=1) * z - ratio @ z)
@@ -412,12 +414,12 @@ def _stress(z: Complex, far: Real) -> float:
 def _crossings(z: Complex, pairs: Sequence[tuple[int, int]]) -> int:
     """Pairs of edges without a common end that cross, and vertices on others or on edges that are not theirs."""
     apart = np.abs(z[:, None] - z) + len(z) * np.eye(len(z))
-    count = int((apart < CLEAR).sum()) // 2
+    count = int((apart < VERTEX_CLEARANCE).sum()) // 2
     for p, q in pairs:
         along = z[q] - z[p]
-        for k in set(range(len(z))) - {p, q} if abs(along) > CLEAR else ():
+        for k in set(range(len(z))) - {p, q} if abs(along) > VERTEX_CLEARANCE else ():
             part = ((z[k] - z[p]) / along).real
-            count += int(abs(z[p] + np.clip(part, 0.0, 1.0) * along - z[k]) < CLEAR)
+            count += int(abs(z[p] + np.clip(part, 0.0, 1.0) * along - z[k]) < VERTEX_CLEARANCE)
     for (a, b), (c, d) in combinations({(min(e), max(e)) for e in pairs}, 2):
         if {a, b} & {c, d}:
             continue

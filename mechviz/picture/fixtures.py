@@ -18,7 +18,7 @@ from mechcore.spec.loads import Spring
 from mechcore.spec.mechanism import Mechanism, Vec2
 from mechviz.meshes.extrude import plate
 from mechviz.meshes.outline import disc, hatched_bar, largest, pedestal, polygons
-from mechviz.meshes.shading import FRAME, PIN, Color, crisp, face_normals
+from mechviz.meshes.shading import FRAME_COLOR, PIN_COLOR, Color, crisp, face_normals
 from mechviz.meshes.solids import Solids, shaped
 from mechviz.picture.base import Placed, blocked, find_base
 from mechviz.picture.nodes import Mesh
@@ -28,15 +28,16 @@ from mechviz.picture.springs import Coil, find_struts
 if TYPE_CHECKING:
     from mechviz.runs import Run
 
-STEADY = 0.02  # [rad]: a spring that turns no further against a link has a seat on it
-ASKEW = 0.35  # [rad]: and this far against the ground, on which a seat stands across the mean direction
-HALF = 1.5  # of a seat on the ground, in radii of the coil
-STEMS = (0.62, 0.95)  # half widths of the gap for a stem through it that are tried, in radii of the coil
-HINGE = 0.02  # half the width of a bracket of the ground for dampers, gas springs and actuators, in sizes of the mechanism
-BLOCK = 0.045  # half the width of an anvil, in sizes of the mechanism
-OUT = 0.82  # of the arm of a link: where it meets its anvil
-WASHER: Color = (150, 156, 164, 255)
-GAP = 1e-3  # in sizes of the mechanism, between a link and the anvil that it rests on
+STEADY_ANGLE = 0.02  # [rad]: a spring that turns no further against a link has a seat on it
+ASKEW_ANGLE = 0.35  # [rad]: and this far against the ground, on which a seat stands across the mean direction
+SEAT_HALF_WIDTH = 1.5  # of a seat on the ground, in radii of the coil
+STEM_GAPS = (0.62, 0.95)  # half widths of the gap for a stem through it that are tried, in radii of the coil
+# Half the width of a bracket of the ground for dampers, gas springs and actuators, in sizes of the mechanism
+HINGE_HALF_WIDTH = 0.02
+ANVIL_HALF_WIDTH = 0.045  # half the width of an anvil, in sizes of the mechanism
+ANVIL_ARM = 0.82  # of the arm of a link: where it meets its anvil
+WASHER_COLOR: Color = (150, 156, 164, 255)
+ANVIL_GAP = 1e-3  # in sizes of the mechanism, between a link and the anvil that it rests on
 
 
 def find_fixtures(run: Run, solids: Solids, coils: Sequence[Coil]) -> Mapping[str, list[Mesh]]:
@@ -60,8 +61,8 @@ def _fixtures(run: Run, solids: Solids, coils: Sequence[Coil]) -> Iterator[tuple
         for end in (0, 1):
             yield from _seat(run, solids, loads[coil.name], coil, end)
     for at in _hinges(run):
-        room = solids.z_top - 2.0 * HINGE * solids.size, solids.z_top
-        yield from _bracket(run, solids, at, HINGE * solids.size, room)
+        room = solids.z_top - 2.0 * HINGE_HALF_WIDTH * solids.size, solids.z_top
+        yield from _bracket(run, solids, at, HINGE_HALF_WIDTH * solids.size, room)
     for stop in () if run.simulation is None else run.simulation.stops:
         yield from _anvil(run, solids, stop)
 
@@ -117,9 +118,9 @@ def _seat(run: Run, solids: Solids, load: Spring, coil: Coil, end: int) -> Itera
     turned = turned[np.isfinite(turned)]
     radius = float(np.abs(coil.vertices[:, 1]).max())
     heights = coil.height - radius, coil.height + radius
-    if len(turned) and np.ptp(turned) > ASKEW and link == frame:
+    if len(turned) and np.ptp(turned) > ASKEW_ANGLE and link == frame:
         yield from _bracket(run, solids, at, 0.5 * radius, (coil.height - 0.5 * radius, coil.height + 0.5 * radius))
-    if not len(turned) or np.ptp(turned) > (ASKEW if link == frame else STEADY):
+    if not len(turned) or np.ptp(turned) > (ASKEW_ANGLE if link == frame else STEADY_ANGLE):
         return
     direction = 0.5 * float(turned.min() + turned.max())
 
@@ -128,15 +129,15 @@ def _seat(run: Run, solids: Solids, load: Spring, coil: Coil, end: int) -> Itera
 
     if link != frame:
         if not coil.straight:
-            yield link, (placed(box(-0.18 * radius, -radius, 0.0, radius)), heights, WASHER)
+            yield link, (placed(box(-0.18 * radius, -radius, 0.0, radius)), heights, WASHER_COLOR)
         return
-    whole = hatched_bar((0.0, HALF * radius), (0.0, -HALF * radius), 0.8 * radius, thickness=0.4 * radius)
-    gaps = (box(-9.0 * radius, -part * radius, radius, part * radius) for part in STEMS)
+    whole = hatched_bar((0.0, SEAT_HALF_WIDTH * radius), (0.0, -SEAT_HALF_WIDTH * radius), 0.8 * radius, thickness=0.4 * radius)
+    gaps = (box(-9.0 * radius, -part * radius, radius, part * radius) for part in STEM_GAPS)
     for shape in (whole, *map(whole.difference, gaps)):
         pieces = [placed(piece) for piece in polygons(shape) if piece.area > 0.02 * radius**2]
         if not any(blocked(run, solids, piece, heights) for piece in pieces):
             for piece in pieces:
-                yield link, (piece, heights, FRAME)
+                yield link, (piece, heights, FRAME_COLOR)
             return
 
 
@@ -144,7 +145,7 @@ def _bracket(run: Run, solids: Solids, at: Vec2, half: float, heights: tuple[flo
     """A foot of the ground about a point between two heights [m], ``half`` as wide [m]."""
     shape = pedestal(at, half, 64)
     if not blocked(run, solids, shape, heights):
-        yield run.motion.mechanism.frame, (shape, heights, FRAME)
+        yield run.motion.mechanism.frame, (shape, heights, FRAME_COLOR)
 
 
 # -- end stops ------------------------------------------------------------------------------------------------------------
@@ -173,17 +174,17 @@ def _anvil(run: Run, solids: Solids, stop: EndStop) -> Iterator[tuple[str, Place
         if not arm:
             return
         normal = beyond * 1j * arm / abs(arm) * np.exp(1j * left)
-        middle, turn, shift = beyond * OUT * abs(arm), left, 0j
+        middle, turn, shift = beyond * ANVIL_ARM * abs(arm), left, 0j
     reached = _reach(solids, link, pose, (pivot, turn), (normal, middle))
     if reached is None:
         return
     front, (low, high) = reached
-    half, across = BLOCK * size, -1j * normal
-    ends = (pivot + shift + across * (middle + side * half) + normal * (front + GAP * size) for side in (-1.0, 1.0))
+    half, across = ANVIL_HALF_WIDTH * size, -1j * normal
+    ends = (pivot + shift + across * (middle + side * half) + normal * (front + ANVIL_GAP * size) for side in (-1.0, 1.0))
     a, b = ((z.real, z.imag) for z in ends)
     bar = hatched_bar(b, a, 0.9 * half, thickness=0.6 * half)
     if not blocked(run, solids, bar, (low, high)):
-        yield mechanism.frame, (bar, (low, high), FRAME)
+        yield mechanism.frame, (bar, (low, high), FRAME_COLOR)
 
 
 def _reach(
@@ -204,18 +205,19 @@ def _reach(
         points = shapely.get_coordinates(shapely.segmentize(outline.exterior, 0.01 * solids.size)) @ [1.0, 1.0j]
         world = points * np.exp(1j * angle) + complex(x, y)
         local = (world - pivot) * np.exp(1j * turn) / normal
-        inside = np.abs(-local.imag - middle) < BLOCK * solids.size
+        inside = np.abs(-local.imag - middle) < ANVIL_HALF_WIDTH * solids.size
         if inside.any() and (best is None or float(local.real[inside].max()) > best[0]):
             best = float(local.real[inside].max()), (low, high)
     return best
 
 
-SPOKES, BLADES = 5, 6
-SIDES = 192  # of a rim
-LARGEST, LEAST, USUAL = 0.55, 0.22, 0.38  # radius of a flywheel, in sizes of the mechanism: at most, at least, of no known inertia
-FAN = 0.8  # radius of a fan, in those of a flywheel
-THICK, ROOM = 0.05, 0.02  # of a wheel along its shaft, and before it, in sizes of the mechanism
-SHAFT = 0.022  # radius, in sizes of the mechanism
+WHEEL_SPOKES, FAN_BLADES = 5, 6
+WHEEL_RIM_SIDES = 192  # of a rim
+# Radius of a flywheel, in sizes of the mechanism: at most, at least, of no known inertia
+LARGEST_FLYWHEEL, LEAST_FLYWHEEL, USUAL_FLYWHEEL = 0.55, 0.22, 0.38
+FAN_RADIUS = 0.8  # radius of a fan, in those of a flywheel
+WHEEL_THICKNESS, WHEEL_CLEARANCE = 0.05, 0.02  # of a wheel along its shaft, and before it, in sizes of the mechanism
+WHEEL_SHAFT_RADIUS = 0.022  # radius, in sizes of the mechanism
 
 
 def looks_of(run: Run) -> dict[str, tuple[str, ...]]:
@@ -239,13 +241,22 @@ def _named_wheels(run: Run, solids: Solids, back: float) -> Iterator[tuple[str, 
         color, top = solids.links[link].color, back
         for kind in kinds:
             radius = _radius(mechanism, link, size)
-            shape = _flywheel(centre, radius) if kind == "flywheel" else _fan(centre, FAN * radius) if kind == "fan" else None
+            shape = (
+                _flywheel(centre, radius) if kind == "flywheel" else _fan(centre, FAN_RADIUS * radius) if kind == "fan" else None
+            )
             if shape is not None:
-                high = top - ROOM * size
-                yield link, (shape, (high - THICK * size, high), color if kind == "flywheel" else PIN)
-                top = high - THICK * size
+                high = top - WHEEL_CLEARANCE * size
+                yield link, (shape, (high - WHEEL_THICKNESS * size, high), color if kind == "flywheel" else PIN_COLOR)
+                top = high - WHEEL_THICKNESS * size
         if top < back:
-            yield link, (disc(centre, SHAFT * size, 48), (top - ROOM * size, float(solids.bounds[0, 2])), PIN)
+            yield (
+                link,
+                (
+                    disc(centre, WHEEL_SHAFT_RADIUS * size, 48),
+                    (top - WHEEL_CLEARANCE * size, float(solids.bounds[0, 2])),
+                    PIN_COLOR,
+                ),
+            )
 
 
 def _pin_on_ground(mechanism: Mechanism, link: str) -> Vec2 | None:
@@ -260,17 +271,19 @@ def _pin_on_ground(mechanism: Mechanism, link: str) -> Vec2 | None:
 def _radius(mechanism: Mechanism, link: str, size: float) -> float:
     """Radius [m] of a rim that has the link's mass and moment of inertia, within what can be drawn."""
     spec = next(spec for spec in mechanism.links if spec.name == link)
-    gyration = np.sqrt(spec.inertia / spec.mass) if spec.mass > 0.0 and spec.inertia > 0.0 else USUAL * size
-    return float(np.clip(1.1 * gyration, LEAST * size, LARGEST * size))
+    gyration = np.sqrt(spec.inertia / spec.mass) if spec.mass > 0.0 and spec.inertia > 0.0 else USUAL_FLYWHEEL * size
+    return float(np.clip(1.1 * gyration, LEAST_FLYWHEEL * size, LARGEST_FLYWHEEL * size))
 
 
 def _flywheel(centre: Vec2, radius: float) -> Polygon:
     """A rim on spokes."""
     rim = (
-        Point(0.0, 0.0).buffer(radius, quad_segs=SIDES // 4).difference(Point(0.0, 0.0).buffer(0.82 * radius, quad_segs=SIDES // 4))
+        Point(0.0, 0.0)
+        .buffer(radius, quad_segs=WHEEL_RIM_SIDES // 4)
+        .difference(Point(0.0, 0.0).buffer(0.82 * radius, quad_segs=WHEEL_RIM_SIDES // 4))
     )
     spoke = box(0.0, -0.045 * radius, 0.9 * radius, 0.045 * radius)
-    spokes = [affinity.rotate(spoke, 360.0 / SPOKES * k + 18.0, origin=(0.0, 0.0)) for k in range(SPOKES)]
+    spokes = [affinity.rotate(spoke, 360.0 / WHEEL_SPOKES * k + 18.0, origin=(0.0, 0.0)) for k in range(WHEEL_SPOKES)]
     return _at(unary_union([rim, *spokes, Point(0.0, 0.0).buffer(0.17 * radius, quad_segs=24)]), centre)
 
 
@@ -281,7 +294,7 @@ def _fan(centre: Vec2, radius: float) -> Polygon:
     bend = 0.16 * radius * along**2
     edge = np.concatenate([np.column_stack([radius * along, bend + width]), np.column_stack([radius * along, bend - width])[::-1]])
     blade = Polygon(edge).buffer(0.01 * radius)
-    blades = [affinity.rotate(blade, 360.0 / BLADES * k, origin=(0.0, 0.0)) for k in range(BLADES)]
+    blades = [affinity.rotate(blade, 360.0 / FAN_BLADES * k, origin=(0.0, 0.0)) for k in range(FAN_BLADES)]
     return _at(unary_union([*blades, Point(0.0, 0.0).buffer(0.22 * radius, quad_segs=24)]), centre)
 
 

@@ -15,7 +15,8 @@ from mechcore.records import dataclass
 from mechviz.meshes import solids
 from mechviz.quantities.vectors import Moment, Scales, Vector
 
-FARTHEST = 10.0 * solids.FARTHEST  # [m]: outlines, springs and constructions reach beyond the points that they belong to
+# [m]: outlines, springs and constructions reach beyond the points that they belong to
+FARTHEST_VERTEX = 10.0 * solids.FARTHEST_POINT
 
 Color = tuple[int, int, int]
 

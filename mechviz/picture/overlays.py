@@ -13,7 +13,7 @@ from mechcore.constructions.inversion import CamInversion
 from mechcore.forces.section_forces import SectionForces
 from mechcore.forces.section_lines import Cuts
 from mechcore.reduction.reduced import KINDS
-from mechviz.picture.constructions import COLORS
+from mechviz.picture.constructions import VECTOR_COLORS
 from mechviz.picture.nodes import ArrowSet, Color, Lines, Node, Points
 from mechviz.picture.proportions import in_space, looks
 from mechviz.picture.springs import strut_ends
@@ -22,13 +22,14 @@ if TYPE_CHECKING:
     from mechviz.meshes.solids import Solids
     from mechviz.runs import Run
 
-FIXED, MOVING = (255, 206, 92), (92, 214, 255)  # polodes
-CHAIN = (120, 255, 190)  # equivalent linkages
-FAR = 4.0  # sizes of the mechanism, beyond which nothing of an equivalent linkage is drawn
-BLOCK = (0.05, 0.025)  # half length and half width of a block of an equivalent linkage, in sizes of the mechanism
-REACH = 1.5  # sizes of the mechanism beyond its bounds, where polodes are cut off
-WHITE, NEGATIVE, POSITIVE = (255, 255, 255), (255, 96, 150), (236, 238, 244)  # resultants, substitute masses
-SUBSTITUTE_FORCE = (244, 178, 255)
+FIXED_CENTRODE_COLOR, MOVING_CENTRODE_COLOR = (255, 206, 92), (92, 214, 255)  # of the two rolling curves
+EQUIVALENT_COLOR = (120, 255, 190)  # equivalent linkages
+EQUIVALENT_RANGE = 4.0  # sizes of the mechanism, beyond which nothing of an equivalent linkage is drawn
+EQUIVALENT_BLOCK = (0.05, 0.025)  # half length and half width of a block of an equivalent linkage, in sizes of the mechanism
+CENTRODE_RANGE = 1.5  # sizes of the mechanism beyond its bounds, where centrodes are cut off
+# Resultants, substitute masses
+RESULTANT_COLOR, NEGATIVE_MASS_COLOR, POSITIVE_MASS_COLOR = (255, 255, 255), (255, 96, 150), (236, 238, 244)
+SUBSTITUTE_FORCE_COLOR = (244, 178, 255)
 
 
 def overlay_nodes(run: Run, solids: Solids) -> Iterator[Node]:
@@ -47,7 +48,7 @@ def _funicular(run: Run, size: float, height: float) -> Iterator[Node]:
     colors, labels, radii = [], [], []
     for s in systems.values():
         n = s.drawing.forces.shape[1]
-        colors += [COLORS["string"]] * (n + 1) + [COLORS["line"]] * n
+        colors += [VECTOR_COLORS["string"]] * (n + 1) + [VECTOR_COLORS["line"]] * n
         labels += [*(str(i) for i in range(n + 1)), *s.drawing.names]
         radii += [0.0028 * size] * (n + 1) + [0.0014 * size] * n
     path = ("polygons", "funicular")
@@ -59,7 +60,7 @@ def _funicular(run: Run, size: float, height: float) -> Iterator[Node]:
     single = {name: bool(np.any(s.drawing.kind == KINDS[2])) for name, s in systems.items()}
     words = tuple("" if not there else "R" if len(systems) == 1 else f"R {name}" for name, there in single.items())
     common |= {"origins": space(starts, height), "vectors": space(vectors, 0.0), "radius": 0.007 * size, "labels": words}
-    yield ArrowSet(key="funicular.resultants", entity=(*path, "resultant"), colors=(WHITE,), **common)
+    yield ArrowSet(key="funicular.resultants", entity=(*path, "resultant"), colors=(RESULTANT_COLOR,), **common)
 
 
 def _centrodes(run: Run, solids: Solids, height: float) -> Iterator[Node]:
@@ -75,11 +76,11 @@ def _centrodes(run: Run, solids: Solids, height: float) -> Iterator[Node]:
                 entity=("polygons", "polodes", name),
                 group="polodes",
                 strips=fixed,
-                colors=(FIXED,),
+                colors=(FIXED_CENTRODE_COLOR,),
                 **common,
             )
         if moving:  # it moves with its link and rolls on the fixed one
-            common |= {"group": "polode", "colors": (MOVING,), "parent": name}
+            common |= {"group": "polode", "colors": (MOVING_CENTRODE_COLOR,), "parent": name}
             yield Lines(key=f"polode.{name}.moving", entity=("mechanism", "links", name, "polode"), strips=moving, **common)
 
 
@@ -87,7 +88,7 @@ def _equivalents(run: Run, size: float, height: float) -> Iterator[Node]:
     pins = dict(chain_pins(run, size))
     for name, chain in chain_strips(run, size):
         path = ("polygons", "equivalent", name)
-        common: dict[str, Any] = {"owner": ("joint", name), "group": "equivalent", "height": height, "colors": (CHAIN,)}
+        common: dict[str, Any] = {"owner": ("joint", name), "group": "equivalent", "height": height, "colors": (EQUIVALENT_COLOR,)}
         strips = tuple(space(strip, height) for strip in chain)
         yield Lines(key=f"equivalent.{name}", entity=path, strips=strips, radii=(0.0028 * size,), **common)
         if pins[name]:
@@ -105,13 +106,13 @@ def _substitutes(run: Run, size: float, height: float) -> Iterator[Node]:
         places, forces = (v @ np.array([1.0, 1.0j]) for v in (body.places, body.forces))  # (F, n)
         share = np.sqrt(np.abs(body.masses) / np.abs(body.masses).max())
         look: dict[str, Any] = {
-            "colors": tuple(NEGATIVE if m < 0.0 else POSITIVE for m in body.masses),
+            "colors": tuple(NEGATIVE_MASS_COLOR if m < 0.0 else POSITIVE_MASS_COLOR for m in body.masses),
             "radii": tuple(float(r) for r in (0.012 + 0.028 * share) * size),
             "labels": tuple(run.scene.units.text(m, "kg", 4) for m in body.masses),
         }
         origins, vectors = space(places, height), space(forces / substitute_scale(run, size), 0.0)
         yield Points(key=f"substitutes.{name}", entity=path, parent="", places=origins, **look, **common)
-        look = {"colors": (SUBSTITUTE_FORCE,), "radius": 0.005 * size}
+        look = {"colors": (SUBSTITUTE_FORCE_COLOR,), "radius": 0.005 * size}
         yield ArrowSet(
             key=f"substitutes.{name}.forces", entity=(*path, "forces"), origins=origins, vectors=vectors, **look, **common
         )
@@ -193,7 +194,7 @@ def resultants(run: Run, size: float) -> list[tuple[Complex, Complex]]:
 def chain_strips(run: Run, size: float) -> list[tuple[str, list[Complex]]]:
     """Equivalent linkages by joint: bars and outlines of blocks as strips (F, points), shrunk to a point where at infinity."""
     out = []
-    half, width = BLOCK[0] * size, BLOCK[1] * size
+    half, width = EQUIVALENT_BLOCK[0] * size, EQUIVALENT_BLOCK[1] * size
     corners = np.array([half + 1j * width, -half + 1j * width, -half - 1j * width, half - 1j * width, half + 1j * width])
     for name, chain in run.studies.equivalents.items():
         strips = [within(np.stack([chain.pins[a], chain.pins[b]], axis=1), size) for a, b in chain.bars]
@@ -211,7 +212,9 @@ def chain_pins(run: Run, size: float) -> list[tuple[str, list[tuple[str, Complex
         last = list(chain.pins.values())[-1]
         with np.errstate(invalid="ignore"):
             pins = [
-                (label, np.where(np.abs(z - last) < FAR * size, z, np.nan)) for label, z in chain.pins.items() if label in shown
+                (label, np.where(np.abs(z - last) < EQUIVALENT_RANGE * size, z, np.nan))
+                for label, z in chain.pins.items()
+                if label in shown
             ]
         named.append((name, pins))
     return named
@@ -222,7 +225,7 @@ def within(z: Complex, size: float) -> Complex:
     finite = np.isfinite(z)
     inner = np.where(finite, z, 0.0)
     home = np.take_along_axis(inner, np.argmax(finite, axis=1)[:, None], axis=1)
-    far = ~finite.all(axis=1) | (np.abs(inner - home).max(axis=1) > FAR * size)
+    far = ~finite.all(axis=1) | (np.abs(inner - home).max(axis=1) > EQUIVALENT_RANGE * size)
     return np.where(far[:, None], home, inner)
 
 
@@ -238,7 +241,7 @@ def centrode_strips(path: Real, place: Real, solids: Solids, *, z: float) -> lis
     ``place`` (F, 2): the fixed one, of both. It is judged in the world, so that both are cut at the same frames.
     """
     low, high = np.asarray(solids.bounds)[:, :2]
-    room = REACH * solids.size
+    room = CENTRODE_RANGE * solids.size
     inside = np.isfinite(place).all(axis=1) & (place > low - room).all(axis=1) & (place < high + room).all(axis=1)
     step = np.hypot(*np.diff(np.where(inside[:, None], place, 0.0), axis=0).T)
     joined = inside[1:] & inside[:-1] & (step < 0.5 * solids.size)
@@ -262,17 +265,17 @@ class Diagram(NamedTuple):
     ordinates: Callable[[SectionForces], Real]
 
 
-DIAGRAMS = {
+SECTION_DIAGRAMS = {
     "bending_moment": Diagram("Bending moments", "M", "N m", (255, 186, 66), lambda s: -s.moment),  # on the stretched side
     "shear_force": Diagram("Shear forces", "V", "N", (126, 226, 140), lambda s: s.shear),
     "normal_force": Diagram("Normal forces", "N", "N", (120, 184, 255), lambda s: s.normal),
 }
 """By the group of the picture."""
-HIDDEN = ("shear_force", "normal_force")
+HIDDEN_DIAGRAMS = ("shear_force", "normal_force")
 """Those that are not shown at first: three diagrams over each other are hard to read."""
-TALLEST = 0.16  # the largest ordinate of a kind over the run, in sizes of the mechanism
-ORDINATES = 17  # evenly spaced
-LINE = 0.0026  # radius of lines, in sizes of the mechanism
+TALLEST_ORDINATE = 0.16  # the largest ordinate of a kind over the run, in sizes of the mechanism
+ORDINATE_COUNT = 17  # evenly spaced
+ORDINATE_RADIUS = 0.0026  # radius of lines, in sizes of the mechanism
 
 
 def section_nodes(run: Run, solids: Solids) -> Iterator[Lines | Points]:
@@ -281,16 +284,16 @@ def section_nodes(run: Run, solids: Solids) -> Iterator[Lines | Points]:
     All diagrams of a kind have one scale.
     """
     sections = run.studies.sections
-    for group, diagram in DIAGRAMS.items():
+    for group, diagram in SECTION_DIAGRAMS.items():
         peaks = {link: float(np.nanmax(np.abs(diagram.ordinates(s)), initial=0.0)) for link, s in sections.items()}
         largest = max(peaks.values(), default=0.0)
         for link, section in sections.items():
             shares = np.nan_to_num(diagram.ordinates(section)) / (largest or 1.0)  # of the largest, which may be next to nothing
-            strips = [_in_world(run, link, strip) for strip in _strips(section, TALLEST * solids.size * shares)]
+            strips = [_in_world(run, link, strip) for strip in _strips(section, TALLEST_ORDINATE * solids.size * shares)]
             height = _height(run, solids, link, strips[0])
             outline, ordinates, tip = (in_space(np.stack([z.real, z.imag], axis=-1), height) for z in strips)
             common: dict[str, Any] = {"owner": ("link", link), "group": group, "height": height, "colors": (diagram.color,)}
-            key, path, radius = f"section.{link}.{group}", ("sections", group, link), LINE * solids.size
+            key, path, radius = f"section.{link}.{group}", ("sections", group, link), ORDINATE_RADIUS * solids.size
             yield Lines(key=key, entity=path, strips=(outline, ordinates), radii=(radius, 0.5 * radius), **common)
             unit, factor = run.scene.units.reads(diagram.unit)
             words = f"|{diagram.letter}| ≤ {float(f'{factor * peaks[link]:.4g}'):.7g} {unit}"
@@ -302,9 +305,9 @@ def _strips(section: SectionForces, ordinates: Real) -> tuple[Complex, Complex, 
     """Outline, ordinates and tip of the largest (F, n), complex in the link's axes, of lengths (F, n) [m] to the axis' left."""
     tips = section.places + 1j * section.directions * ordinates
     outline = np.concatenate([section.places[:, :1], tips, section.places[:, -1:]], axis=1)
-    even = np.linspace(0.0, section.axis.length, ORDINATES)
-    cuts = Cuts(even, np.ones(ORDINATES))
-    feet = np.broadcast_to(section.axis.place(cuts), (len(tips), ORDINATES))
+    even = np.linspace(0.0, section.axis.length, ORDINATE_COUNT)
+    cuts = Cuts(even, np.ones(ORDINATE_COUNT))
+    feet = np.broadcast_to(section.axis.place(cuts), (len(tips), ORDINATE_COUNT))
     lengths = np.stack([np.interp(even, s, v) for s, v in zip(section.stations, ordinates, strict=True)])
     heads = feet + 1j * section.axis.directions[section.axis.segment(cuts)] * lengths
     comb = np.stack([feet, heads, feet], axis=2).reshape(len(tips), -1)
@@ -326,13 +329,13 @@ def _height(run: Run, solids: Solids, link: str, outline: Complex) -> float:
     return solids.heights.cleared(max(solids.heights.of_point(link, xy) for xy in spec.points.values()), lines, known)
 
 
-INVERSION = "inversion"
+INVERSION_GROUP = "inversion"
 """The group of the picture."""
-WORDS = "Cams by inversion"
-CIRCLES, RAYS, FOLLOWERS, PROFILE = (255, 206, 92), (150, 166, 190), (92, 214, 255), (255, 110, 96)
-THIN, THICK = 0.0012, 0.0032  # radii of lines, in sizes of the mechanism
-ROUND = np.exp(2j * np.pi * np.linspace(0.0, 1.0, 49))
-KNIFE = 0.02  # length of the two lines of a knife's edge, in sizes of the mechanism
+INVERSION_TITLE = "Cams by inversion"
+CIRCLE_COLOR, RAY_COLOR, FOLLOWER_COLOR, PROFILE_COLOR = (255, 206, 92), (150, 166, 190), (92, 214, 255), (255, 110, 96)
+THIN_RADIUS, THICK_RADIUS = 0.0012, 0.0032  # radii of lines, in sizes of the mechanism
+UNIT_CIRCLE = np.exp(2j * np.pi * np.linspace(0.0, 1.0, 49))
+KNIFE_EDGE_LENGTH = 0.02  # length of the two lines of a knife's edge, in sizes of the mechanism
 PROFILE_POINTS = 361
 
 
@@ -343,13 +346,13 @@ def inversion_nodes(run: Run, solids: Solids) -> Iterator[Lines]:
         for part, (strips, color, width) in _parts(inversion, solids.size).items():
             common: dict[str, Any] = {
                 "owner": ("joint", inversion.joint),
-                "group": INVERSION,
+                "group": INVERSION_GROUP,
                 "height": height,
                 "parent": inversion.link,
             }
             yield Lines(
-                key=f"{INVERSION}.{name}.{part}",
-                entity=("mechanism", "links", inversion.link, f"{INVERSION} {name} {part}"),
+                key=f"{INVERSION_GROUP}.{name}.{part}",
+                entity=("mechanism", "links", inversion.link, f"{INVERSION_GROUP} {name} {part}"),
                 strips=tuple(space(z[None], height) for z in strips),
                 colors=(color,),
                 radii=(width * solids.size,),
@@ -364,16 +367,18 @@ def _parts(drawn: CamInversion, size: float) -> dict[str, tuple[Sequence[Complex
     if drawn.faces is not None:
         followers = list(drawn.faces)
     elif drawn.radius > 0.0:
-        followers = [z + drawn.radius * ROUND for z in drawn.references]
+        followers = [z + drawn.radius * UNIT_CIRCLE for z in drawn.references]
     else:
-        followers = [z + KNIFE * size * _edge(z - origin) for z, origin in zip(drawn.references, drawn.origins, strict=True)]
+        followers = [
+            z + KNIFE_EDGE_LENGTH * size * _edge(z - origin) for z, origin in zip(drawn.references, drawn.origins, strict=True)
+        ]
     last = len(drawn.profile) - drawn.wedge
     some = np.linspace(0, last, PROFILE_POINTS).astype(int) % len(drawn.profile)
     return {
-        "circles": (drawn.bases, CIRCLES, THICK),
-        "rays": (rays, RAYS, THIN),
-        "followers": (followers, FOLLOWERS, THIN),
-        "profile": ([drawn.profile[some]], PROFILE, THICK),
+        "circles": (drawn.bases, CIRCLE_COLOR, THICK_RADIUS),
+        "rays": (rays, RAY_COLOR, THIN_RADIUS),
+        "followers": (followers, FOLLOWER_COLOR, THIN_RADIUS),
+        "profile": ([drawn.profile[some]], PROFILE_COLOR, THICK_RADIUS),
     }
 
 

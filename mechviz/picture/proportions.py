@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from mechviz.runs import Run
 
 
-LOOKS = 24  # frames at which is looked what lies before an arrow
+OCCLUSION_FRAMES = 24  # frames at which is looked what lies before an arrow
 
 
 def path_height(run: Run, heights: Heights, link: str, point: str) -> float:
@@ -46,7 +46,7 @@ def arc_height(run: Run, heights: Heights, moment: Moment, radius: float) -> flo
 def looks(run: Run, heights: Heights) -> tuple[Integers, Integers]:
     """Some frames of the run, and their numbers among the frames whose poses are known to the solids."""
     count = max((len(pose) for pose in heights.poses.values()), default=1)
-    known = np.unique(np.linspace(0, count - 1, min(count, LOOKS)).round().astype(int))
+    known = np.unique(np.linspace(0, count - 1, min(count, OCCLUSION_FRAMES)).round().astype(int))
     # the solids were looked at at frames that are spread evenly over the run
     frames = np.round(known * (run.motion.frames - 1) / max(count - 1, 1)).astype(int)
     return frames, known
@@ -68,13 +68,14 @@ def _own_height(run: Run, heights: Heights, item: Vector | Moment) -> float:
     return 0.0  # a load: from the back on, whatever is in the way of it is cleared
 
 
-SHAFT, HEAD_RADIUS, HEAD = 0.0042, 0.0115, 0.03  # of an arrow: radii of its shaft and its head, length of its head
-LEAST_ARROW = 1.3 * HEAD  # a shorter arrow is left out, or drawn smaller
+# Of an arrow: radii of its shaft and its head, length of its head
+ARROW_SHAFT_RADIUS, ARROW_HEAD_RADIUS, ARROW_HEAD_LENGTH = 0.0042, 0.0115, 0.03
+LEAST_ARROW = 1.3 * ARROW_HEAD_LENGTH  # a shorter arrow is left out, or drawn smaller
 ARC_RADIUS, ARC_WIDTH = 0.085, 0.0085  # of the arc of a moment
 ARC_TIP = 0.42  # of its head [rad]
-POT = 0.028  # half width of dampers and gas springs
-SPIRAL = 0.09  # radius of torsion springs
-TURNS = 2.5  # of a torsion spring
+POT_HALF_WIDTH = 0.028  # half width of dampers and gas springs
+SPIRAL_RADIUS = 0.09  # radius of torsion springs
+SPIRAL_TURNS = 2.5  # of a torsion spring
 STRUT_COLOR = (58, 66, 78)  # colour of dampers, gas springs and torsion springs
 
 
@@ -85,7 +86,7 @@ def pot_length(least: float, most: float) -> float:
 
 def spiral_radius(part: Any, size: float) -> Any:
     """Radius [m] of a torsion spring at a part of its length from the inside, in a mechanism of a size [m]."""
-    return SPIRAL * size * (0.25 + 0.75 * part)
+    return SPIRAL_RADIUS * size * (0.25 + 0.75 * part)
 
 
 def arc_corners(turn: float, radius: float, width: float, steps: int) -> Complex:

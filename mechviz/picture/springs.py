@@ -14,21 +14,21 @@ from mechcore.records import dataclass
 from mechcore.spec.loads import Actuator, Bushing, Damper, GasSpring, Spring, TorsionSpring
 from mechcore.spec.mechanism import Mechanism
 from mechviz.meshes.extrude import Shell
-from mechviz.picture.proportions import POT, TURNS, looks, pot_length, spiral_radius
+from mechviz.picture.proportions import POT_HALF_WIDTH, SPIRAL_TURNS, looks, pot_length, spiral_radius
 
 if TYPE_CHECKING:
     from mechviz.meshes.solids import Solids
     from mechviz.runs import Run
 
-COLOR = (172, 188, 206)
-RADIUS = 0.034  # of the wire's middle line around the axis, in sizes of the mechanism: a stem goes through it
-STOUT = 0.4  # that radius at most, in mean lengths of the spring
-WIRE = 0.3  # diameter of the wire in radii of the coil
-PITCH = 1.9  # of the turns that give way, in diameters of the wire, where their number allows it
-WIDEST = 0.55  # radius of such a coil at most, in mean lengths of the spring
-WIDTHS = (1.5, 2.0, 2.4)  # of coils that have to go around a guide, too
-FEWEST, MOST = 4, 12  # turns that give way
-LEAST = 1e-4  # of its mean length: how short a spring is drawn at least
+SPRING_COLOR = (172, 188, 206)
+COIL_RADIUS = 0.034  # of the wire's middle line around the axis, in sizes of the mechanism: a stem goes through it
+STOUTEST_COIL = 0.4  # that radius at most, in mean lengths of the spring
+WIRE_DIAMETER = 0.3  # diameter of the wire in radii of the coil
+COIL_PITCH = 1.9  # of the turns that give way, in diameters of the wire, where their number allows it
+WIDEST_COIL = 0.55  # radius of such a coil at most, in mean lengths of the spring
+GUIDED_COIL_WIDTHS = (1.5, 2.0, 2.4)  # of coils that have to go around a guide, too
+FEWEST_TURNS, MOST_TURNS = 4, 12  # turns that give way
+LEAST_LENGTH = 1e-4  # of its mean length: how short a spring is drawn at least
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,20 +84,22 @@ def _coil(run: Run, solids: Solids, load: Spring, known: tuple[float, float] | N
     length = np.hypot(d[:, 0], d[:, 1])
     seen = length[np.isfinite(length)]
     mean = 0.5 * float(seen.min() + seen.max()) if len(seen) else 0.0
-    if mean <= LEAST * solids.size:  # its ends stay together: nothing to be seen
+    if mean <= LEAST_LENGTH * solids.size:  # its ends stay together: nothing to be seen
         return None
-    radius = min(RADIUS * solids.size, STOUT * mean)
-    wire = WIRE * radius
+    radius = min(COIL_RADIUS * solids.size, STOUTEST_COIL * mean)
+    wire = WIRE_DIAMETER * radius
     straight = mean > load.free_length
-    turns = float(np.clip(np.floor(0.5 + (mean - 2.0 * wire) / (PITCH * wire)), FEWEST, MOST))
-    most = max(1.0, WIDEST * mean / radius)
-    height, width = known or _place(run, solids, load, (a, b), (radius, wire), [w for w in WIDTHS if w <= most and not straight])
+    turns = float(np.clip(np.floor(0.5 + (mean - 2.0 * wire) / (COIL_PITCH * wire)), FEWEST_TURNS, MOST_TURNS))
+    most = max(1.0, WIDEST_COIL * mean / radius)
+    height, width = known or _place(
+        run, solids, load, (a, b), (radius, wire), [w for w in GUIDED_COIL_WIDTHS if w <= most and not straight]
+    )
     shell, normals = coil_shell(mean, min(width, most) * radius, wire, turns, straight=straight)
     angle = np.unwrap(np.arctan2(d[:, 1], d[:, 0])) if len(seen) == len(length) else np.arctan2(d[:, 1], d[:, 0])
     return Coil(
         load.name,
         np.column_stack([a, angle]),
-        np.maximum(length / mean, LEAST),
+        np.maximum(length / mean, LEAST_LENGTH),
         height,
         width,
         shell.vertices.astype(np.float32),
@@ -137,7 +139,7 @@ def _place(
 
 SPIRAL_POINTS = 72
 RING_POINTS = 37
-BUSHING = 0.03  # radius of a bushing's ring, in sizes of the mechanism
+BUSHING_RADIUS = 0.03  # radius of a bushing's ring, in sizes of the mechanism
 
 
 @dataclass(frozen=True)
@@ -191,7 +193,7 @@ def _bushings(run: Run, size: float) -> Iterator[StrutGlyph]:
         if isinstance(load, Bushing):
             (first, a), (second, b) = zip(load.links, load.points, strict=True)
             centre, place, angle = run.motion.point(first, a), run.motion.point(second, b), run.motion.pose(second)[:, 2]
-            yield StrutGlyph(load.name, "bushing", partial(bushing_strips, centre, place, angle, BUSHING * size))
+            yield StrutGlyph(load.name, "bushing", partial(bushing_strips, centre, place, angle, BUSHING_RADIUS * size))
 
 
 def bushing_strips(centre: Real, place: Real, angle: Real, radius: float, frames: Integers) -> tuple[Real, Real, Real]:
@@ -217,7 +219,7 @@ def strut_ends(run: Run) -> list[Real]:
 def _between(a: Real, b: Real, kind: str, size: float) -> Callable[[Integers], tuple[Real, ...]]:
     length = np.hypot(*(b - a).T)
     least, most = float(np.nanmin(length)), float(np.nanmax(length))
-    return lambda frames: strut_strips(a[frames], b[frames], least, most, POT * size, closed=kind != "damper")
+    return lambda frames: strut_strips(a[frames], b[frames], least, most, POT_HALF_WIDTH * size, closed=kind != "damper")
 
 
 def _around(centre: Real, first: Real, second: Real, size: float) -> Callable[[Integers], tuple[Real, ...]]:
@@ -267,7 +269,7 @@ def spiral_strips(centre: Real, first: Real, second: Real, size: float) -> Real:
     """A spiral spring about centres (n, 2) from a link at angle ``second`` (n,) inside to one at ``first`` outside, in a mechanism
     of a ``size`` [m]."""
     part = np.linspace(0.0, 1.0, SPIRAL_POINTS)
-    angle = second[:, None] + (first - second + 2.0 * np.pi * TURNS)[:, None] * part
+    angle = second[:, None] + (first - second + 2.0 * np.pi * SPIRAL_TURNS)[:, None] * part
     r = spiral_radius(part, size)
     return np.asarray(centre[:, None] + r[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=-1))
 
@@ -288,11 +290,11 @@ def axis_of_spiral(spiral: Real, size: float) -> tuple[Real, Real, Real]:
     return middle + size * centre[:, :2, 0], np.unwrap(np.angle(from_centre[:, 0])), steps.sum(axis=1)
 
 
-SIDES = 8  # of the wire
-STEPS = 18  # places of the wire in a turn
-CLOSED = 1.0  # turns at each end of a compression spring that lie against their neighbours
-FLAT = 0.15  # of the wire's diameter that is left of it where it is ground off
-STEM = 0.12  # part of the length at each end of a tension spring that is straight, on the axis
+WIRE_SIDES = 8  # of the wire
+STEPS_IN_TURN = 18  # places of the wire in a turn
+CLOSED_TURNS = 1.0  # turns at each end of a compression spring that lie against their neighbours
+GROUND_END = 0.15  # of the wire's diameter that is left of it where it is ground off
+STEM_LENGTH = 0.12  # part of the length at each end of a tension spring that is straight, on the axis
 
 
 def coil_shell(length: float, radius: float, wire: float, turns: float, *, straight: bool) -> tuple[Shell, Real]:
@@ -308,7 +310,7 @@ def coil_shell(length: float, radius: float, wire: float, turns: float, *, strai
     out -= (out * along).sum(axis=1, keepdims=True) * along
     out /= np.linalg.norm(out, axis=1, keepdims=True)
     side = np.cross(along, out)
-    angle = 2.0 * np.pi * np.arange(SIDES) / SIDES
+    angle = 2.0 * np.pi * np.arange(WIRE_SIDES) / WIRE_SIDES
     normals = np.cos(angle)[:, None] * out[:, None] + np.sin(angle)[:, None] * side[:, None]
     vertices = (line[:, None] + 0.5 * wire * normals).reshape(-1, 3)
     normals = normals.reshape(-1, 3)
@@ -318,17 +320,17 @@ def coil_shell(length: float, radius: float, wire: float, turns: float, *, strai
             vertices[beyond, 0] = end
             normals[beyond] = (sign, 0.0, 0.0)
     count = len(line)
-    ring, place = np.arange(SIDES), np.arange(count - 1)[:, None] * SIDES
+    ring, place = np.arange(WIRE_SIDES), np.arange(count - 1)[:, None] * WIRE_SIDES
     after = np.roll(ring, -1)
-    walls = [np.stack([place + ring, place + after, place + SIDES + after], axis=-1).reshape(-1, 3),
-             np.stack([place + ring, place + SIDES + after, place + SIDES + ring], axis=-1).reshape(-1, 3)]  # fmt: skip
+    walls = [np.stack([place + ring, place + after, place + WIRE_SIDES + after], axis=-1).reshape(-1, 3),
+             np.stack([place + ring, place + WIRE_SIDES + after, place + WIRE_SIDES + ring], axis=-1).reshape(-1, 3)]  # fmt: skip
     ends = len(vertices) + np.arange(2)
-    last = (count - 1) * SIDES
+    last = (count - 1) * WIRE_SIDES
     caps = [
-        np.column_stack([after, ring, np.full(SIDES, ends[0])]),
-        np.column_stack([last + ring, last + after, np.full(SIDES, ends[1])]),
+        np.column_stack([after, ring, np.full(WIRE_SIDES, ends[0])]),
+        np.column_stack([last + ring, last + after, np.full(WIRE_SIDES, ends[1])]),
     ]
-    vertices = np.vstack([vertices, vertices[:SIDES].mean(axis=0), vertices[last:].mean(axis=0)])
+    vertices = np.vstack([vertices, vertices[:WIRE_SIDES].mean(axis=0), vertices[last:].mean(axis=0)])
     normals = np.vstack([normals, -along[0], along[-1]])
     return Shell(vertices, np.vstack([*walls, *caps])), normals
 
@@ -336,22 +338,22 @@ def coil_shell(length: float, radius: float, wire: float, turns: float, *, strai
 def _pushed(length: float, radius: float, wire: float, turns: float) -> tuple[Real, Real]:
     """The middle line of a compression spring, and its angle about the axis [rad]: it rises by the wire's diameter in closed turns,
     evenly in between."""
-    whole = turns + 2.0 * CLOSED
-    t = np.linspace(0.0, whole, round(whole * STEPS) + 1)
-    low = (FLAT - 0.5) * wire
-    step = min(wire, 0.25 * length / CLOSED)
-    knots = [0.0, CLOSED, whole - CLOSED, whole]
-    x = np.interp(t, knots, [low, low + CLOSED * step, length - low - CLOSED * step, length - low])
+    whole = turns + 2.0 * CLOSED_TURNS
+    t = np.linspace(0.0, whole, round(whole * STEPS_IN_TURN) + 1)
+    low = (GROUND_END - 0.5) * wire
+    step = min(wire, 0.25 * length / CLOSED_TURNS)
+    knots = [0.0, CLOSED_TURNS, whole - CLOSED_TURNS, whole]
+    x = np.interp(t, knots, [low, low + CLOSED_TURNS * step, length - low - CLOSED_TURNS * step, length - low])
     phase = 2.0 * np.pi * t
     return np.column_stack([x, radius * np.cos(phase), radius * np.sin(phase)]), phase
 
 
 def _pulled(length: float, radius: float, turns: float) -> tuple[Real, Real]:
     """The same of a tension spring: along the axis, out to the coil over half a turn, and back at the other end."""
-    t = np.linspace(0.0, turns, round(turns * STEPS) + 1)
+    t = np.linspace(0.0, turns, round(turns * STEPS_IN_TURN) + 1)
     blend = np.clip(np.minimum(t, turns - t) / 0.5, 0.0, 1.0)
     r = radius * blend**2 * (3.0 - 2.0 * blend)
-    x = length * (STEM + (1.0 - 2.0 * STEM) * t / turns)
+    x = length * (STEM_LENGTH + (1.0 - 2.0 * STEM_LENGTH) * t / turns)
     phase = 2.0 * np.pi * t
     line = np.column_stack([x, r * np.cos(phase), r * np.sin(phase)])
     return np.vstack([[0.0, 0.0, 0.0], line, [length, 0.0, 0.0]]), np.concatenate([phase[:1], phase, phase[-1:]])

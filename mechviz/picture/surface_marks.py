@@ -27,8 +27,8 @@ if TYPE_CHECKING:
     from mechviz.runs import Run
 
 Kind = Literal["roller", "belt"]
-KINDS: tuple[Kind, ...] = get_args(Kind)
-COLORS: dict[Kind, tuple[int, int, int]] = {"roller": (60, 66, 74), "belt": (236, 196, 64)}
+MARK_KINDS: tuple[Kind, ...] = get_args(Kind)
+MARK_COLORS: dict[Kind, tuple[int, int, int]] = {"roller": (60, 66, 74), "belt": (236, 196, 64)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +54,7 @@ class SurfaceMark:
 
     @property
     def color(self) -> tuple[int, int, int]:
-        return COLORS[self.kind]
+        return MARK_COLORS[self.kind]
 
     def turns(self) -> Real:
         """Quaternions x, y, z, w (F, 4)."""
@@ -74,9 +74,9 @@ def find_surface_marks(run: Run, solids: Solids) -> list[SurfaceMark]:
     return [*find_rollers(run, solids), *find_belt_marks(run, solids)]
 
 
-INNER, OUTER = 0.55, 0.93  # of the marked ring, in radii of the roller
-SECTORS, SIDES = 3, 16
-THICK = 0.012  # of a mark, in radii
+RING_INNER, RING_OUTER = 0.55, 0.93  # of the marked ring, in radii of the roller
+RING_SECTORS, RING_SIDES = 3, 16
+MARK_THICKNESS = 0.012  # of a mark, in radii
 
 
 def find_rollers(run: Run, solids: Solids) -> list[SurfaceMark]:
@@ -172,14 +172,14 @@ def _sectors(radius: float) -> tuple[Single, NDArray[np.uint32], Single]:
     """Flat ring sectors just before the roller's face, seen from the front."""
     vertices: list[Real] = []
     faces: list[Integers] = []
-    for k in range(SECTORS):
-        turn = 2.0 * np.pi * (k + np.linspace(0.0, 0.5, SIDES + 1)) / SECTORS
-        start = len(vertices) * 2 * (SIDES + 1)
+    for k in range(RING_SECTORS):
+        turn = 2.0 * np.pi * (k + np.linspace(0.0, 0.5, RING_SIDES + 1)) / RING_SECTORS
+        start = len(vertices) * 2 * (RING_SIDES + 1)
         ring = np.exp(1j * turn)
-        points = radius * np.concatenate([INNER * ring, OUTER * ring])
-        vertices.append(np.column_stack([points.real, points.imag, np.full(len(points), THICK * radius)]))
-        a = start + np.arange(SIDES)
-        b = a + SIDES + 1
+        points = radius * np.concatenate([RING_INNER * ring, RING_OUTER * ring])
+        vertices.append(np.column_stack([points.real, points.imag, np.full(len(points), MARK_THICKNESS * radius)]))
+        a = start + np.arange(RING_SIDES)
+        b = a + RING_SIDES + 1
         faces += [np.column_stack([a, b, b + 1]), np.column_stack([a, b + 1, a + 1])]
     flat = np.vstack(vertices).astype(np.float32)
     return flat, np.vstack(faces).astype(np.uint32), np.tile(np.array([0.0, 0.0, 1.0], np.float32), (len(flat), 1))
@@ -190,15 +190,17 @@ def _stripes(radius: float, height: float) -> tuple[Single, NDArray[np.uint32], 
     vertices: list[Real] = []
     normals: list[Real] = []
     faces: list[Integers] = []
-    for k in range(SECTORS):
-        turn = 2.0 * np.pi * (k + np.linspace(0.0, 0.5, SIDES + 1)) / SECTORS
+    for k in range(RING_SECTORS):
+        turn = 2.0 * np.pi * (k + np.linspace(0.0, 0.5, RING_SIDES + 1)) / RING_SECTORS
         ring = np.column_stack([np.cos(turn), np.sin(turn)])
-        start = len(vertices) * 2 * (SIDES + 1)
-        rows = [np.column_stack([(1.0 + THICK) * radius * ring, np.full(len(ring), z)]) for z in (0.04 * height, 0.96 * height)]
+        start = len(vertices) * 2 * (RING_SIDES + 1)
+        rows = [
+            np.column_stack([(1.0 + MARK_THICKNESS) * radius * ring, np.full(len(ring), z)]) for z in (0.04 * height, 0.96 * height)
+        ]
         vertices.append(np.concatenate(rows))
         normals.append(np.tile(np.column_stack([ring, np.zeros(len(ring))]), (2, 1)))
-        a = start + np.arange(SIDES)
-        b = a + SIDES + 1
+        a = start + np.arange(RING_SIDES)
+        b = a + RING_SIDES + 1
         faces += [np.column_stack([a, a + 1, b + 1]), np.column_stack([a, b + 1, b])]
     flat, own, up = _sectors(radius)
     count = sum(map(len, vertices))
@@ -220,20 +222,20 @@ def held(values: Real, known: Flags) -> Real:
     return np.asarray(values[np.where(last < 0, int(np.argmax(known)), last)], float)
 
 
-MARKS = 8  # on a belt
-LONG = 1.1  # of a mark, in thicknesses of the belt
-OVER = 0.09  # how far it stands out, in thicknesses
+BELT_MARKS = 8  # on a belt
+BELT_MARK_LENGTH = 1.1  # of a mark, in thicknesses of the belt
+BELT_MARK_HEIGHT = 0.09  # how far it stands out, in thicknesses
 
 
 def find_belt_marks(run: Run, solids: Solids) -> Iterator[SurfaceMark]:
     """The marks of all belts of a run, below the links that carry the pulleys."""
     for loop in solids.loops:
         closed = belt_travel(run, loop)
-        over = OVER * loop.thick
-        box = _box(LONG * loop.thick, loop.thick + 2.0 * over, loop.high - loop.low + 2.0 * over)
+        over = BELT_MARK_HEIGHT * loop.thick
+        box = _box(BELT_MARK_LENGTH * loop.thick, loop.thick + 2.0 * over, loop.high - loop.low + 2.0 * over)
         height = 0.5 * (loop.low + loop.high)
-        for k in range(MARKS):
-            at, direction = loop.at(closed + k * loop.length / MARKS)
+        for k in range(BELT_MARKS):
+            at, direction = loop.at(closed + k * loop.length / BELT_MARKS)
             path = np.column_stack([at.real, at.imag, np.full(len(at), height)])
             first = (float(path[0, 0]), float(path[0, 1]), height)
             yield SurfaceMark("belt", f"{loop.joint} {k + 1}", loop.carrier, first, direction, *box, path=path)
@@ -262,11 +264,11 @@ def _box(*sides: float) -> tuple[Single, NDArray[np.uint32], Single]:
     return np.array(vertices, np.float32), faces.astype(np.uint32), np.array(normals, np.float32)
 
 
-INK: Color = (236, 206, 120)
-SHEET: Color = (150, 156, 168)
-THICKNESS, THIN = 0.0022, 0.0012  # radii of ink and of the sheet's edge, in sizes of the mechanism
-_FINE = 2e-4  # in sizes of the mechanism: ink is drawn to this
-_EDGE = 0.12  # of what is drawn: the sheet is larger by this on all sides
+STROKE_COLOR: Color = (236, 206, 120)
+SHEET_COLOR: Color = (150, 156, 168)
+STROKE_RADIUS, SHEET_EDGE_RADIUS = 0.0022, 0.0012  # radii of ink and of the sheet's edge, in sizes of the mechanism
+_STROKE_TOLERANCE = 2e-4  # in sizes of the mechanism: ink is drawn to this
+_SHEET_MARGIN = 0.12  # of what is drawn: the sheet is larger by this on all sides
 
 
 def pen_down(run: Run, pen: PenStudy) -> Flags:
@@ -285,26 +287,32 @@ def stroke_nodes(run: Run, solids: Solids) -> Iterator[Lines]:
         strokes = [s for s in drawn_strokes(pen_down(run, pen)) if len(s) > 1]
         if not strokes:
             continue
-        strips = tuple(in_space(strip, height) for strip in growing(places, strokes, _FINE * size))
+        strips = tuple(in_space(strip, height) for strip in growing(places, strokes, _STROKE_TOLERANCE * size))
         common: dict[str, Any] = {"owner": ("point", f"{pen.link}.{pen.point}"), "height": height}
         yield Lines(
             f"ink.{pen.name}",
             group="ink",
             entity=("mechanism", "ink", pen.name),
             strips=strips,
-            colors=(INK,),
-            radii=(THICKNESS * size,),
+            colors=(STROKE_COLOR,),
+            radii=(STROKE_RADIUS * size,),
             **common,
         )
         inked = places[np.concatenate(strokes)]
         low, high = inked.min(axis=0), inked.max(axis=0)
-        edge = _EDGE * float((high - low).max())
+        edge = _SHEET_MARGIN * float((high - low).max())
         (x0, y0), (x1, y1) = low - edge, high + edge
         corners = np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1], [x0, y0]])
         sheet = (in_space(corners[None], height),)
         entity = ("mechanism", "sheets", pen.name)
         yield Lines(
-            f"sheet.{pen.name}", group="sheet", entity=entity, strips=sheet, colors=(SHEET,), radii=(THIN * size,), **common
+            f"sheet.{pen.name}",
+            group="sheet",
+            entity=entity,
+            strips=sheet,
+            colors=(SHEET_COLOR,),
+            radii=(SHEET_EDGE_RADIUS * size,),
+            **common,
         )
 
 

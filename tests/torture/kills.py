@@ -67,7 +67,7 @@ def _check_part(path: Path) -> None:
 def main() -> int:
     """Kills recordings; gives 1 where there were faults."""
     given = options(__doc__, 200).parse_args()
-    writer.BLOCK = BLOCK
+    writer.BLOCK_FRAMES = BLOCK
     load_all()
     tally, left, killed = Tally(given.count, given.seconds), 0, 0
     with tempfile.TemporaryDirectory() as name:

@@ -35,9 +35,8 @@ WATCHED_RATIO = 0.05  # smallest against largest singular value below which a gr
 REGULAR_RATIO = 1e-8  # smallest against largest singular value of the columns of an accepted step
 SECOND_FREEDOM_RATIO = 1e-4  # second smallest singular value against the largest: below, a group has two freedoms or more
 SMALLEST_STEP = 1e-7  # of the range: below, the path has met a limit, whose place is then found exactly
-LIMIT_DISTANCE = (
-    1e-5  # of the range: what is farther away than this from the last row is not the limit that the path came to a stand at
-)
+# Of the range: what is farther away than this from the last row is not the limit that the path came to a stand at
+LIMIT_DISTANCE = 1e-5
 SECOND_PLACE = 1e-3  # along the curve, relative: the second place from which a fold is looked for
 FARTHEST_FOLD = 0.2  # along the curve: a fold farther off is not the one that the path came to a stand at
 LIMIT_ACCURACY = 1e-13  # relative

@@ -41,9 +41,8 @@ SAMPLES_OF_LAW = 2001
 CLOSURE_AT_DEAD_POINT = 1e-11  # of the size: what loops may be open at a dead point that a drive just reaches
 STUCK_MARGIN = 1e-9  # flatness of a group that takes part in what a path did not get through
 START_BESIDE = 0.3  # of a step: where a path begins whose start is flat (no power of two: halved steps shall not lead back onto it)
-MARGIN_GROWTH = (
-    2e-4  # relative growth of the flatness over a thousandth of a step: beyond, the flat position is not the start itself
-)
+# Relative growth of the flatness over a thousandth of a step: beyond, the flat position is not the start itself
+MARGIN_GROWTH = 2e-4
 DEAD_POINT = 1e-4  # flatness of a group below which a start counts as flat
 LIMIT_ACCURACY = 1e-11  # relative: what a limit is known to, generously
 CYCLES = (1, 2, 3, 4, 6, 12)  # turns after which groups may be back where they were

@@ -24,9 +24,8 @@ VARIATION_ROUNDS = 7  # of variation, the spread halves from one to the next
 VARIATIONS_A_DESIGN = 24  # variations of a design in a round
 RADIUS_RANGE = (0.4, 2.5)  # of the circle over the size of the curve
 COARSE_STEP = 6  # every so many samples say how far E leaves the circle
-PIVOT_DISTANCE = (
-    0.5  # of the frame: M stays away from the pivots, about which points of the coupler that are pins run on circles anyway
-)
+# Of the frame: M stays away from the pivots, about which points of the coupler that are pins run on circles anyway
+PIVOT_DISTANCE = 0.5
 PLACED_DESIGNS = 15  # designs for which a lever is looked for
 LEVER_DIRECTIONS = 48  # of the lever that are tried
 EXACT_SAMPLES = 1440

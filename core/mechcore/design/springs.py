@@ -19,9 +19,8 @@ START_COUNT = 120
 SOLID_LENGTH, STRETCHED_LENGTH = 0.5, 1.8  # least and greatest length of a spring over its free length
 LENGTH_WEIGHT = 100.0  # weight of a length beyond these, over the weight's own moment
 SAME_PLACEMENT = 0.2  # of the box, below which two placements are one
-GREATEST_STIFFNESS = (
-    10.0  # stiffness over the moment of the weight over the square of the box: stiffer ones sit at the hinge itself
-)
+# Stiffness over the moment of the weight over the square of the box: stiffer ones sit at the hinge itself
+GREATEST_STIFFNESS = 10.0
 
 
 @dataclass(frozen=True)

@@ -24,9 +24,8 @@ from mechcore.spec.mechanism import braked
 from mechcore.topology.graph import vector_loops
 
 CHUNK_OF_C = 2**21  # numbers that a program fills in at once
-NUMBERS_AT_ONCE = (
-    16384  # numbers in an array that is worked on: small enough to stay in the cache, and large enough to pay for the calls
-)
+# Numbers in an array that is worked on: small enough to stay in the cache, and large enough to pay for the calls
+NUMBERS_AT_ONCE = 16384
 
 
 @dataclass(frozen=True, eq=False)

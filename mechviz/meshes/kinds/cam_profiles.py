@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from mechcore.cams.placement.plane import PlacedCam
     from mechviz.meshes.model import Model
 
-_SAMPLES = 1080  # points of a profile
+_PROFILE_POINTS = 1080  # points of a profile
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +50,7 @@ class CamDrawing:
         return (*((self.guide,) if self.grounded else ()), *((self.placed.bed,) if self.bed and self.placed.bed else ()))
 
 
-def profile_points(placed: PlacedCam, count: int = _SAMPLES) -> Complex:
+def profile_points(placed: PlacedCam, count: int = _PROFILE_POINTS) -> Complex:
     """Points of the profile (n) in the theory's axes of the cam, complex [m], counter-clockwise; of a wedge from left to right."""
     contour = placed.contour
     each = max(count // contour.count, 8)
@@ -64,7 +64,7 @@ def profile_points(placed: PlacedCam, count: int = _SAMPLES) -> Complex:
     return z
 
 
-def find_cams(mechanism: Mechanism, parts: Builder, size: float, samples: int = _SAMPLES) -> tuple[CamDrawing, ...]:
+def find_cams(mechanism: Mechanism, parts: Builder, size: float, samples: int = _PROFILE_POINTS) -> tuple[CamDrawing, ...]:
     """All cams of a mechanism; ``samples``: points of each profile."""
     by_name = {r.name: r.geometry for r in parts.relations}
     drawings: list[CamDrawing] = []
@@ -124,7 +124,7 @@ def cam_extents(cams: Sequence[CamDrawing]) -> Mapping[str, list[Vec2]]:
     return extents
 
 
-_ROLLER = 256  # sides of the roller
+_ROLLER_SIDES = 256  # sides of the roller
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,7 +150,7 @@ def find_inverse(mechanism: Mechanism, parts: Builder, size: float) -> tuple[Inv
         placed = by_name[joint.name]
         low, high = placed.travel
         margin = 0.06 * (high - low)
-        theta = np.linspace(low - margin, high + margin, _SAMPLES)
+        theta = np.linspace(low - margin, high + margin, _PROFILE_POINTS)
         w = (placed.own + placed.mount * placed.cam.pitch(theta, 0)[0]) / size
         radius = placed.cam.radius / size
         groove = LineString(np.column_stack([w.real, w.imag])).buffer(radius, quad_segs=64)
@@ -176,7 +176,7 @@ def draw_inverse(model: Model, draft: Draft) -> None:
             spot = outline.polygons(Point(end).buffer(0.5 * r).intersection(body.buffer(-0.05 * r)))
             if spot:
                 draft.necks.append(Neck(drawing.driven, spot[0], (draft.groups[drawing.driven], group)))
-        roller = outline.disc(drawing.tip, drawing.radius, _ROLLER)
+        roller = outline.disc(drawing.tip, drawing.radius, _ROLLER_SIDES)
         draft.pieces.append(Piece(drawing.crank, roller, group, "wheel", mates))
         pin = outline.disc(drawing.tip, 0.5 * min(drawing.radius, r), model.segments)
         draft.necks.append(Neck(drawing.crank, pin, (draft.groups[drawing.crank], group)))

@@ -23,10 +23,10 @@ from mechviz.meshes.draft import Draft, Neck, Piece, joined
 from mechviz.meshes.kinds.cam_profiles import CamDrawing
 from mechviz.meshes.model import Model
 
-_SAMPLES = 1080  # points of a profile
-_ROLLER = 256  # sides of a roller: it has to touch as exactly as the profile
-_FLOAT = 0.06  # of a roller above the floor of its groove, in thicknesses of a plate
-_CHEEK = 0.2  # height of the cheeks of a fork, in thicknesses of a plate
+_PROFILE_POINTS = 1080  # points of a profile
+_ROLLER_SIDES = 256  # sides of a roller: it has to touch as exactly as the profile
+_ROLLER_CLEARANCE = 0.06  # of a roller above the floor of its groove, in thicknesses of a plate
+_CHEEK_HEIGHT = 0.2  # height of the cheeks of a fork, in thicknesses of a plate
 
 
 # -- layers ---------------------------------------------------------------------------------------------------------------
@@ -97,7 +97,7 @@ def _draw_cam(model: Model, draft: Draft, cam: CamDrawing, group: str, *, home: 
     if cam.placed.groove and not cam.bed:
         outer = _outer_flank(cam)
         rim = outer.buffer(1.4 * r, quad_segs=32)
-        rim = outline.disc(cam.bore, max(math.dist(cam.bore, xy) for xy in rim.exterior.coords), _ROLLER)
+        rim = outline.disc(cam.bore, max(math.dist(cam.bore, xy) for xy in rim.exterior.coords), _ROLLER_SIDES)
         draft.pieces.append(Piece(cam.cam, rim.difference(outer), group, "wheel", mates))
         heads = [  # other pins through the cam need room for their heads
             outline.disc(a.centres[cam.cam], 1.06 * a.sleeve, model.segments)
@@ -106,14 +106,14 @@ def _draw_cam(model: Model, draft: Draft, cam: CamDrawing, group: str, *, home: 
         ]
         floor = rim.buffer(-0.06 * r, quad_segs=32)  # no edge of it coincides with one of the rim
         floor = outline.largest(floor.difference(unary_union(heads))) if heads else floor
-        draft.pieces.append(Piece(cam.cam, floor, group, "disc", mates, height=(-_CHEEK, 0.0)))
+        draft.pieces.append(Piece(cam.cam, floor, group, "disc", mates, height=(-_CHEEK_HEIGHT, 0.0)))
     if not home and cam.cam in draft.groups:
         draft.necks.append(Neck(cam.cam, outline.disc(cam.bore, 0.8 * r, model.segments), (draft.groups[cam.cam], group)))
 
 
 def _outer_flank(cam: CamDrawing) -> Polygon:
     law = cam.placed.cam.law
-    theta = law.start + law.length * np.arange(_SAMPLES) / _SAMPLES
+    theta = law.start + law.length * np.arange(_PROFILE_POINTS) / _PROFILE_POINTS
     z = replace(cam.placed.cam, outer=True).at(theta).working
     w = (cam.placed.own + cam.placed.mount * z) / cam.size
     return Polygon(np.column_stack([w.real, w.imag])).buffer(0.0)
@@ -158,7 +158,7 @@ def _head(model: Model, cam: CamDrawing) -> _Head:
     r, placed = model.proportions.r, cam.placed
     face, s = placed.cam.follower.face, _cycle(cam)
     if isinstance(face, Roller):
-        return _Head(outline.disc((0.0, 0.0), face.radius / cam.size, _ROLLER), face.radius / cam.size)
+        return _Head(outline.disc((0.0, 0.0), face.radius / cam.size, _ROLLER_SIDES), face.radius / cam.size)
     turned = np.ones(s.angle.shape, complex)  # from the follower's position at every angle to that at theta
     here = placed.cam.at([cam.theta])
     if isinstance(placed.cam.follower.guide, Oscillating):
@@ -277,9 +277,9 @@ def _draw_stem(model: Model, draft: Draft, cam: CamDrawing, group: str) -> None:
     if fork:
         rod = unary_union(stem)
         if placed.mate is None:
-            rod = rod.difference(outline.disc((0.0, 0.0), 1.06 * head.top, _ROLLER))
+            rod = rod.difference(outline.disc((0.0, 0.0), 1.06 * head.top, _ROLLER_SIDES))
         roller = _moved(head.touching, complex(*cam.tip), cam.turn)
-        height = (_FLOAT, 1.0) if placed.groove else (0.0, 1.0)  # clear of the groove's floor
+        height = (_ROLLER_CLEARANCE, 1.0) if placed.groove else (0.0, 1.0)  # clear of the groove's floor
         draft.pieces.append(Piece(cam.follower, roller, group, "wheel", mates, height=height))
         if _before(cam):
             foot = (0.0, bottom + r) if placed.mate is None else (0.0, head.top)
@@ -288,7 +288,7 @@ def _draw_stem(model: Model, draft: Draft, cam: CamDrawing, group: str) -> None:
             spot = outline.disc((0.0, 0.0), 0.45 * min(head.top, r), model.segments)
             draft.necks.append(Neck(cam.follower, _moved(spot, complex(*cam.tip), cam.turn), (own, group)))
         else:
-            for height in ((-_CHEEK, 0.02), (0.98, 1.0 + _CHEEK)):
+            for height in ((-_CHEEK_HEIGHT, 0.02), (0.98, 1.0 + _CHEEK_HEIGHT)):
                 draft.pieces.append(
                     Piece(cam.follower, _moved(cheek, complex(*cam.tip), cam.turn), own, "wheel", mates, height=height)
                 )

@@ -20,7 +20,7 @@ from mechviz.meshes.draft import Draft, Neck, Piece, joined
 if TYPE_CHECKING:
     from mechviz.meshes.model import Model, Slot, Weldment
 
-_SEAM = 0.05  # width of the seam between plates that are welded, in half widths of a plate
+_SEAM_WIDTH = 0.05  # width of the seam between plates that are welded, in half widths of a plate
 
 
 # --- pins in slots ------------------------------------------------------------------------------------------------------
@@ -73,7 +73,7 @@ def on_shafts(model: Model) -> Model:
     for weld in model.welds:
         for k, axle in enumerate(axles):
             for link, at, other, there in zip(weld.links, weld.points, weld.links[::-1], weld.points[::-1], strict=True):
-                shaft = link in axle.centres and np.hypot(*np.subtract(axle.centres[link], at)) < _SAME
+                shaft = link in axle.centres and np.hypot(*np.subtract(axle.centres[link], at)) < _SAME_PLACE
                 if shaft and other not in axle.centres and model.frame not in weld.links:
                     axles[k] = replace(axle, centres={**axle.centres, other: there})
                     break
@@ -107,7 +107,7 @@ def _by_shaft(model: Model, weld: Weldment) -> bool:
     """Whether a pin joins two welded links."""
     ends = list(zip(weld.links, weld.points, strict=True))
     return any(
-        all(link in axle.centres and np.hypot(*np.subtract(axle.centres[link], at)) < _SAME for link, at in ends)
+        all(link in axle.centres and np.hypot(*np.subtract(axle.centres[link], at)) < _SAME_PLACE for link, at in ends)
         for axle in model.axles
     )
 
@@ -118,7 +118,7 @@ def _cut(model: Model, weld: Weldment, plates: dict[str, Polygon]) -> Polygon | 
     (ax, ay), (bx, by) = weld.points
     moved = affinity.translate(plates[first], -ax, -ay)
     moved = affinity.translate(affinity.rotate(moved, -weld.angle, origin=(0.0, 0.0), use_radians=True), bx, by)
-    left = outline.polygons(plates[second].difference(moved.buffer(_SEAM * model.proportions.r)))
+    left = outline.polygons(plates[second].difference(moved.buffer(_SEAM_WIDTH * model.proportions.r)))
     if not left or left[0].area < 0.3 * plates[second].area:
         return None
     whole = left[0]
@@ -186,7 +186,7 @@ def _along(origin: Vec2, along: Vec2, s: float) -> Vec2:
     return (origin[0] + s * along[0], origin[1] + s * along[1])
 
 
-_SAME = 1e-6  # of the mechanism's size
+_SAME_PLACE = 1e-6  # of the mechanism's size
 
 
 @dataclass(frozen=True)
@@ -250,11 +250,11 @@ def _in_all_but_name(
         if pin is None:
             return None
         on_line = [(complex(*xy) - origin) / direction for xy in (*marks[link], (pin.real, pin.imag))]
-        if any(abs(z.imag) > _SAME for z in on_line):
+        if any(abs(z.imag) > _SAME_PLACE for z in on_line):
             return None
         places[link], pins[link] = on_line[-1].real, pin
     driven = any(drive.joint == joint.name for drive in mechanism.drives)
-    long = [bool(marks[link]) or abs(pins[link] - lines[link][0]) > _SAME for link in lines]
+    long = [bool(marks[link]) or abs(pins[link] - lines[link][0]) > _SAME_PLACE for link in lines]
     if not driven and long[0] != long[1]:
         return None
     apart = places[other] - places[guide]
@@ -281,7 +281,7 @@ def _only_pin(mechanism: Mechanism, joints: Sequence[LoopJoint], joint: str, lin
     if any(link in p.links and p.name != joint and not isinstance(p, Revolute) for p in mechanism.joints):
         return None
     at = [j.b if j.links[1] == link else j.a for j in joints if j.kind == "revolute" and link in j.links]
-    return at[0] if at and all(abs(z - at[0]) < _SAME for z in at) else None
+    return at[0] if at and all(abs(z - at[0]) < _SAME_PLACE for z in at) else None
 
 
 def _pinned_to(mechanism: Mechanism, link: str, other: str) -> bool:

@@ -19,9 +19,9 @@ ADDENDUM = 1.0
 DEDENDUM = 1.25
 BACKLASH = 0.05  # by which each tooth is thinner than half the pitch, in modules: half of what a mesh has altogether
 
-_STEPS = 61  # positions of the cutter
-_ROLL = 5.0  # how far it rolls to either side of the tooth, along the pitch line, in modules
-_FINE = 0.006  # the outline may miss the generated one by this much: an eighth of the backlash
+_CUTTER_POSITIONS = 61  # positions of the cutter
+_ROLL_DISTANCE = 5.0  # how far it rolls to either side of the tooth, along the pitch line, in modules
+_OUTLINE_TOLERANCE = 0.006  # the outline may miss the generated one by this much: an eighth of the backlash
 
 
 def _cutter(angle: float, tip: float) -> Polygon:
@@ -37,9 +37,9 @@ def _tooth_space(teeth: int, angle: float) -> Polygon:
     radius, tool = 0.5 * teeth, _cutter(angle, DEDENDUM)
     cuts = [
         affinity.rotate(affinity.translate(tool, radius, radius * turn), -turn, origin=(0.0, 0.0), use_radians=True)
-        for turn in np.linspace(-_ROLL, _ROLL, _STEPS) / radius
+        for turn in np.linspace(-_ROLL_DISTANCE, _ROLL_DISTANCE, _CUTTER_POSITIONS) / radius
     ]
-    return largest(unary_union(cuts).simplify(_FINE))
+    return largest(unary_union(cuts).simplify(_OUTLINE_TOLERANCE))
 
 
 def _around(shape: Polygon, count: int) -> list[Polygon]:
@@ -62,13 +62,13 @@ def ring_teeth(teeth: int, pinion: int, angle: float, rim: float) -> Polygon:
     half = np.pi / pinion
     wedge = Polygon([(0.0, 0.0), *(2.0 * (small + 3.0) * np.array([np.cos(a), np.sin(a)]) for a in (-half, half))])
     tool = largest(external_wheel(pinion, angle, DEDENDUM).intersection(wedge).buffer(BACKLASH, join_style="mitre"))
-    reach = min(2.0 * _ROLL, 0.9 * radius)
+    reach = min(2.0 * _ROLL_DISTANCE, 0.9 * radius)
     cuts = []
-    for turn in np.linspace(-reach, reach, 2 * _STEPS - 1) / radius:
+    for turn in np.linspace(-reach, reach, 2 * _CUTTER_POSITIONS - 1) / radius:
         placed = affinity.rotate(tool, -turn * teeth / pinion, origin=(0.0, 0.0), use_radians=True)
         cuts.append(affinity.rotate(affinity.translate(placed, radius - small, 0.0), turn, origin=(0.0, 0.0), use_radians=True))
     outside = Point(0.0, 0.0).buffer(radius - ADDENDUM, quad_segs=max(16, teeth))
-    space = largest(unary_union(cuts).simplify(_FINE).difference(outside.buffer(-0.5)))
+    space = largest(unary_union(cuts).simplify(_OUTLINE_TOLERANCE).difference(outside.buffer(-0.5)))
     space = affinity.rotate(space, 180.0 / teeth, origin=(0.0, 0.0))
     blank = Point(0.0, 0.0).buffer(rim, quad_segs=max(16, teeth))
     return largest(blank.difference(unary_union([outside, *_around(space, teeth)])))

@@ -19,16 +19,16 @@ from mechcore.records import dataclass
 from mechcore.spec.mechanism import CamJoint, Mechanism, Vec2
 from mechviz.meshes.extrude import Part, Prism, Shell, bored, plate, revolve
 from mechviz.meshes.outline import disc, key_outline, keyed_bore, keyway_reach
-from mechviz.meshes.shading import PIN, Color
+from mechviz.meshes.shading import PIN_COLOR, Color
 
 if TYPE_CHECKING:
     from mechcore.cams.placement.spatial import PlacedSpatial
     from mechviz.meshes.layers import Levels
     from mechviz.meshes.model import Model
 
-_BORE = 48  # sides of bore and shaft
-_FIT = 0.995  # radius of the shaft in its bore
-_CLEAR = 0.04  # of the groove's depth: the roller's end above its floor
+_BORE_SIDES = 48  # sides of bore and shaft
+_SHAFT_FIT = 0.995  # radius of the shaft in its bore
+_ROLLER_CLEARANCE = 0.04  # of the groove's depth: the roller's end above its floor
 
 
 @dataclass(frozen=True, eq=False)
@@ -208,9 +208,9 @@ def _cam_parts(model: Model, drawing: SpatialDrawing, height: float) -> list[Par
     rings, axis = _rings(placed), (0.0, 0.0)
     z0, z1 = (float(f(np.concatenate(rings)[:, 2])) for f in (np.min, np.max))
     ends = [float(ring[0, 2]) for ring in (rings[0], rings[-1])]
-    radius = _FIT * shaft
+    radius = _SHAFT_FIT * shaft
     keyed = keyway_reach(radius) < 0.95 * least
-    bore = keyed_bore(axis, radius, shaft, (1.0, 0.0), _BORE) if keyed else disc(axis, shaft, _BORE)
+    bore = keyed_bore(axis, radius, shaft, (1.0, 0.0), _BORE_SIDES) if keyed else disc(axis, shaft, _BORE_SIDES)
     mates = frozenset([drawing.joint])
     spot = disc(drawing.bore, 0.2 * r, 12)
 
@@ -223,13 +223,13 @@ def _cam_parts(model: Model, drawing: SpatialDrawing, height: float) -> list[Par
     long = 1.6 * r * drawing.size  # of a bearing
     low, high = z0 - free - long, z1 + free + long
     over = 0.15 * long  # how far the shaft comes out of its bearings
-    bar = revolve(((0.0, low - over), (radius, low - over), (radius, high + over), (0.0, high + over)), segments=_BORE)
-    parts = [part(drawing.cam, "wheel", _solid(rings, bore)), part(drawing.cam, "pin", bar, PIN)]
+    bar = revolve(((0.0, low - over), (radius, low - over), (radius, high + over), (0.0, high + over)), segments=_BORE_SIDES)
+    parts = [part(drawing.cam, "wheel", _solid(rings, bore)), part(drawing.cam, "pin", bar, PIN_COLOR)]
     if placed.blank.rollers:
         parts.append(part(drawing.cam, "wheel", rib(placed)))
     if keyed:
-        key = plate(key_outline(axis, radius, (1.0, 0.0), _BORE), (ends[0], ends[1]), 0.0)
-        parts.append(part(drawing.cam, "key", key, PIN))
+        key = plate(key_outline(axis, radius, (1.0, 0.0), _BORE_SIDES), (ends[0], ends[1]), 0.0)
+        parts.append(part(drawing.cam, "key", key, PIN_COLOR))
     block, bed = _bearing(shaft, 1.06 * float(np.hypot(*np.concatenate(rings)[:, :2].T).max()), -1j if drawing.flat else 1.0)
     for shape, (a, b) in ((block, (low, low + long)), (block, (high - long, high)), (bed, (low - over, high + over))):
         parts.append(part(placed.carrier, "pedestal", plate(shape, (a, b), 0.05 * long)))
@@ -245,7 +245,7 @@ def _bearing(shaft: float, reach: float, out: complex) -> tuple[Polygon, Polygon
         return Polygon([(z.real, z.imag) for z in (out * corner for corner in corners)])
 
     neck = turned(1j * wide, -reach + 1j * wide, -reach - 1j * wide, -1j * wide)
-    block = neck.union(disc((0.0, 0.0), wide, _BORE)).difference(disc((0.0, 0.0), 1.01 * shaft, _BORE))
+    block = neck.union(disc((0.0, 0.0), wide, _BORE_SIDES)).difference(disc((0.0, 0.0), 1.01 * shaft, _BORE_SIDES))
     bed = turned(-reach + 1j * foot, -reach - deep + 1j * foot, -reach - deep - 1j * foot, -reach - 1j * foot)
     return block, bed
 
@@ -276,7 +276,7 @@ def _rollers(model: Model, levels: Levels, drawing: SpatialDrawing, height: floa
     if drawing.flat:
         assert drawing.hinge is not None
         start = model.proportions.r
-        mouth, end = inner - 0.1 * depth, outer - _CLEAR * depth
+        mouth, end = inner - 0.1 * depth, outer - _ROLLER_CLEARANCE * depth
         profile = ((0.0, start), (pin, start), (pin, mouth), (radius, mouth), (radius, end), (0.0, end))
         upright = revolve(profile, segments=96).vertices
         parts, hinge = [], complex(*drawing.hinge)
@@ -286,10 +286,10 @@ def _rollers(model: Model, levels: Levels, drawing: SpatialDrawing, height: floa
             vertices = np.column_stack([xy.real, xy.imag, upright[:, 1] + height])
             shell = _outwards(Shell(vertices, revolve(profile, segments=96).faces))
             prism = Prism(disc((tip.real, tip.imag), 0.5 * radius, 24), height - radius, height + radius)
-            parts.append(Part(drawing.follower, "roller", shell, PIN, (prism,), mates))
+            parts.append(Part(drawing.follower, "roller", shell, PIN_COLOR, (prism,), mates))
         return [*parts, *_turret(model, levels, drawing, disc(drawing.hinge, 0.8 * inner, 180))]
     top = levels.plate(levels.of(drawing.follower))[0]
-    low = height + inner + _CLEAR * depth
+    low = height + inner + _ROLLER_CLEARANCE * depth
     edge = min(height + outer + 0.1 * depth, top)
     profile = ((0.0, low), (radius, low), (radius, edge), (pin, edge), (pin, top), (0.0, top))
     spots = [complex(*drawing.tip)]
@@ -302,7 +302,7 @@ def _rollers(model: Model, levels: Levels, drawing: SpatialDrawing, height: floa
     for z in spots:
         at = (z.real, z.imag)
         shell = revolve(profile, at, segments=96)
-        parts.append(Part(drawing.follower, "roller", shell, PIN, (Prism(disc(at, radius, 48), low, top),), mates))
+        parts.append(Part(drawing.follower, "roller", shell, PIN_COLOR, (Prism(disc(at, radius, 48), low, top),), mates))
     if drawing.hinge is None:
         return parts
     spokes = [LineString([drawing.hinge, (z.real, z.imag)]).buffer(0.6 * radius) for z in spots]
@@ -323,8 +323,8 @@ def _turret(model: Model, levels: Levels, drawing: SpatialDrawing, shape: Polygo
     return [Part(drawing.follower, "wheel", shell, None, (Prism(outline, low, high),), frozenset([drawing.joint]))]
 
 
-_ROUND = 360  # points of a ring
-_ACROSS = 9  # places along the roller between which the flank is interpolated
+_RING_POINTS = 360  # points of a ring
+_FLANK_NODES = 9  # places along the roller between which the flank is interpolated
 
 
 def _depth(placed: PlacedSpatial, p: Real) -> Real:
@@ -340,12 +340,12 @@ def edge(placed: PlacedSpatial, side: int, at: float, shift: float = 0.0, theta:
     """The line of a flank (n, 3) at a depth, over angles ``theta`` (n) or all around; ``shift``: of the follower's coordinate."""
     cam = placed.cam if shift == 0.0 else replace(placed.cam, law=placed.cam.law.raised(shift))
     law = cam.law
-    theta = law.start + law.length * np.arange(_ROUND) / _ROUND if theta is None else theta
+    theta = law.start + law.length * np.arange(_RING_POINTS) / _RING_POINTS if theta is None else theta
     low, high = cam.inner, cam.outer
-    along = np.linspace(low - 0.3 * (high - low), high + 0.3 * (high - low), _ACROSS)
+    along = np.linspace(low - 0.3 * (high - low), high + 0.3 * (high - low), _FLANK_NODES)
     p = cam.flank(theta, along, side).point
     depth = _depth(placed, p)
-    k = np.clip((depth < at).sum(axis=1), 1, _ACROSS - 1)
+    k = np.clip((depth < at).sum(axis=1), 1, _FLANK_NODES - 1)
     rows = np.arange(len(theta))
     a, b = p[rows, k - 1], p[rows, k]
     da, db = depth[rows, k - 1], depth[rows, k]
@@ -356,9 +356,9 @@ def circle(azimuth: Real, radius: float | Real, z: float | Real) -> Real:
     return np.stack(np.broadcast_arrays(radius * np.cos(azimuth), radius * np.sin(azimuth), np.asarray(z, float)), axis=-1)
 
 
-_STEPS = 360  # sections of the rib in a turn of the cam
-_SUNK = 0.03  # of the groove's depth: the rib's foot below the floor
-_RINGS = 33  # of a hollow core
+_RIB_SECTIONS = 360  # sections of the rib in a turn of the cam
+_RIB_FOOT = 0.03  # of the groove's depth: the rib's foot below the floor
+_CORE_RINGS = 33  # of a hollow core
 _TURRET_ACROSS = 7  # lines on the top of a rib between its edges
 
 
@@ -372,7 +372,7 @@ def _floor_and_top(placed: PlacedSpatial, sunk: float = 0.0) -> tuple[float, flo
 def _span(placed: PlacedSpatial) -> Real:
     """Angles of the cam at which a rib stands between the ends of the cam: as far as a roller next to the middle needs it."""
     law, step = placed.cam.law, 2.0 * np.pi / placed.blank.rollers
-    theta = law.start + law.length * np.arange(-2 * _STEPS, 2 * _STEPS + 1) / _STEPS
+    theta = law.start + law.length * np.arange(-2 * _RIB_SECTIONS, 2 * _RIB_SECTIONS + 1) / _RIB_SECTIONS
     inside = np.flatnonzero(np.abs(law(theta, 0)[0] + 0.5 * step) < step * (1.0 - 1e-6))
     return np.asarray(theta[max(inside[0] - 1, 0) : inside[-1] + 2])
 
@@ -380,7 +380,7 @@ def _span(placed: PlacedSpatial) -> Real:
 def rib(placed: PlacedSpatial) -> Shell:
     """The rib in the cam's own axes [m]: a tube with flat ends, its top part of the surface that the cam is turned to."""
     step, theta = 2.0 * np.pi / placed.blank.rollers, _span(placed)
-    floor, top = _floor_and_top(placed, _SUNK)
+    floor, top = _floor_and_top(placed, _RIB_FOOT)
     low = [edge(placed, -1, at, 0.0, theta) for at in (floor, top)]
     high = [edge(placed, 1, at, step, theta) for at in (top, floor)]
     points = np.stack([*low, *_between(placed, low[1], high[0], top), *high], axis=1)  # (n, m, 3)
@@ -410,7 +410,7 @@ def _between(placed: PlacedSpatial, low: Real, high: Real, top: float) -> list[R
 def core_rings(placed: PlacedSpatial) -> list[Real]:
     """Rings (n, 3) [m] of the core that the ribs stand on: a cylinder, or the hollow that the rollers' ends sweep."""
     points = rib(placed).vertices
-    azimuth = 2.0 * np.pi * np.arange(_STEPS) / _STEPS
+    azimuth = 2.0 * np.pi * np.arange(_RIB_SECTIONS) / _RIB_SECTIONS
     wall = 0.5 * placed.cam.radius
     if placed.blank.kind != "globoid":
         floor = _floor_and_top(placed)[0]
@@ -419,7 +419,7 @@ def core_rings(placed: PlacedSpatial) -> list[Real]:
     distance, outer = abs(placed.pivot - placed.centre), placed.cam.outer
     psi = np.arctan2(points[:, 2], distance - np.hypot(points[:, 0], points[:, 1]))
     ends = float(psi.min()) - wall / outer, float(psi.max()) + wall / outer
-    return [circle(azimuth, distance - outer * np.cos(x), outer * np.sin(x)) for x in np.linspace(*ends, _RINGS)]
+    return [circle(azimuth, distance - outer * np.cos(x), outer * np.sin(x)) for x in np.linspace(*ends, _CORE_RINGS)]
 
 
 def around(placed: PlacedSpatial, tip: complex, hinge: complex) -> list[complex]:

@@ -19,10 +19,10 @@ from mechcore.joints.base import Builder, point_of
 from mechcore.records import dataclass
 from mechcore.spec.mechanism import Belt, Gear, Mechanism, Prismatic, Rack, Rolling, Vec2
 
-_FEWEST, _MOST = 6, 400  # sizes within these bounds that are whole numbers are numbers of teeth
-_USUAL = range(16, 49)  # teeth of the smallest wheel where none are stated
+_FEWEST_TEETH, _MOST_TEETH = 6, 400  # sizes within these bounds that are whole numbers are numbers of teeth
+_USUAL_TEETH = range(16, 49)  # teeth of the smallest wheel where none are stated
 _RACK_PINION = 20  # teeth of a pinion that meshes with racks only
-_SAME = 1e-6
+_SAME_SIZE = 1e-6
 
 Poses = Mapping[str, Real]
 
@@ -131,8 +131,12 @@ class _Finder:
     def add(self, wheel: Wheel) -> int:
         """The number of a wheel; the same toothing in two joints is one wheel."""
         for k, old in enumerate(self.wheels):
-            same = (old.link, old.kind) == (wheel.link, wheel.kind) and abs(old.radius - wheel.radius) < _SAME
-            if same and math.dist(old.centre, wheel.centre) < _SAME and (old.teeth == wheel.teeth or 0 in (old.teeth, wheel.teeth)):
+            same = (old.link, old.kind) == (wheel.link, wheel.kind) and abs(old.radius - wheel.radius) < _SAME_SIZE
+            if (
+                same
+                and math.dist(old.centre, wheel.centre) < _SAME_SIZE
+                and (old.teeth == wheel.teeth or 0 in (old.teeth, wheel.teeth))
+            ):
                 self.wheels[k] = replace(old, teeth=max(old.teeth, wheel.teeth), joints=(*old.joints, *wheel.joints))
                 return k
         self.wheels.append(wheel)
@@ -143,7 +147,7 @@ class _Finder:
         n1, n2 = joint.sizes
         total = n2 - n1 if joint.internal else n1 + n2
         distance = abs(c2 - c1)
-        stated = all(float(n).is_integer() and _FEWEST <= n <= _MOST for n in joint.sizes)
+        stated = all(float(n).is_integer() and _FEWEST_TEETH <= n <= _MOST_TEETH for n in joint.sizes)
         kinds: tuple[Literal["gear", "ring"], ...] = ("gear", "ring" if joint.internal else "gear")
         wheels = [
             self.add(
@@ -237,7 +241,7 @@ class _Finder:
             if len(train) == 1:
                 teeth = _RACK_PINION
             else:
-                teeth = min(_USUAL, key=lambda z: max(abs(z * r / least - round(z * r / least)) for r in radii) + 0.002 * z)
+                teeth = min(_USUAL_TEETH, key=lambda z: max(abs(z * r / least - round(z * r / least)) for r in radii) + 0.002 * z)
             first = train[radii.index(least)]
             self.wheels[first] = replace(self.wheels[first], teeth=teeth)
         for i, j, _, _ in self.meshes:
@@ -265,7 +269,7 @@ class _Finder:
                 for known, other in ((i, j), (j, i)):
                     a, b = self.wheels[known], self.wheels[other]
                     if a.teeth and not b.teeth:
-                        teeth = max(_FEWEST, round(a.teeth * b.radius / a.radius))
+                        teeth = max(_FEWEST_TEETH, round(a.teeth * b.radius / a.radius))
                         self.wheels[other] = replace(b, teeth=teeth)
                         grew = True
 

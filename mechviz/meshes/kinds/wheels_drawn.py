@@ -19,10 +19,10 @@ from mechviz.meshes.kinds.rims import ADDENDUM, DEDENDUM, Loop, external_wheel, 
 from mechviz.meshes.kinds.wheels import Band, RackBar, Track, Wheel
 from mechviz.meshes.model import Model, place
 
-_GAP = 0.02  # between a wheel and what it rolls on, a belt and its pulley; in half widths of a plate
-_FLANGE = 1.6  # height of a pulley's flanges above the floor of its groove, in thicknesses of its belt
+_WHEEL_GAP = 0.02  # between a wheel and what it rolls on, a belt and its pulley; in half widths of a plate
+_FLANGE_HEIGHT = 1.6  # height of a pulley's flanges above the floor of its groove, in thicknesses of its belt
 MOST_TEETH = 1_000  # of a rack: each takes part in every step of its outline
-_RIM = 2.2  # width of a ring's rim, in half widths of a plate
+_RIM_WIDTH = 2.2  # width of a ring's rim, in half widths of a plate
 
 
 def group_wheels(model: Model, draft: Draft) -> set[str]:
@@ -56,7 +56,7 @@ def draw_wheels(model: Model, draft: Draft) -> None:
         group = draft.wheels[k]
         mates = frozenset(wheel.joints) if wheel.kind in ("gear", "ring") else frozenset()
         kind = "plate" if wheel.kind != "ring" and draft.groups.get(wheel.link) == group else "wheel"
-        groove = _FLANGE * _belt(model) if wheel.kind == "pulley" else 0.0
+        groove = _FLANGE_HEIGHT * _belt(model) if wheel.kind == "pulley" else 0.0
         draft.pieces.append(Piece(wheel.link, _body(model, wheel), group, kind, mates, groove=groove))
         _hold(model, draft, k)
     for bar in model.wheels.racks:
@@ -100,8 +100,8 @@ def _root(model: Model, wheel: Wheel) -> float:
     if wheel.kind == "gear":
         return wheel.radius - DEDENDUM * wheel.module
     if wheel.kind == "pulley":
-        return wheel.radius - (0.5 + _GAP) * _belt(model)
-    return wheel.radius - _GAP * model.proportions.r
+        return wheel.radius - (0.5 + _WHEEL_GAP) * _belt(model)
+    return wheel.radius - _WHEEL_GAP * model.proportions.r
 
 
 def _belt(model: Model) -> float:
@@ -154,12 +154,12 @@ def _body(model: Model, wheel: Wheel) -> Polygon:
     """Outline of a wheel with its teeth and windows, in the link's frame."""
     size = model.proportions
     if wheel.kind == "ring":
-        rim = (_root(model, wheel) + _RIM * size.r) / wheel.module
+        rim = (_root(model, wheel) + _RIM_WIDTH * size.r) / wheel.module
         return _set_up(ring_teeth(wheel.teeth, wheel.pinion, wheel.angle, rim), wheel)
     if wheel.kind == "gear":
         whole = _set_up(external_wheel(wheel.teeth, wheel.angle), wheel)
     else:
-        flange = _FLANGE * _belt(model) if wheel.kind == "pulley" else 0.0
+        flange = _FLANGE_HEIGHT * _belt(model) if wheel.kind == "pulley" else 0.0
         whole = Point(wheel.centre).buffer(_root(model, wheel) + flange, quad_segs=max(16, model.segments // 2))
     holes = _windows(model, wheel)
     return outline.largest(whole.difference(unary_union(holes))) if holes else whole
@@ -210,7 +210,7 @@ def _hold(model: Model, draft: Draft, k: int) -> None:
         pose = model.poses[wheel.link][0] if model.frames and wheel.link != model.frame else np.zeros(3)
         (x, y) = place(np.array([wheel.centre]), pose[None])[0, 0]
         for side in (-0.62, 0.62):  # two feet
-            reach = _root(model, wheel) + 0.5 * _RIM * size.r
+            reach = _root(model, wheel) + 0.5 * _RIM_WIDTH * size.r
             foot = (float(x + reach * np.sin(side)), float(y - reach * np.cos(side)))
             draft.fixed_blocks.append((foot, draft.wheels[k]))
         return
@@ -231,7 +231,7 @@ def _hold(model: Model, draft: Draft, k: int) -> None:
 def _web(model: Model, draft: Draft, wheel: Wheel, group: str) -> None:
     """A spoked disc behind a ring that turns, joined to its rim."""
     size = model.proportions
-    low, high = _root(model, wheel), _root(model, wheel) + _RIM * size.r
+    low, high = _root(model, wheel), _root(model, wheel) + _RIM_WIDTH * size.r
     rim = Point(wheel.centre).buffer(high, quad_segs=24).difference(Point(wheel.centre).buffer(low + 0.2 * size.r, quad_segs=24))
     arms = [
         LineString([wheel.centre, _polar(wheel, high - 0.9 * size.r, wheel.phase + 2.0 * np.pi * j / 3)]).buffer(0.7 * size.r)
@@ -317,7 +317,7 @@ def _draw_rack(model: Model, draft: Draft, bar: RackBar) -> None:
         draft.necks.append(Neck(bar.link, neck, (draft.groups[bar.link], group)))
     if bar.carrier == model.frame and model.frames:
         half = 0.3 * (high - low)
-        ends = [_at(bar.origin, bar.along, s, -depth - _GAP * r) for s in (-half, half)]
+        ends = [_at(bar.origin, bar.along, s, -depth - _WHEEL_GAP * r) for s in (-half, half)]
         start, end = place(np.array(ends), model.poses[bar.link][:1])[0]
         rail = outline.hatched_bar(tuple(start), tuple(end), r, thickness=0.42 * r)
         draft.pieces.append(Piece(model.frame, rail, group, "rail"))

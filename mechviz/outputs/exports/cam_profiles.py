@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from mechcore.cams.spatial import SpatialCam
     from mechviz.runs import Run
 
-STEP = 1.0  # degrees of the cam between points, through which arcs pass
+POINT_SPACING = 1.0  # degrees of the cam between points, through which arcs pass
 ON_CENTRE = 1e-6  # mm
 _NO_LAYER = re.compile(r'[<>/\\":;?*|=`,]')  # what names of layers must not hold
 
@@ -68,7 +68,7 @@ def _profile(cam: PlacedCam) -> Outline:
             length = law.pieces[piece.piece].length
             if cam.bed is not None and piece.piece in (0, len(law.pieces) - 1):
                 continue  # the level before and after the law
-            n = max(int(np.ceil(np.degrees(length) / STEP)) if cam.bed is None else 120, 8)
+            n = max(int(np.ceil(np.degrees(length) / POINT_SPACING)) if cam.bed is None else 120, 8)
         else:
             n, length = 32, 0.0
         u = np.linspace(0.0, 1.0, n + 1)
@@ -89,7 +89,7 @@ def _far_flank(cam: PlacedCam) -> Outline:
     law = other.law
     runs = []
     for piece, start in zip(law.pieces, law.knots, strict=False):
-        n = max(int(np.ceil(np.degrees(piece.length) / STEP)), 8)
+        n = max(int(np.ceil(np.degrees(piece.length) / POINT_SPACING)), 8)
         theta = start + piece.length * np.linspace(0.0, 1.0, n + 1)
         inside = np.clip(theta, start + 1e-12, start + piece.length - 1e-12)  # one-sided at the knots
         w = other.working_curve(inside, 1)
@@ -207,7 +207,7 @@ def profile_csv(outlines: Iterable[Outline]) -> str:
     return "\r\n".join(lines) + "\r\n"
 
 
-FORMATS: dict[str, Callable[[Iterable[Outline]], str]] = {"dxf": dxf_text, "svg": svg_text, "csv": profile_csv}
+PROFILE_FORMATS: dict[str, Callable[[Iterable[Outline]], str]] = {"dxf": dxf_text, "svg": svg_text, "csv": profile_csv}
 
 
 def export_profiles(run: Run, path: Path | str, kind: str, report: Callable[[str], None] = lambda _: None) -> Path:
@@ -226,7 +226,7 @@ def export_profiles(run: Run, path: Path | str, kind: str, report: Callable[[str
         raise OutputError(
             f"The scene '{run.scene.name}' has no cam, so there is no profile to write.", "Choose a scene with a cam."
         )
-    text = FORMATS[kind](outlines)
+    text = PROFILE_FORMATS[kind](outlines)
     with replacing(Path(path)) as temporary:
         temporary.write_text(text, encoding="utf-8", newline="")
     for line in _differences(run):
@@ -249,9 +249,9 @@ def _differences(run: Run) -> list[str]:
     return lines
 
 
-DEPTHS = 14  # places along the roller through which a flank is interpolated
-NODES = 48  # angles of each piece of the law through which a line is interpolated for its derivatives
-STEPS = 8  # of Newton's method
+FLANK_DEPTHS = 14  # places along the roller through which a flank is interpolated
+LINE_NODES = 48  # angles of each piece of the law through which a line is interpolated for its derivatives
+NEWTON_STEPS = 8  # of Newton's method
 
 
 # -- outlines and developments ----------------------------------------------------------------------------------------
@@ -305,16 +305,16 @@ def _runs(cam: SpatialCam, side: int, radius: float) -> tuple[tuple[Complex, Com
     """Smooth parts of a line end to end: points [mm], unit tangents, radii of curvature [mm], angles of the cam [rad]."""
     law, runs, start = cam.law, [], None
     for piece, knot in zip(law.pieces, law.knots, strict=False):
-        count = max(int(np.ceil(np.degrees(piece.length) / STEP)), 8)
+        count = max(int(np.ceil(np.degrees(piece.length) / POINT_SPACING)), 8)
         t = np.linspace(-1.0, 1.0, count + 1)
-        nodes = chebyshev.chebpts1(NODES)
+        nodes = chebyshev.chebpts1(LINE_NODES)
         theta = knot + 0.5 * piece.length * (1.0 + np.concatenate([t, nodes]))
         inside = np.clip(theta, knot + 1e-12, knot + piece.length - 1e-12)  # one-sided at the knots
         w = 1e3 * _line(cam, side, radius, inside, start)
         start = float(w[count].real) / 1e3 / radius  # the next part goes on at this azimuth
         points, fit = (
             w[: count + 1],
-            chebyshev.chebfit(nodes, np.column_stack([w[count + 1 :].real, w[count + 1 :].imag]), NODES - 1),
+            chebyshev.chebfit(nodes, np.column_stack([w[count + 1 :].real, w[count + 1 :].imag]), LINE_NODES - 1),
         )
         d1, d2 = (chebyshev.chebval(t, chebyshev.chebder(fit, order)) for order in (1, 2))
         first, second = d1[0] + 1j * d1[1], d2[0] + 1j * d2[1]
@@ -335,12 +335,12 @@ def _line(cam: SpatialCam, side: int, radius: float, theta: Real, start: float |
     wide = cam.radius + float(np.abs(_across(cam, theta)).max())
     low = np.sqrt(max(radius**2 - (1.05 * wide) ** 2, (0.2 * radius) ** 2))
     middle, half = 0.5 * (low + radius * 1.001), 0.5 * (radius * 1.001 - low)
-    nodes = chebyshev.chebpts1(DEPTHS)
+    nodes = chebyshev.chebpts1(FLANK_DEPTHS)
     flank = cam.flank(theta, middle + half * nodes, side or 1)
     p = flank.axis_point if side == 0 else flank.point
-    fits = [chebyshev.chebfit(nodes, p[..., k].T, DEPTHS - 1) for k in range(3)]
+    fits = [chebyshev.chebfit(nodes, p[..., k].T, FLANK_DEPTHS - 1) for k in range(3)]
     u = np.full(len(theta), 0.5)
-    for _ in range(STEPS):
+    for _ in range(NEWTON_STEPS):
         x, y = (chebyshev.chebval(u, fits[k], tensor=False) for k in (0, 1))
         dx, dy = (chebyshev.chebval(u, chebyshev.chebder(fits[k]), tensor=False) for k in (0, 1))
         rho = np.hypot(x, y)

@@ -25,7 +25,7 @@ from mechviz.quantities.vectors import point_name
 from mechviz.runs import package_version
 from mechviz.scene.scene import Scene
 
-PROGRAM = """\
+PROGRAM_TEXT = """\
 /* {title}
    Written by mechviz {version}; a C99 compiler makes a program of it: cc -O2 {file}.c -o {file} -lm
 
@@ -102,7 +102,7 @@ def code_of(scene: Scene, name: str) -> tuple[str, str | None]:
     own = law(np.array([0.0, law.duration]))
     parameters: list[float] = []
     lines = written.lines(parameters)
-    text = PROGRAM.format(
+    text = PROGRAM_TEXT.format(
         title=scene.title.replace("*/", ""),
         version=package_version(),
         file=re.sub(r"\W+", "_", name),

@@ -16,21 +16,21 @@ from numpy.typing import NDArray
 
 from mechcore.arrays import Real
 from mechviz.files import replacing
-from mechviz.outputs.exports.gltf_marks import ARROWS, Mark, Shape, find_marks
+from mechviz.outputs.exports.gltf_marks import ARROW_FAMILIES, Mark, Shape, find_marks
 from mechviz.outputs.presentation import Presentation
 from mechviz.picture.nodes import Body, Lines, Mesh
 from mechviz.picture.proportions import about_z
 
 Array = NDArray[Any]
 
-FLOAT, SHORT, INT = 5126, 5123, 5125  # component types
-VERTICES, INDICES = 34962, 34963  # what a buffer view is for
+FLOAT_TYPE, SHORT_TYPE, INT_TYPE = 5126, 5123, 5125  # component types
+VERTEX_BUFFER, INDEX_BUFFER = 34962, 34963  # what a buffer view is for
 LINE_STRIP = 3
-TYPES = {1: "SCALAR", 3: "VEC3", 4: "VEC4"}
-METALLIC, ROUGH = 0.25, 0.55
+ACCESSOR_TYPES = {1: "SCALAR", 3: "VEC3", 4: "VEC4"}
+METALLIC_FACTOR, ROUGHNESS_FACTOR = 0.25, 0.55
 
 
-def export_glb(shown: Presentation, path: Path | str, *, arrows: Iterable[str] = ARROWS) -> Path:
+def export_glb(shown: Presentation, path: Path | str, *, arrows: Iterable[str] = ARROW_FAMILIES) -> Path:
     """Write what is shown of a run or of a recording as GLB: metres, y up, one node a link, one animation over the whole run in its
     own time. ``arrows``: families."""
     data = glb_bytes(shown, arrows=arrows)
@@ -39,7 +39,7 @@ def export_glb(shown: Presentation, path: Path | str, *, arrows: Iterable[str] =
     return Path(path)
 
 
-def glb_bytes(shown: Presentation, *, arrows: Iterable[str] = ARROWS) -> bytes:
+def glb_bytes(shown: Presentation, *, arrows: Iterable[str] = ARROW_FAMILIES) -> bytes:
     """The GLB file of what is shown (glTF 2.0 specification, sections 3 and 4)."""
     picture = shown.picture
     out = _Writer()
@@ -70,7 +70,7 @@ def glb_bytes(shown: Presentation, *, arrows: Iterable[str] = ARROWS) -> bytes:
         stroke = out.material(path.colors[0], line=True)
         lines = [
             {
-                "attributes": {"POSITION": out.accessor(strip[-1], target=VERTICES, bounds=True)},
+                "attributes": {"POSITION": out.accessor(strip[-1], target=VERTEX_BUFFER, bounds=True)},
                 "mode": LINE_STRIP,
                 "material": stroke,
             }
@@ -146,17 +146,22 @@ class _Writer:
         """Values (n,) or (n, width) as float32, or as indices where they are integers; ``bounds``: with least and greatest."""
         values = np.asarray(values)
         if values.dtype.kind in "ui":
-            kind = SHORT if values.max(initial=0) < 65535 else INT  # 65535 itself would restart a strip
-            data = values.astype("<u2" if kind == SHORT else "<u4")
+            kind = SHORT_TYPE if values.max(initial=0) < 65535 else INT_TYPE  # 65535 itself would restart a strip
+            data = values.astype("<u2" if kind == SHORT_TYPE else "<u4")
         else:
-            kind, data = FLOAT, values.astype("<f4")
+            kind, data = FLOAT_TYPE, values.astype("<f4")
         view: dict[str, Any] = {"buffer": 0, "byteOffset": len(self._binary), "byteLength": data.nbytes}
         if target is not None:
             view["target"] = target
         self._binary += data.tobytes()
         self._binary += b"\0" * (-len(self._binary) % 4)  # every view starts at a multiple of four
         width = data.shape[1] if data.ndim > 1 else 1
-        entry: dict[str, Any] = {"bufferView": len(self._views), "componentType": kind, "count": len(data), "type": TYPES[width]}
+        entry: dict[str, Any] = {
+            "bufferView": len(self._views),
+            "componentType": kind,
+            "count": len(data),
+            "type": ACCESSOR_TYPES[width],
+        }
         if bounds:  # of the values as they are stored
             flat = data.reshape(-1, width)
             entry |= {"min": flat.min(axis=0).tolist(), "max": flat.max(axis=0).tolist()}
@@ -176,7 +181,11 @@ class _Writer:
         """A material of a colour (0-255); a line shines by itself, for it has no normals; ``both``: seen from both sides."""
         linear = [round(_linear(c / 255.0), 6) for c in color[:3]]
         look: dict[str, Any] = {
-            "pbrMetallicRoughness": {"baseColorFactor": [*linear, 1.0], "metallicFactor": METALLIC, "roughnessFactor": ROUGH}
+            "pbrMetallicRoughness": {
+                "baseColorFactor": [*linear, 1.0],
+                "metallicFactor": METALLIC_FACTOR,
+                "roughnessFactor": ROUGHNESS_FACTOR,
+            }
         }
         if line:
             look = {"pbrMetallicRoughness": {"baseColorFactor": [0.0, 0.0, 0.0, 1.0]}, "emissiveFactor": linear}
@@ -206,10 +215,10 @@ def _primitives(out: _Writer, solid: Mesh) -> Iterator[dict[str, Any]]:
 def _primitive(out: _Writer, vertices: Array, normals: Array, faces: Array, material: int) -> dict[str, Any]:
     return {
         "attributes": {
-            "POSITION": out.accessor(vertices, target=VERTICES, bounds=True),
-            "NORMAL": out.accessor(normals, target=VERTICES),
+            "POSITION": out.accessor(vertices, target=VERTEX_BUFFER, bounds=True),
+            "NORMAL": out.accessor(normals, target=VERTEX_BUFFER),
         },
-        "indices": out.accessor(faces.reshape(-1), target=INDICES),
+        "indices": out.accessor(faces.reshape(-1), target=INDEX_BUFFER),
         "material": material,
     }
 
@@ -219,7 +228,7 @@ def _shown(out: _Writer, shape: Shape) -> dict[str, Any]:
     material = out.material(shape.color, both=bool(np.ptp(shape.vertices[:, 2]) == 0.0))
     primitive = _primitive(out, shape.vertices, shape.normals, shape.faces, material)
     if shape.targets is not None:
-        primitive["targets"] = [{"POSITION": out.accessor(target, target=VERTICES, bounds=True)} for target in shape.targets]
+        primitive["targets"] = [{"POSITION": out.accessor(target, target=VERTEX_BUFFER, bounds=True)} for target in shape.targets]
     return primitive
 
 

@@ -20,11 +20,11 @@ from mechviz.outputs.presentation import Presentation
 from mechviz.picture.nodes import Arc, Arrow, Lines
 from mechviz.picture.proportions import (
     ARC_WIDTH,
-    HEAD,
-    HEAD_RADIUS,
+    ARROW_HEAD_LENGTH,
+    ARROW_HEAD_RADIUS,
+    ARROW_SHAFT_RADIUS,
     LEAST_ARROW,
-    POT,
-    SHAFT,
+    POT_HALF_WIDTH,
     STRUT_COLOR,
     arc_corners,
     arc_faces,
@@ -32,21 +32,21 @@ from mechviz.picture.proportions import (
     ribbon_faces,
     spiral_radius,
 )
-from mechviz.picture.springs import BUSHING, RING_POINTS, axis_of_spiral, ends_of_strut
+from mechviz.picture.springs import BUSHING_RADIUS, RING_POINTS, axis_of_spiral, ends_of_strut
 from mechviz.picture.surface_marks import held
 from mechviz.quantities.vectors import FAMILIES
 
 Color = tuple[int, int, int]
 
-ARROWS = ("reaction", "applied", "inertia", "friction", "drive")
+ARROW_FAMILIES = ("reaction", "applied", "inertia", "friction", "drive")
 """Families of arrows that are written unless others are asked for."""
 
-RIBBON = 0.008  # width of the ribbon of a torsion spring, in sizes of the mechanism
-ROUND = 16  # sides of what is round
+RIBBON_WIDTH = 0.008  # width of the ribbon of a torsion spring, in sizes of the mechanism
+ROUND_SIDES = 16  # sides of what is round
 ARC_TURN = 1.5 * np.pi  # of a moment's arc [rad]
-STEPS = 48
-LEAST = 1e-4  # scale of what is too small to be seen: glTF has no nodes that come and go
-TARGETS = 8  # of a morph: so many any viewer can do
+ARC_STEPS = 48
+LEAST_SCALE = 1e-4  # scale of what is too small to be seen: glTF has no nodes that come and go
+MOST_TARGETS = 8  # of a morph: so many any viewer can do
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +74,7 @@ class Mark:
     below: tuple[Mark, ...] = ()
 
 
-def find_marks(shown: Presentation, families: Iterable[str] = ARROWS) -> list[Mark]:
+def find_marks(shown: Presentation, families: Iterable[str] = ARROW_FAMILIES) -> list[Mark]:
     """The arrows and moments of some families, the struts, bushings and torsion springs of what is shown."""
     wanted, picture = set(families), shown.picture
     marks = []
@@ -100,14 +100,14 @@ def _arrow(name: str, origin: Real, vector: Real, height: float, size: float, co
     known = np.asarray(np.isfinite(np.column_stack([origin, vector])).all(axis=1), bool)
     length = np.where(known, np.hypot(vector[:, 0], vector[:, 1]), 0.0)
     whole = LEAST_ARROW * size
-    shaft = np.maximum(length, whole) - HEAD * size
-    factor = np.clip(length / whole, LEAST, 1.0)
+    shaft = np.maximum(length, whole) - ARROW_HEAD_LENGTH * size
+    factor = np.clip(length / whole, LEAST_SCALE, 1.0)
     pointed = length > 1e-9 * size
     turn = np.unwrap(held(np.arctan2(vector[:, 1], vector[:, 0]), pointed))
     places = np.column_stack([held(origin[:, 0], known), held(origin[:, 1], known), np.full(len(origin), height)])
     one, none = np.ones(len(length)), np.zeros(len(length))
-    rod = _turned([(SHAFT * size, 0.0), (SHAFT * size, 1.0)], color)
-    tip = _turned([(HEAD_RADIUS * size, 0.0), (0.0, HEAD * size)], color)
+    rod = _turned([(ARROW_SHAFT_RADIUS * size, 0.0), (ARROW_SHAFT_RADIUS * size, 1.0)], color)
+    tip = _turned([(ARROW_HEAD_RADIUS * size, 0.0), (0.0, ARROW_HEAD_LENGTH * size)], color)
     return Mark(
         name,
         places,
@@ -125,9 +125,9 @@ def _moment(name: str, arc: Arc, part: Real, size: float, color: Color) -> Mark:
     origin = arc.moment.origin
     known = np.logical_and(np.isfinite(origin).all(axis=1), np.isfinite(part))
     size_of = np.where(known, part, 0.0)
-    size_of = np.where(np.abs(size_of) < LEAST, LEAST, size_of)
+    size_of = np.where(np.abs(size_of) < LEAST_SCALE, LEAST_SCALE, size_of)
     places = np.column_stack([held(origin[:, 0], known), held(origin[:, 1], known), np.full(len(origin), arc.height)])
-    shape = _flat(arc_corners(ARC_TURN, arc.radius, ARC_WIDTH * size, STEPS), arc_faces(STEPS), color)
+    shape = _flat(arc_corners(ARC_TURN, arc.radius, ARC_WIDTH * size, ARC_STEPS), arc_faces(ARC_STEPS), color)
     return Mark(name, places, None, np.column_stack([np.abs(size_of), size_of, np.abs(size_of)]), shape)
 
 
@@ -143,7 +143,7 @@ def _strut_glyphs(shown: Presentation) -> list[Mark]:
         strips = [held(s[..., :2].astype(float), np.asarray(np.isfinite(s).all(axis=(1, 2)))) for s in node.strips]
         if kind in ("damper", "gas spring", "actuator"):
             a, b = ends_of_strut(*strips, closed=kind != "damper")
-            marks += _strut(f"{kind} {load}", a, b, size, top + POT * size)
+            marks += _strut(f"{kind} {load}", a, b, size, top + POT_HALF_WIDTH * size)
         elif kind == "bushing":
             ring, bar, _ = strips
             along = (bar[:, 1] - bar[:, 0]) @ np.array([1.0, 1.0j])
@@ -157,8 +157,8 @@ def _strut_glyphs(shown: Presentation) -> list[Mark]:
 
 def _bushing(name: str, centre: Real, place: Real, angle: Real, size: float, height: float) -> list[Mark]:
     """A ring about ``centre`` and a cross at ``place`` (F, 2), turned by ``angle`` (F,)."""
-    half, around = 0.5 * RIBBON * size, np.exp(1j * np.linspace(0.0, 2.0 * np.pi, RING_POINTS))
-    radius = BUSHING * size
+    half, around = 0.5 * RIBBON_WIDTH * size, np.exp(1j * np.linspace(0.0, 2.0 * np.pi, RING_POINTS))
+    radius = BUSHING_RADIUS * size
     ring = np.stack([(radius + half) * around, (radius - half) * around], axis=1).ravel()
     bar = np.array([-radius - 1j * half, -radius + 1j * half, radius - 1j * half, radius + 1j * half])
     z = np.full(len(centre), height)
@@ -181,7 +181,7 @@ def _strut(name: str, a: Real, b: Real, size: float, height: float) -> list[Mark
     pot = pot_length(least, most)
     stub = 0.12 * pot
     turn = np.unwrap(np.arctan2(d[:, 1], d[:, 0]))
-    w = POT * size
+    w = POT_HALF_WIDTH * size
     outer = _turned([(0.0, 0.0), (0.3 * w, 0.0), (0.3 * w, stub), (w, stub), (w, pot), (0.0, pot)], STRUT_COLOR)
     inner = _turned([(0.0, -(most - 0.92 * pot)), (0.35 * w, -(most - 0.92 * pot)), (0.35 * w, 0.0), (0.0, 0.0)], (150, 158, 170))
     z = np.full(len(a), height)
@@ -194,18 +194,18 @@ def _strut(name: str, a: Real, b: Real, size: float, height: float) -> list[Mark
 def _spiral(name: str, centre: Real, start: Real, angle: Real, size: float, top: float) -> Mark:
     """A ribbon that begins at the angle ``start`` (F,) inside and is ``angle`` (F,) [rad]: morph targets between its windings."""
     low, high = float(angle.min()), float(angle.max())
-    grid = np.linspace(low, high, 1 + TARGETS) if high - low > 1e-6 else np.array([low])
-    part = np.linspace(0.0, 1.0, STEPS * 3)
+    grid = np.linspace(low, high, 1 + MOST_TARGETS) if high - low > 1e-6 else np.array([low])
+    part = np.linspace(0.0, 1.0, ARC_STEPS * 3)
     radius = spiral_radius(part, size)
-    half = 0.5 * RIBBON * size
+    half = 0.5 * RIBBON_WIDTH * size
     edges = [np.stack([(radius + side * half) * np.exp(1j * g * part) for side in (1.0, -1.0)], axis=1).ravel() for g in grid]
     shape = _flat(edges[0], ribbon_faces(len(part)), STRUT_COLOR)
     places = np.column_stack([centre, np.full(len(centre), top + 0.01 * size)])
     if len(grid) == 1:
         return Mark(name, places, start, shape=shape)
     targets = np.stack([np.column_stack([(w - edges[0]).real, (w - edges[0]).imag, np.zeros(len(w))]) for w in edges[1:]])
-    at = (angle - low) / (high - low) * TARGETS  # between which two windings, and how far: a hat over each target
-    weights = np.clip(1.0 - np.abs(at[:, None] - np.arange(1, TARGETS + 1)), 0.0, 1.0)
+    at = (angle - low) / (high - low) * MOST_TARGETS  # between which two windings, and how far: a hat over each target
+    weights = np.clip(1.0 - np.abs(at[:, None] - np.arange(1, MOST_TARGETS + 1)), 0.0, 1.0)
     shape = Shape(shape.vertices, shape.normals, shape.faces, shape.color, targets)
     return Mark(name, places, start, shape=shape, weights=weights)
 
@@ -216,17 +216,17 @@ def _turned(profile: list[tuple[float, float]], color: Color) -> Shape:
     vertices: list[Real] = []
     normals: list[Real] = []
     faces: list[Any] = []
-    angle = 2.0 * np.pi * np.arange(ROUND) / ROUND
-    ring = np.column_stack([np.zeros(ROUND), np.cos(angle), np.sin(angle)])
-    k, after = np.arange(ROUND), np.roll(np.arange(ROUND), -1)
+    angle = 2.0 * np.pi * np.arange(ROUND_SIDES) / ROUND_SIDES
+    ring = np.column_stack([np.zeros(ROUND_SIDES), np.cos(angle), np.sin(angle)])
+    k, after = np.arange(ROUND_SIDES), np.roll(np.arange(ROUND_SIDES), -1)
     for (r0, x0), (r1, x1) in pairwise(profile):
         start = sum(len(v) for v in vertices)
         lean = np.array([r0 - r1, x1 - x0]) / np.hypot(r0 - r1, x1 - x0)  # along x, outward
         for r, x in ((r0, x0), (r1, x1)):
             vertices.append(r * ring + [x, 0.0, 0.0])
             normals.append(lean[1] * ring + [lean[0], 0.0, 0.0])
-        faces.append(start + np.column_stack([k, after, ROUND + after]))
-        faces.append(start + np.column_stack([k, ROUND + after, ROUND + k]))
+        faces.append(start + np.column_stack([k, after, ROUND_SIDES + after]))
+        faces.append(start + np.column_stack([k, ROUND_SIDES + after, ROUND_SIDES + k]))
     return Shape(np.vstack(vertices), np.vstack(normals), np.vstack(faces).astype(np.uint32), color)
 
 

@@ -25,18 +25,18 @@ if TYPE_CHECKING:
 
     from mechviz.runs import Run
 
-_TYPES = """<?xml version="1.0" encoding="UTF-8"?>
+_CONTENT_TYPES = """<?xml version="1.0" encoding="UTF-8"?>
 <Types xmlns="http://schemas.openxmlformats.org/package/2006/content-types">
 <Default Extension="rels" ContentType="application/vnd.openxmlformats-package.relationships+xml"/>
 <Default Extension="model" ContentType="application/vnd.ms-package.3dmanufacturing-3dmodel+xml"/>
 </Types>
 """
-_RELATIONS = """<?xml version="1.0" encoding="UTF-8"?>
+_PACKAGE_RELATIONS = """<?xml version="1.0" encoding="UTF-8"?>
 <Relationships xmlns="http://schemas.openxmlformats.org/package/2006/relationships">
 <Relationship Target="/3D/3dmodel.model" Id="rel0" Type="http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel"/>
 </Relationships>
 """
-_STAMP = (1980, 1, 1, 0, 0, 0)  # of the entries of the archive: the same run gives the same file
+_ENTRY_DATE = (1980, 1, 1, 0, 0, 0)  # of the entries of the archive: the same run gives the same file
 
 
 def model_xml(run: Run, solids: Solids) -> str:
@@ -95,8 +95,12 @@ def export_3mf(run: Run, path: Path | str, *, solids: Solids | None = None) -> P
 def write_3mf(path: Path | str, text: str) -> Path:
     """Write a 3MF file around its model part."""
     with replacing(Path(path)) as temporary, zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED) as archive:
-        for name, content in (("[Content_Types].xml", _TYPES), ("_rels/.rels", _RELATIONS), ("3D/3dmodel.model", text)):
-            entry = zipfile.ZipInfo(name, _STAMP)
+        for name, content in (
+            ("[Content_Types].xml", _CONTENT_TYPES),
+            ("_rels/.rels", _PACKAGE_RELATIONS),
+            ("3D/3dmodel.model", text),
+        ):
+            entry = zipfile.ZipInfo(name, _ENTRY_DATE)
             entry.compress_type = zipfile.ZIP_DEFLATED
             archive.writestr(entry, content)
     return Path(path)
@@ -128,8 +132,8 @@ def _free_name(folder: Path, link: str, taken: list[Path]) -> Path:
     return path
 
 
-WIDTH = 220.0  # of a sheet or a print bed [mm]
-_SAME = 1e-3  # [mm]
+SHEET_WIDTH = 220.0  # of a sheet or a print bed [mm]
+_SAME_LENGTH = 1e-3  # [mm]
 
 Placed = Sequence[tuple[FlatPart, float, float]]
 
@@ -146,9 +150,9 @@ def export_kit(run: Run, folder: Path | str, thickness: float, clearance: float,
         words = (error.strerror or str(error)).lower()
         raise OutputError(f"The folder '{folder}' cannot be made: {words}.", "Choose another place.") from None
     parts = kit_of(run.motion.mechanism, looked_at(run), thickness, clearance, washer)
-    placed = laid_out(parts, WIDTH)
+    placed = laid_out(parts, SHEET_WIDTH)
     plates = [entry for entry in placed if entry[0].kind == "plate"]
-    plates = laid_out([part for part, _, _ in plates], WIDTH)
+    plates = laid_out([part for part, _, _ in plates], SHEET_WIDTH)
     written = []
     for name, text in (("plates.dxf", dxf_text(plates)), ("plates.svg", svg_text(plates)), ("parts.csv", list_text(parts))):
         with replacing(folder / name) as temporary:
@@ -239,6 +243,6 @@ def _rings(part: FlatPart) -> list[Any]:
     rings = [part.outline.exterior]
     for ring in part.outline.interiors:
         centre = ring.centroid
-        if not any(np.hypot(centre.x - x, centre.y - y) < _SAME for x, y, _ in part.circles):
+        if not any(np.hypot(centre.x - x, centre.y - y) < _SAME_LENGTH for x, y, _ in part.circles):
             rings.append(ring)
     return [np.asarray(ring.coords)[:-1, :2] for ring in rings]

@@ -24,7 +24,7 @@ from mechviz.runs import Run, package_version
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-ROWS = 2000  # written at once
+ROWS_AT_ONCE = 2000  # written at once
 MOST_ROWS = 10_000_000
 
 
@@ -64,8 +64,8 @@ def export_csv(run: Run, path: Path | str, times: Real | None = None) -> Path:
     values = np.column_stack(list(columns.values()))
     with replacing(Path(path)) as temporary, open(temporary, "w", encoding="utf-8", newline="") as file:
         file.write(",".join(map(_quoted, columns)) + "\r\n")
-        for start in range(0, len(values), ROWS):
-            file.writelines(",".join(map(repr, row)) + "\r\n" for row in values[start : start + ROWS].tolist())
+        for start in range(0, len(values), ROWS_AT_ONCE):
+            file.writelines(",".join(map(repr, row)) + "\r\n" for row in values[start : start + ROWS_AT_ONCE].tolist())
     return Path(path)
 
 
@@ -91,12 +91,12 @@ def _quoted(name: str) -> str:
     return '"' + name.replace('"', '""') + '"' if re.search(r'[",\r\n]', name) else name
 
 
-PANEL = 7.0, 2.4  # width and height of a plot [in]
-KINDS = ("CSV", "SVG", "PNG")
-DASHES = ("--", ":", "-.")  # of other designs, and again
+PANEL_SIZE = 7.0, 2.4  # width and height of a plot [in]
+PLOT_FORMATS = ("CSV", "SVG", "PNG")
+DESIGN_DASHES = ("--", ":", "-.")  # of other designs, and again
 
 
-ANGLES = (1.0, 1.5, 3.0, 4.5, 6.0, 9.0, 10.0)  # steps between ticks, times a power of ten
+ANGLE_TICK_STEPS = (1.0, 1.5, 3.0, 4.5, 6.0, 9.0, 10.0)  # steps between ticks, times a power of ten
 
 
 def plot_figure(
@@ -108,7 +108,7 @@ def plot_figure(
 ) -> Figure:
     """A figure of matplotlib with a panel for each quantity; in the first one, dashed, ``others``: the same curves (F, k) of other
     designs by their names, and pale bands of ``half`` widths (F, k)."""
-    width, height = PANEL
+    width, height = PANEL_SIZE
     beside = others or {}
     with chart(width, height * len(quantities) + 0.8) as figure:
         figure.suptitle(title)
@@ -117,7 +117,7 @@ def plot_figure(
             panel.plot(axis.values, quantity.values(), label=quantity.curves)
             panel.set(ylabel=f"[{quantity.unit}]", title=quantity.label)
         colors = [line.get_color() for line in panels[0].lines]
-        for (other, values), dash in zip(beside.items(), cycle(DASHES), strict=False):
+        for (other, values), dash in zip(beside.items(), cycle(DESIGN_DASHES), strict=False):
             for column, name, color in zip(values.T, quantities[0].curves, colors, strict=True):
                 panels[0].plot(axis.values, column, color=color, linestyle=dash, linewidth=1.0, label=f"{name} {other}")
         if half is not None:
@@ -128,7 +128,7 @@ def plot_figure(
                 panel.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0))
         panels[-1].set_xlabel(axis.title)
         if axis.unit == "°":
-            panels[-1].xaxis.get_major_locator().set_params(steps=ANGLES)
+            panels[-1].xaxis.get_major_locator().set_params(steps=ANGLE_TICK_STEPS)
     return figure
 
 
@@ -140,8 +140,8 @@ def plot_file(
     others: Mapping[str, Real] | None = None,
     half: Real | None = None,
 ) -> bytes:
-    """A plot as a file of one of ``KINDS``; a table has the axis first, in the units that the plot shows, and last ``others``: the
-    same curves (F, k) of other designs by their names, and ``half`` the widths (F, k) of tolerance bands."""
+    """A plot as a file of one of ``PLOT_FORMATS``; a table has the axis first, in the units that the plot shows, and last
+    ``others``: the same curves (F, k) of other designs by their names, and ``half`` the widths (F, k) of tolerance bands."""
     if kind == "CSV":
         text = StringIO()
         rows = csv.writer(text)

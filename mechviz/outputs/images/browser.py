@@ -19,11 +19,11 @@ from typing import Any
 
 from mechviz.files import OutputError
 
-VARIABLE = "MECHVIZ_CHROMIUM"
-NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
-FAILED = f"Try again, or with another Chromium, which {VARIABLE} names."
-PATIENCE = 300.0  # [s] for an answer: a slow machine without a graphics card may need most of it
-ARGUMENTS = (
+CHROMIUM_VARIABLE = "MECHVIZ_CHROMIUM"
+CHROMIUM_NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
+RETRY_REMEDY = f"Try again, or with another Chromium, which {CHROMIUM_VARIABLE} names."
+ANSWER_PATIENCE = 300.0  # [s] for an answer: a slow machine without a graphics card may need most of it
+CHROMIUM_ARGUMENTS = (
     "--headless=new",
     "--remote-debugging-pipe",
     "--no-first-run",
@@ -50,13 +50,17 @@ class ChromiumError(OutputError):
 
 def find_chromium() -> str:
     """The path of Chromium or Chrome; the environment variable MECHVIZ_CHROMIUM goes first. Raises `ChromiumError`."""
-    wanted = os.environ.get(VARIABLE)
-    program = shutil.which(wanted) if wanted else next((path for name in NAMES if (path := shutil.which(name))), None)
+    wanted = os.environ.get(CHROMIUM_VARIABLE)
+    program = shutil.which(wanted) if wanted else next((path for name in CHROMIUM_NAMES if (path := shutil.which(name))), None)
     if program is None:
-        what = f"{VARIABLE} names '{wanted}', which is no program." if wanted else "Pictures need Chromium, which is not installed."
+        what = (
+            f"{CHROMIUM_VARIABLE} names '{wanted}', which is no program."
+            if wanted
+            else "Pictures need Chromium, which is not installed."
+        )
         raise ChromiumError(
             what,
-            f"Install it (Debian: apt-get install chromium), or name another Chrome in {VARIABLE}; "
+            f"Install it (Debian: apt-get install chromium), or name another Chrome in {CHROMIUM_VARIABLE}; "
             "mechviz share makes a page that any browser shows, and shot -o picture.svg a drawing without one.",
         )
     return program
@@ -111,7 +115,7 @@ class Chromium:
         sandbox = ["--no-sandbox"] if os.geteuid() == 0 else []
         try:
             self._process = subprocess.Popen(
-                [executable, *ARGUMENTS, *sandbox, f"--user-data-dir={self._profile}", "about:blank"],
+                [executable, *CHROMIUM_ARGUMENTS, *sandbox, f"--user-data-dir={self._profile}", "about:blank"],
                 preexec_fn=connect,
                 close_fds=False,  # it would close 3 and 4; Python's own descriptors are closed anyway
                 stdin=subprocess.DEVNULL,
@@ -143,7 +147,7 @@ class Chromium:
         if "exceptionDetails" in answer:
             details = answer["exceptionDetails"]
             words = details.get("exception", {}).get("description", details.get("text", "an error"))
-            raise ChromiumError(f"The page failed: {words.splitlines()[0]}.", FAILED)
+            raise ChromiumError(f"The page failed: {words.splitlines()[0]}.", RETRY_REMEDY)
         return answer["result"].get("value")
 
     def screenshot(self) -> bytes:
@@ -164,7 +168,7 @@ class Chromium:
             raise self._gone() from None
         answer = self._await(lambda m: m.get("id") == message["id"])
         if "error" in answer:
-            raise ChromiumError(f"Chromium refused {method}: {answer['error'].get('message', '')}.", FAILED)
+            raise ChromiumError(f"Chromium refused {method}: {answer['error'].get('message', '')}.", RETRY_REMEDY)
         result: dict[str, Any] = answer["result"]
         return result
 
@@ -175,7 +179,7 @@ class Chromium:
         raise self._gone()
 
     def _messages(self) -> Iterator[dict[str, Any]]:
-        end = time.monotonic() + PATIENCE
+        end = time.monotonic() + ANSWER_PATIENCE
         while True:
             text, mark, rest = self._rest.partition(b"\0")
             if mark:
@@ -184,7 +188,9 @@ class Chromium:
                 continue
             ready, _, _ = select.select([self._from], [], [], max(0.0, end - time.monotonic()))
             if not ready:
-                raise ChromiumError(f"Chromium has not answered for {PATIENCE:.0f} s.", "Try again when the machine is less busy.")
+                raise ChromiumError(
+                    f"Chromium has not answered for {ANSWER_PATIENCE:.0f} s.", "Try again when the machine is less busy."
+                )
             got = os.read(self._from, 1 << 16)
             if not got:
                 return

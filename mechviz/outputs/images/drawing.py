@@ -16,11 +16,11 @@ from mechviz.outputs.page.pack import MOST_FRAMES, Progress, quiet, unpack
 from mechviz.outputs.page.page import show_text
 from mechviz.outputs.presentation import Presentation
 
-FACING = 0.2  # least z of a face's normal that is drawn: what looks towards the eye
-LIGHT = np.array([-0.30, 0.50, 0.81])
+LEAST_FACING = 0.2  # least z of a face's normal that is drawn: what looks towards the eye
+LIGHT_DIRECTION = np.array([-0.30, 0.50, 0.81])
 LIGHT_INK = "#e8ecf2"  # on a dark ground
-READABLE = 0.62  # colours of constructions, made for a dark ground, on a light one: as on the page
-HEAD = 9.0  # length of an arrow's head in hundredths of the picture's height
+SHADE_ON_LIGHT = 0.62  # colours of constructions, made for a dark ground, on a light one: as on the page
+ARROW_HEAD = 9.0  # length of an arrow's head in hundredths of the picture's height
 
 
 def write_svg(
@@ -95,12 +95,12 @@ def _solids(header: dict[str, Any], arrays: list[Any], frame: float, shown: Any)
         c, s = np.cos(angle), np.sin(angle)
         turn = np.array([[c, -s], [s, c]])
         normal = normals[faces].mean(axis=1)
-        least, steps = (0.0, 24.0) if "spin" in link else (FACING, 4.0)  # of spatial cams all is round
+        least, steps = (0.0, 24.0) if "spin" in link else (LEAST_FACING, 4.0)  # of spatial cams all is round
         facing = normal[:, 2] > least
         flat = vertices[:, :2] @ turn.T + [x, y]
         heights = vertices[faces, 2].max(axis=1)
         normal[:, :2] = normal[:, :2] @ turn.T
-        light = np.round(steps * (0.55 + 0.5 * np.clip(normal @ LIGHT, 0.0, 1.0))) / steps
+        light = np.round(steps * (0.55 + 0.5 * np.clip(normal @ LIGHT_DIRECTION, 0.0, 1.0))) / steps
         key = np.column_stack([arrays[mesh["colors"]][faces[:, 0]], np.round(heights * 1e6), light])[facing]
         groups, number = np.unique(key, axis=0, return_inverse=True)
         triangles = polygons(flat[faces[facing]])
@@ -140,7 +140,7 @@ def _drawn(
         return
     if name not in shown:
         return
-    colors = [shown[name] or _shaded(c, 1.0 if stroke == LIGHT_INK else READABLE) for c in d["colors"]] or [stroke]
+    colors = [shown[name] or _shaded(c, 1.0 if stroke == LIGHT_INK else SHADE_ON_LIGHT) for c in d["colors"]] or [stroke]
     widths = [max(1.2, 2.0 * r * scale) for r in d["radii"]] or [1.5]
     if d["kind"] == "arrows":
         starts = _at(arrays[d["origins"]].reshape(frames, -1), frame).reshape(-1, 2)
@@ -179,7 +179,7 @@ def _arrow(start: Real, tip: Real, color: str, width: float, unit: float) -> Ite
         return
     along = (tip - start) / length
     across = np.array([-along[1], along[0]])
-    head = min(HEAD * unit * 0.3, 0.45 * length)
+    head = min(ARROW_HEAD * unit * 0.3, 0.45 * length)
     neck = tip - head * along
     shaft = f"M{start[0]:.1f} {start[1]:.1f}L{neck[0]:.1f} {neck[1]:.1f}"
     yield f'<path d="{shaft}" stroke="{color}" stroke-width="{width:.1f}" fill="none"/>'

@@ -23,9 +23,9 @@ from mechviz.outputs.page.page import make_page, pace_of
 from mechviz.outputs.presentation import Presentation
 from mechviz.quantities.catalogue import time_at
 
-VIEWS = ("3d", "front", "iso", "top", "left", "right", "back")
+VIEW_NAMES = ("3d", "front", "iso", "top", "left", "right", "back")
 GIF_RATE, VIDEO_RATE = 20, 30  # pictures a second; a GIF counts in hundredths of a second
-SETTLED = "new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))"
+SETTLED_SCRIPT = "new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))"
 
 Begin = Callable[[str], None]
 """Gets the name of the next stage."""
@@ -117,7 +117,7 @@ def _stage(
         with Chromium(look.width, look.height, dark=look.dark) as browser:
             browser.go(page)
             browser.evaluate("mechviz.ready")
-            browser.evaluate(f"document.body.classList.add('bare', '{'plain' if plain else 'shaded'}'); {SETTLED}")
+            browser.evaluate(f"document.body.classList.add('bare', '{'plain' if plain else 'shaded'}'); {SETTLED_SCRIPT}")
             if look.shown is not None:
                 known = browser.evaluate("[...document.querySelectorAll('#groups button')].map((b) => b.dataset.group)")
                 unknown = [name for name in look.shown if name not in known]
@@ -128,11 +128,11 @@ def _stage(
                 browser.evaluate(
                     f"for (const g of {json.dumps(known)}) mechviz.player.show(g, {json.dumps(look.shown)}.includes(g))"
                 )
-            browser.evaluate(f"mechviz.player.stage.resize(); mechviz.player.view({json.dumps(look.view)}); {SETTLED}")
+            browser.evaluate(f"mechviz.player.stage.resize(); mechviz.player.view({json.dumps(look.view)}); {SETTLED_SCRIPT}")
 
             def picture(time: float | None) -> bytes:
                 seek = "" if time is None else f"mechviz.player.seek({time!r});"
-                browser.evaluate(f"{seek} mechviz.player.drawNow(); {SETTLED}")
+                browser.evaluate(f"{seek} mechviz.player.drawNow(); {SETTLED_SCRIPT}")
                 return browser.screenshot()
 
             yield picture

@@ -18,8 +18,8 @@ from mechviz.outputs.rerun.reader import evenly
 
 Array = NDArray[Any]
 
-LARGEST = float(np.finfo(np.float32).max)
-ABSENT = 65535
+LARGEST_FLOAT = float(np.finfo(np.float32).max)
+NO_VALUE = 65535
 """Of quantised values: there is none (NaN)."""
 
 
@@ -35,7 +35,7 @@ class Pack:
     def floats(self, values: Array) -> int:
         """Any values as float32; NaN for larger ones, as a damaged recording may hold."""
         flat = np.asarray(values).ravel()
-        return self._add("f32", np.where(np.abs(flat) <= LARGEST, flat, np.nan).astype(np.float32))
+        return self._add("f32", np.where(np.abs(flat) <= LARGEST_FLOAT, flat, np.nan).astype(np.float32))
 
     def places(self, values: Array) -> int:
         """Finite or NaN values as 16-bit steps of their range: for looking, not for reading off."""
@@ -44,8 +44,8 @@ class Pack:
         low = float(np.min(flat, initial=np.inf, where=known)) if known.any() else 0.0
         high = float(np.max(flat, initial=-np.inf, where=known)) if known.any() else 1.0
         span = (high - low) or 1.0
-        steps = np.where(known, np.round((np.where(known, flat, low) - low) / span * (ABSENT - 1)), ABSENT)
-        return self._add("q16", steps.astype(np.uint16), low=low, span=span / (ABSENT - 1))
+        steps = np.where(known, np.round((np.where(known, flat, low) - low) / span * (NO_VALUE - 1)), NO_VALUE)
+        return self._add("q16", steps.astype(np.uint16), low=low, span=span / (NO_VALUE - 1))
 
     def directions(self, values: Array) -> int:
         """Components of unit vectors in 127ths; 0 of what is no direction, as the normals of a damaged mesh may be."""
@@ -90,7 +90,7 @@ def unpack(text: str) -> tuple[dict[str, Any], list[Array]]:
         planes = np.frombuffer(raw, np.uint8, entry["count"] * dtype.itemsize, start + entry["at"])
         flat: Array = np.ascontiguousarray(planes.reshape(dtype.itemsize, -1).T).view(dtype).ravel()
         if entry["type"] == "q16":
-            flat = np.where(flat == ABSENT, np.nan, entry["low"] + entry["span"] * flat.astype(float))
+            flat = np.where(flat == NO_VALUE, np.nan, entry["low"] + entry["span"] * flat.astype(float))
         elif entry["type"] == "d32":
             flat = np.cumsum(flat, dtype=np.int64)
         elif entry["type"] == "i8":

@@ -17,9 +17,9 @@ from mechviz.outputs.page.shapes import hex_of, pack_bodies, pack_drawables, pac
 from mechviz.outputs.presentation import Presentation
 from mechviz.outputs.rerun.blueprint import LONGEST_SHOW, SECONDS_A_CYCLE, SHORTEST_SHOW
 from mechviz.outputs.rerun.content import html_of
-from mechviz.picture.centres import CENTRES
+from mechviz.picture.centres import CENTRE_GROUPS
 from mechviz.picture.nodes import Picture
-from mechviz.picture.overlays import DIAGRAMS, HIDDEN, INVERSION, WORDS
+from mechviz.picture.overlays import HIDDEN_DIAGRAMS, INVERSION_GROUP, INVERSION_TITLE, SECTION_DIAGRAMS
 from mechviz.quantities.catalogue import Catalogue
 from mechviz.quantities.numbers import Numbers
 from mechviz.quantities.vectors import FAMILIES, FORCE_FAMILIES, round_value
@@ -178,7 +178,7 @@ def pack_plot(plot: Plot, pack: Pack) -> dict[str, Any]:
     return {"title": plot.title, "unit": plot.unit, "names": list(plot.names), "values": pack.floats(plot.values), **more}
 
 
-SCRIPTS = ("decode.js", "camera.js", "stage.js", "export.js", "plots.js", "drawings.js", "player.js")
+PAGE_SCRIPTS = ("decode.js", "camera.js", "stage.js", "export.js", "plots.js", "drawings.js", "player.js")
 
 
 def make_page(
@@ -189,7 +189,7 @@ def make_page(
     pieces = {
         "title": escape(shown.title),
         "style": _read("style.css"),
-        "script": "\n".join(_read(name) for name in SCRIPTS),
+        "script": "\n".join(_read(name) for name in PAGE_SCRIPTS),
         "data": text,
     }
     page = ""
@@ -205,11 +205,11 @@ def _read(name: str) -> str:
     return files(__package__).joinpath(name).read_text(encoding="utf-8")
 
 
-SCHEMA = 2
-LEGEND = 0.15  # of the mechanism's size: approximate length of the arrow whose value the legend states
-ROOM = 0.3  # of the mechanism's size: most room for arrows that reach beyond the solids
+PAGE_SCHEMA = 2
+LEGEND_ARROW = 0.15  # of the mechanism's size: approximate length of the arrow whose value the legend states
+MOST_ARROW_ROOM = 0.3  # of the mechanism's size: most room for arrows that reach beyond the solids
 
-GROUPS = {
+GROUP_LABELS = {
     "paths": "Paths",
     "ink": "Ink",
     "sheet": "Sheets",
@@ -220,9 +220,9 @@ GROUPS = {
     "funicular": "Funicular",
     "substitutes": "Substitute masses",
     "equivalent": "Equivalent linkages",
-    INVERSION: WORDS,
-    **{group: words for group, (words, _) in CENTRES.items()},
-    **{group: diagram.title for group, diagram in DIAGRAMS.items()},
+    INVERSION_GROUP: INVERSION_TITLE,
+    **{group: words for group, (words, _) in CENTRE_GROUPS.items()},
+    **{group: diagram.title for group, diagram in SECTION_DIAGRAMS.items()},
 }
 """Groups that can be shown and hidden beside the families of arrows."""
 
@@ -244,7 +244,7 @@ def show_text(
     drawables = [drawable for drawable, _ in drawn]
     bodies = pack_bodies(picture, frames, pack)
     header = {
-        "schema": SCHEMA,
+        "schema": PAGE_SCHEMA,
         "title": shown.title,
         "teaches": shown.teaches,
         "version": shown.version,
@@ -316,9 +316,10 @@ def pace_of(shown: Presentation) -> float:
 
 
 def _extent(picture: Picture, drawn: list[tuple[str, Any]]) -> Any:
-    """The box (2, 3) [m] around all solids, and what is drawn on them; of this counts up to `ROOM` only what reaches far beyond."""
+    """The box (2, 3) [m] around all solids, and what is drawn on them; of this counts up to `MOST_ARROW_ROOM` only what reaches far
+    beyond."""
     bounds = _core(picture)
-    room = ROOM * float(np.ptp(bounds, axis=0)[:2].max())
+    room = MOST_ARROW_ROOM * float(np.ptp(bounds, axis=0)[:2].max())
     low, high = bounds[0].copy(), bounds[1].copy()
     for box in (box for group, box in drawn if box is not None and group != "acceleration"):
         low[:2] = np.minimum(low[:2], np.maximum(box[0], bounds[0][:2] - room))
@@ -349,8 +350,8 @@ def _groups(picture: Picture, drawn: list[dict[str, Any]], units: Units) -> list
         per_metre = picture.scales.per_metre(name)
         arrows = any(d["group"] == name and d["kind"] == "arrows" for d in drawn if "kind" in d)
         if arrows and per_metre > 0.0 and per_metre != 1.0:
-            value = round_value(LEGEND * float(np.ptp(picture.bounds, axis=0)[:2].max()) * per_metre * factor)
+            value = round_value(LEGEND_ARROW * float(np.ptp(picture.bounds, axis=0)[:2].max()) * per_metre * factor)
             entry |= {"length": value / (per_metre * factor), "value": f"{value:g} {unit}"}
         groups.append(entry)
-    groups += [{"name": k, "label": v, "shown": k not in HIDDEN} for k, v in GROUPS.items() if k in present]
+    groups += [{"name": k, "label": v, "shown": k not in HIDDEN_DIAGRAMS} for k, v in GROUP_LABELS.items() if k in present]
     return [*groups, {"name": "names", "label": "Names", "shown": picture.marks}]

@@ -9,11 +9,11 @@ import numpy as np
 
 from mechcore.arrays import Complex, Flags, Real, Single
 from mechviz.outputs.page.pack import Frames, Pack, Progress, quiet
-from mechviz.outputs.rerun.nodes import MOTION, THICK, THIN, arc_strips, sweep_of
+from mechviz.outputs.rerun.nodes import FORCE_RADIUS, MOTION_FAMILIES, MOTION_RADIUS, arc_strips, sweep_of
 from mechviz.picture.arrows import visible
 from mechviz.picture.constructions import Drawing
 from mechviz.picture.nodes import Arc, Arrow, ArrowSet, Body, Color, Lines, Mesh, Node, Picture, Points, Poses
-from mechviz.picture.surface_marks import KINDS
+from mechviz.picture.surface_marks import MARK_KINDS
 from mechviz.quantities.vectors import FAMILIES
 
 Shape = dict[str, Any]
@@ -41,7 +41,7 @@ def pack_bodies(picture: Picture, frames: Frames, pack: Pack) -> list[Shape]:
     """Solids beside those of the links, as links are packed: springs, with their stretch along their axes (frames), and marks on
     rollers and belts. ``group``: what shows and hides them."""
     shapes = []
-    for body in picture.of(Body, "springs", *KINDS):
+    for body in picture.of(Body, "springs", *MARK_KINDS):
         poses = body.poses
         assert poses is not None
         at, turns = (a[frames.rows].astype(float) for a in (poses.places, poses.turns))
@@ -122,13 +122,13 @@ def _drawable(node: Node, picture: Picture, frames: Frames, pack: Pack) -> tuple
             scale = picture.scales.per_metre(family)
             seen = visible(vector.value, scale, size)[rows, None]
             origin, value = (np.where(seen, a[rows], np.nan) for a in (node.origin, vector.value / scale))
-            radius = (THIN if family in MOTION else THICK) * size
+            radius = (MOTION_RADIUS if family in MOTION_FAMILIES else FORCE_RADIUS) * size
             starts, vectors = (np.column_stack([a, np.full(len(rows), node.height)])[:, None] for a in (origin, value))
             return _arrows(starts, vectors, [FAMILIES[family].on_dark], [radius], [], pack)
         case Arc(moment=moment, group=family):
             sweep = sweep_of(node, picture.scales, size)[rows]
             strip = arc_strips(moment.origin[rows], sweep, node.height, node.radius)
-            return _strips([strip], [FAMILIES[family].on_dark], [THICK * size], [], sweep != 0.0, frames, pack)
+            return _strips([strip], [FAMILIES[family].on_dark], [FORCE_RADIUS * size], [], sweep != 0.0, frames, pack)
     return None
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from mechcore.arrays import Real
 from mechcore.motion.events import Event
-from mechviz.outputs.drawings import OVERLAYS
+from mechviz.outputs.drawings import OVERLAY_GROUPS
 from mechviz.outputs.rerun.entities import entity
 from mechviz.outputs.rerun.plots import (
     Output,
@@ -24,7 +24,7 @@ from mechviz.outputs.rerun.plots import (
     reaction_outputs,
     study_outputs,
 )
-from mechviz.picture.overlays import DIAGRAMS, HIDDEN
+from mechviz.picture.overlays import HIDDEN_DIAGRAMS, SECTION_DIAGRAMS
 from mechviz.quantities.items import joint_unit, links_with_mass
 from mechviz.quantities.vectors import FORCE_FAMILIES, plotted_against
 
@@ -32,15 +32,15 @@ if TYPE_CHECKING:
     from mechviz.runs import Run
 
 
-BACKGROUND = (24, 28, 36, 255)
+BACKGROUND_COLOR = (24, 28, 36, 255)
 SECONDS_A_CYCLE = 5.0  # a cycle on the screen
 SHORTEST_SHOW, LONGEST_SHOW = 4.0, 20.0  # seconds on the screen of a motion under forces
 FIELD_OF_VIEW = np.radians(55.0)  # vertical, of rerun's eye
-TILT = 0.06  # how far the eye stands above the plane's normal: the layers show, and straight lines stay upright
+EYE_TILT = 0.06  # how far the eye stands above the plane's normal: the layers show, and straight lines stay upright
 LEGEND_ROW = 0.085  # of a plot's height, that a line of its legend takes
-FLAT = 1e-9  # curves that vary by less than this part of their size are constants
+CONSTANT_RANGE = 1e-9  # curves that vary by less than this part of their size are constants
 LEGEND_WIDTH = 0.3  # of a plot's width, that its legend takes
-PICTURE = 1.5  # width of the 3D view over its height, about
+PICTURE_ASPECT = 1.5  # width of the 3D view over its height, about
 
 
 def make_blueprint(
@@ -125,7 +125,7 @@ def _pictures(run: Run, bounds: Mapping[str, Real]) -> list[Any]:
     if run.forces is not None:
         views.append(picture("Mechanism with forces", [*forces, "legend/forces", "sections/bending_moment"], bounds["forces"]))
         if run.studies.sections:
-            views += [picture(DIAGRAMS[group].title, [f"sections/{group}"], bounds["forces"]) for group in HIDDEN]
+            views += [picture(SECTION_DIAGRAMS[group].title, [f"sections/{group}"], bounds["forces"]) for group in HIDDEN_DIAGRAMS]
     if _has_points(run) and run.scene.document.marks:
         views.append(picture("Mechanism with velocities and accelerations", [*motion, "legend/motion"], bounds["motion"]))
     return views or [picture("Mechanism", [], bounds["motion"])]
@@ -142,9 +142,9 @@ def picture(name: str, vectors: list[str], bounds: Real) -> Any:
     position, target = _eye(bounds)
     return rrb.Spatial3DView(
         origin="/",
-        contents=["+ mechanism/**", *(f"+ {path}/**" for path in (*vectors, *OVERLAYS)), "- polygons/funicular/forces/**"],
+        contents=["+ mechanism/**", *(f"+ {path}/**" for path in (*vectors, *OVERLAY_GROUPS)), "- polygons/funicular/forces/**"],
         name=name,
-        background=list(BACKGROUND),
+        background=list(BACKGROUND_COLOR),
         line_grid=rrb.LineGrid3D(visible=False),
         eye_controls=rrb.EyeControls3D(
             kind=rrb.Eye3DKind.Orbital, position=tuple(position), look_target=tuple(target), eye_up=(0.0, 1.0, 0.0)
@@ -158,8 +158,8 @@ def _eye(bounds: Real) -> tuple[Real, Real]:
     middle = 0.5 * (low + high)
     half = 0.5 * (high - low)
     margin = 1.1
-    away = margin * max(half[1], half[0] / PICTURE) / np.tan(0.5 * FIELD_OF_VIEW) + half[2]
-    direction = np.array([0.0, TILT, 1.0])
+    away = margin * max(half[1], half[0] / PICTURE_ASPECT) / np.tan(0.5 * FIELD_OF_VIEW) + half[2]
+    direction = np.array([0.0, EYE_TILT, 1.0])
     return middle + away * direction / np.linalg.norm(direction), middle
 
 
@@ -261,7 +261,7 @@ def calm_range(values: Real, least: float) -> tuple[float, float] | None:
     size = max(abs(low), abs(high))
     if size <= least:
         return -1.0, 1.0
-    return (low - 0.1 * size, high + 0.1 * size) if high - low <= FLAT * size else None
+    return (low - 0.1 * size, high + 0.1 * size) if high - low <= CONSTANT_RANGE * size else None
 
 
 def legend_place(times: Real, values: Real, lines: int | None = None) -> tuple[str, tuple[float, float]]:

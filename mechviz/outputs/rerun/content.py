@@ -16,7 +16,7 @@ from mechcore.forces.powers import power_labels, power_table
 from mechcore.records import dataclass
 from mechviz.accuracy.fit import target_words
 from mechviz.outputs.drawings import Diagram, diagram_shapes, diagram_streams, polygon_shapes, polygon_streams, polygon_views
-from mechviz.outputs.rerun.blueprint import BACKGROUND
+from mechviz.outputs.rerun.blueprint import BACKGROUND_COLOR
 from mechviz.outputs.rerun.entities import Static, Stream, entity, link_streams, magnification, table_streams, view_statics
 from mechviz.outputs.rerun.nodes import legend_shapes, listed, picture_statics, picture_streams
 from mechviz.outputs.rerun.plots import lane_styles, plot_streams, plot_styles
@@ -66,7 +66,7 @@ class Family:
     views: Callable[[Content], Iterable[Any]] = _nothing
 
 
-FAMILIES: tuple[Family, ...] = (
+ARROW_FAMILIES: tuple[Family, ...] = (
     Family("links", streams=lambda c: link_streams(c.run), statics=lambda c: view_statics(c.picture.size)),
     Family("data", streams=lambda c: table_streams(c.tables, c.run.kept.numbers)),
     Family("picture", streams=lambda c: picture_streams(c.picture, c.every), statics=lambda c: picture_statics(c.picture)),
@@ -78,7 +78,7 @@ FAMILIES: tuple[Family, ...] = (
         "polygons",
         streams=lambda c: polygon_streams(c.drawings, c.every),
         statics=lambda c: polygon_shapes(c.drawings, c.picture.size),
-        views=lambda c: polygon_views(c.drawings, magnification(c.solids.size), BACKGROUND),
+        views=lambda c: polygon_views(c.drawings, magnification(c.solids.size), BACKGROUND_COLOR),
     ),
 )
 """In the order in which they are written."""
@@ -86,21 +86,21 @@ FAMILIES: tuple[Family, ...] = (
 
 def find_streams(content: Content) -> list[Stream]:
     """The streams of all families."""
-    return [stream for family in FAMILIES for stream in family.streams(content)]
+    return [stream for family in ARROW_FAMILIES for stream in family.streams(content)]
 
 
 def find_statics(content: Content) -> list[Static]:
     """The static archetypes of all families."""
-    return [static for family in FAMILIES for static in family.statics(content)]
+    return [static for family in ARROW_FAMILIES for static in family.statics(content)]
 
 
 def find_views(content: Content) -> list[Any]:
     """The views of all families that have some."""
-    return [view for family in FAMILIES for view in family.views(content)]
+    return [view for family in ARROW_FAMILIES for view in family.views(content)]
 
 
 # -- properties of links ----------------------------------------------------------------------------------------------
-OBLIQUE = cmath.exp(1j)
+OBLIQUE_DIRECTION = cmath.exp(1j)
 """Direction of the reference point, seen from the line of the joints: at right angles neither to it nor to what crosses it."""
 
 
@@ -136,7 +136,7 @@ def _reference_point(model: Model, k: int) -> complex:
         guides = [model.joints[j].slide for j, side in own if model.joints[j].guide == side]
         direction = next((d for d in guides if d is not None), 1 + 0j)
         span = model.length_scale * direction / abs(direction)
-    return sum(at) / len(at) + span * OBLIQUE
+    return sum(at) / len(at) + span * OBLIQUE_DIRECTION
 
 
 def property_statics(run: Run) -> Iterator[Static]:
@@ -148,7 +148,7 @@ def property_statics(run: Run) -> Iterator[Static]:
 
 
 # -- properties and notes ---------------------------------------------------------------------------------------------
-SCHEMA = 2
+RECORDING_SCHEMA = 2
 """Version of the recording contract; a change of meaning raises it."""
 
 
@@ -200,7 +200,7 @@ def _properties(run: Run, picture: Picture, wall_seconds: float, *, complete: bo
 
     scales = picture.scales
     return {
-        "schema": SCHEMA,
+        "schema": RECORDING_SCHEMA,
         "version": package_version(),
         "scene": run.scene.name,
         "title": run.scene.title or run.scene.name,

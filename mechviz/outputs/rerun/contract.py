@@ -26,7 +26,7 @@ from pydantic import (
 )
 
 from mechviz.outputs.rerun.entities import entity, parts_of
-from mechviz.picture.nodes import FARTHEST
+from mechviz.picture.nodes import FARTHEST_VERTEX
 from mechviz.scene.units import MILLIMETRES, Units
 
 if TYPE_CHECKING:
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
     from mechviz.outputs.rerun.reader import Recording
 
-LARGEST = 1e150  # of any other number: its square is one, too
+LARGEST_VALUE = 1e150  # of any other number: its square is one, too
 
 Positive = Annotated[PositiveFloat, Field(lt=1e300)]
 Box = tuple[tuple[FiniteFloat, FiniteFloat, FiniteFloat], tuple[FiniteFloat, FiniteFloat, FiniteFloat]]
@@ -188,13 +188,13 @@ class Kind(NamedTuple):
     leaf: str = "number"
     width: int = 0
     each: int | None = None
-    most: float = FARTHEST
+    most: float = FARTHEST_VERTEX
     gaps: bool = False
     endless: bool = False
 
 
-COMPONENTS: Mapping[str, Kind] = {
-    "Scalars:scalars": Kind(most=LARGEST, gaps=True, endless=True),
+COMPONENT_KINDS: Mapping[str, Kind] = {
+    "Scalars:scalars": Kind(most=LARGEST_VALUE, gaps=True, endless=True),
     "Transform3D:translation": Kind(width=3, each=1),
     "Transform3D:quaternion": Kind(width=4, each=1),
     "Transform3D:scale": Kind(width=3, each=1),
@@ -220,17 +220,17 @@ COMPONENTS: Mapping[str, Kind] = {
     "unit": Kind("text", each=1),
     "x_title": Kind("text", each=1),
     "y_title": Kind("text", each=1),
-    "per_metre": Kind(each=1, most=LARGEST),
-    "least": Kind(each=1, most=LARGEST),
-    "turn": Kind(each=1, most=LARGEST),
-    "ranges": Kind(each=4, most=LARGEST),
+    "per_metre": Kind(each=1, most=LARGEST_VALUE),
+    "least": Kind(each=1, most=LARGEST_VALUE),
+    "turn": Kind(each=1, most=LARGEST_VALUE),
+    "ranges": Kind(each=4, most=LARGEST_VALUE),
     "whole": Kind("truth", each=1),
     "equal": Kind("truth", each=1),
 }
-FIELDS: Mapping[str, Kind] = {"radii": Kind(), "colors": Kind("whole"), "labels": Kind("text")}
+FIELD_KINDS: Mapping[str, Kind] = {"radii": Kind(), "colors": Kind("whole"), "labels": Kind("text")}
 """Of every archetype that has them."""
 
-TABLES: tuple[tuple[str, tuple[str, ...]], ...] = (
+TABLE_UNITS: tuple[tuple[str, tuple[str, ...]], ...] = (
     ("data/links/*/pose", ("m, m, rad",)),
     ("data/links/*/velocity", ("m/s, m/s, rad/s",)),
     ("data/links/*/acceleration", ("m/s², m/s², rad/s²",)),
@@ -254,10 +254,10 @@ TABLES: tuple[tuple[str, tuple[str, ...]], ...] = (
 )
 """Units of the numbers in a row of the tables of the contract; the first that fits counts."""
 
-FINITE = tuple(("data", what) for what in ("links", "points", "joints", "loads", "drive", "energy"))
+FINITE_TABLES = tuple(("data", what) for what in ("links", "points", "joints", "loads", "drive", "energy"))
 """Tables without infinite numbers; radii of curvature and conditions may be infinite."""
 
-TOGETHER: tuple[tuple[str, ...], ...] = (
+COMPONENTS_TOGETHER: tuple[tuple[str, ...], ...] = (
     ("Mesh3D:vertex_positions", "Mesh3D:triangle_indices", "Mesh3D:vertex_normals", "Mesh3D:vertex_colors"),
     ("TextLog:text", "TextLog:level"),
     ("item", "message"),
@@ -280,7 +280,7 @@ SAME_COUNT = (
 
 def units_of(parts: tuple[str, ...]) -> tuple[str, ...]:
     """Units of the numbers in a row of a table, all that are allowed; none of tables that the contract leaves open."""
-    for pattern, units in TABLES:
+    for pattern, units in TABLE_UNITS:
         stated = pattern.split("/")
         if len(parts) == len(stated) and all(s in ("*", part) for s, part in zip(stated, parts, strict=True)):
             return units
@@ -329,13 +329,17 @@ def faults_of(recording: Recording) -> Iterator[str]:
 def _entity_faults(recording: Recording, path: str, time: object, pose: bool) -> Iterator[str]:
     """Faults of an entity; ``pose``: its numbers are places."""
     parts = parts_of(path)
-    scalars = Kind() if pose else COMPONENTS["Scalars:scalars"]._replace(endless=not (units_of(parts) and parts[:2] in FINITE))
+    scalars = (
+        Kind()
+        if pose
+        else COMPONENT_KINDS["Scalars:scalars"]._replace(endless=not (units_of(parts) and parts[:2] in FINITE_TABLES))
+    )
     counts: dict[str, Any] = {}  # how many each row of a component has, of all batches
     names = set()
     for batch, moving in recording.batches(path):
         names |= set(batch.schema.names)
         for name in batch.schema.names:
-            kind = scalars if name == "Scalars:scalars" else COMPONENTS.get(name) or FIELDS.get(name.rpartition(":")[2])
+            kind = scalars if name == "Scalars:scalars" else COMPONENT_KINDS.get(name) or FIELD_KINDS.get(name.rpartition(":")[2])
             if kind is not None:
                 try:
                     column = _read_column(batch[name], kind, name, moving)
@@ -343,7 +347,7 @@ def _entity_faults(recording: Recording, path: str, time: object, pose: bool) ->
                     yield f"its {name} {error}"
                     return
                 counts[name] = np.concatenate([counts[name], column]) if name in counts and moving else column
-    for first, *others in TOGETHER:
+    for first, *others in COMPONENTS_TOGETHER:
         if first in names:
             missing = [name for name in others if name not in names]
             yield from (f"it has {first}, but no {name}" for name in missing)
@@ -377,7 +381,7 @@ def _read_column(column: pa.Array, kind: Kind, name: str, moving: bool) -> Any:
         values = values.flatten()
     tests = {"number": pa.types.is_floating, "whole": pa.types.is_integer, "text": pa.types.is_string, "truth": pa.types.is_boolean}
     if not tests[kind.leaf](values.type):
-        raise ValueError(f"holds {values.type}, not {WORDS[kind.leaf]}")
+        raise ValueError(f"holds {values.type}, not {KIND_WORDS[kind.leaf]}")
     if values.null_count:
         raise ValueError("has values that are not there")
     if kind.leaf == "number":
@@ -394,8 +398,8 @@ def _read_column(column: pa.Array, kind: Kind, name: str, moving: bool) -> Any:
     return lengths
 
 
-UNIT = re.compile(r" \[([^\]]*)\]$")  # at the end of a name, such as ``crank.x [m]``
-WORDS = {"number": "numbers", "whole": "whole numbers", "text": "text", "truth": "truth values"}
+UNIT_PATTERN = re.compile(r" \[([^\]]*)\]$")  # at the end of a name, such as ``crank.x [m]``
+KIND_WORDS = {"number": "numbers", "whole": "whole numbers", "text": "text", "truth": "truth values"}
 
 
 def _table_faults(recording: Recording, path: str, time: Any, counts: Any) -> Iterator[str]:
@@ -404,7 +408,7 @@ def _table_faults(recording: Recording, path: str, time: Any, counts: Any) -> It
         yield "it has no values"
         return
     names = recording.static(path, component="SeriesLines:names")
-    units = ", ".join(unit[1] if (unit := UNIT.search(str(name))) else "1" for name in (() if names is None else names))
+    units = ", ".join(unit[1] if (unit := UNIT_PATTERN.search(str(name))) else "1" for name in (() if names is None else names))
     allowed = units_of(parts_of(path)) or (units,)
     width = len(allowed[0].split(", "))
     if np.any(counts != width):

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from mechviz.runs import Run
 
 
-APPLICATION = "mechviz"
+APPLICATION_ID = "mechviz"
 
 
 class RecordingError(OutputError):

@@ -11,13 +11,13 @@ import numpy as np
 
 from mechcore.arrays import Flags, Real, Single
 from mechviz.outputs.rerun.entities import Static, Stream, columns_of, entity, line_strips, packed
-from mechviz.picture.arrows import SHORTEST, visible
+from mechviz.picture.arrows import SHORTEST_ARROW, visible
 from mechviz.picture.nodes import Arc, Arrow, ArrowSet, Body, Lines, Node, Picture, Points
 from mechviz.picture.proportions import in_space
 from mechviz.quantities.vectors import FAMILIES, LARGEST_ARC, LARGEST_ARROW, Moment, Scales, Vector, round_value
 from mechviz.scene.units import Units
 
-MOTION = ("velocity", "acceleration")
+MOTION_FAMILIES = ("velocity", "acceleration")
 ARC_POINTS = 24
 LEGEND_ROOM = 0.2  # in sizes of the mechanism: below solids and arrows, for the legend of the arrows
 
@@ -53,7 +53,7 @@ def extent(vectors: Sequence[Vector], scales: Scales, bounds: Real, size: float)
 def arc_lengths(moment: Moment, scales: Scales, size: float) -> Real:
     """Signed lengths (F,) [m] of arcs that stand for a moment; 0 where it is not drawn."""
     length = np.clip(np.nan_to_num(moment.value / scales.newton_metres_per_metre), -LARGEST_ARC * size, LARGEST_ARC * size)
-    drawn = np.abs(length) > SHORTEST * size
+    drawn = np.abs(length) > SHORTEST_ARROW * size
     return np.where(drawn if moment.shown is None else drawn & moment.shown, length, 0.0)
 
 
@@ -72,7 +72,7 @@ def arc_strips(centres: Real, sweep: Real, z: float, radius: float) -> Single:
     return np.concatenate([strip, np.full((*strip.shape[:2], 1), z)], axis=-1).astype(np.float32)
 
 
-THICK, THIN = 0.0055, 0.004  # radii of arrows of forces and of motion, in sizes of the mechanism
+FORCE_RADIUS, MOTION_RADIUS = 0.0055, 0.004  # radii of arrows of forces and of motion, in sizes of the mechanism
 EVERY_FRAME = ("solids", "joints", "roller", "belt")  # groups that move with their links
 
 
@@ -212,10 +212,12 @@ def node_statics(node: Node, picture: Picture) -> Iterator[Static]:
         case ArrowSet():
             yield Static(path, rr.Arrows3D.from_fields(**_look(node.colors, (node.radius,), node.labels)))
         case Arrow(group=family):
-            radius = (THIN if family in MOTION else THICK) * picture.size
+            radius = (MOTION_RADIUS if family in MOTION_FAMILIES else FORCE_RADIUS) * picture.size
             yield Static(path, rr.Arrows3D.from_fields(colors=packed([FAMILIES[family].on_dark]), radii=[radius]))
         case Arc(group=family):
-            yield Static(path, rr.LineStrips3D.from_fields(colors=packed([FAMILIES[family].on_dark]), radii=[THICK * picture.size]))
+            yield Static(
+                path, rr.LineStrips3D.from_fields(colors=packed([FAMILIES[family].on_dark]), radii=[FORCE_RADIUS * picture.size])
+            )
 
 
 def _look(colors: Sequence[Sequence[int]], radii: Sequence[float], labels: Sequence[str], *, shown: bool = True) -> dict[str, Any]:
@@ -251,10 +253,10 @@ def legend_shapes(picture: Picture, around: Real, units: Units) -> Iterator[Stat
     pointing = {v.family for v in vectors if seen(v, scales, size)}
     shown = pointing | {m.family for m in moments if seen(m, scales, size)}
     for view in ("forces", "motion"):
-        drawn = [v for v in vectors if (v.family in MOTION) == (view == "motion")]
+        drawn = [v for v in vectors if (v.family in MOTION_FAMILIES) == (view == "motion")]
         low, high = extent(drawn, scales, picture.bounds, size)[:, :2]
         bottom = min(low[1], around[0, 1] - LEGEND_ROOM * size) + 0.25 * LEGEND_ROOM * size
-        families = [f for f in FAMILIES if f in shown and (f in MOTION) == (view == "motion")]
+        families = [f for f in FAMILIES if f in shown and (f in MOTION_FAMILIES) == (view == "motion")]
         room = float(np.clip(LEGEND_ROW / max(len(families), 1), *LEGEND_LABEL))
         column = max(LEGEND_COLUMN * size, room * max(high[0] - low[0], LEGEND_ASPECT * (high[1] - low[1])))
         for k, family in enumerate(families):

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from mechviz.runs import Run
 
-PALETTE = (
+CURVE_PALETTE = (
     (92, 172, 255),
     (255, 170, 64),
     (96, 214, 132),
@@ -40,10 +40,10 @@ PALETTE = (
 )
 """Colours of curves on a dark ground; neighbours differ in hue and lightness."""
 
-CLOSURES = {"closure": "m", "velocity_closure": "m/s", "acceleration_closure": "m/s^2"}
+CLOSURE_UNITS = {"closure": "m", "velocity_closure": "m/s", "acceleration_closure": "m/s^2"}
 """Residuals of loops and their units."""
 
-MOST = 3  # outputs in one plot
+MOST_OUTPUTS = 3  # outputs in one plot
 MOST_REACTIONS = 6  # joints in one plot
 
 
@@ -150,7 +150,7 @@ def _drawn_laws(run: Run) -> list[Gathered]:
 
 def _cams(run: Run) -> list[str]:
     """The cams that are plotted."""
-    return [r.name for r in run.motion.model.relations if r.kind == "cam"][:MOST]
+    return [r.name for r in run.motion.model.relations if r.kind == "cam"][:MOST_OUTPUTS]
 
 
 def _of_cams(run: Run) -> list[Gathered]:
@@ -177,10 +177,10 @@ def _moved(run: Run) -> tuple[list[JointInfo], list[tuple[str, str]]]:
     mechanism = run.motion.mechanism
     driven = {d.joint for d in mechanism.drives}
     at_frame = [j for j in joints_of(run.motion) if mechanism.frame in j.links and j.name not in driven]
-    sliders = [j for j in at_frame if j.unit == "m"][:MOST]
-    points = list(mechanism.traced)[:MOST]
+    sliders = [j for j in at_frame if j.unit == "m"][:MOST_OUTPUTS]
+    points = list(mechanism.traced)[:MOST_OUTPUTS]
     if sliders or not points:
-        return sliders or [j for j in at_frame if j.unit == "rad"][:MOST], []
+        return sliders or [j for j in at_frame if j.unit == "rad"][:MOST_OUTPUTS], []
     return [], points
 
 
@@ -296,11 +296,11 @@ def health_outputs(run: Run) -> list[Output]:
 
 
 def _closures(run: Run) -> Gathered:
-    reads = {name: run.scene.units.reads(si, small=True) for name, si in CLOSURES.items()}
+    reads = {name: run.scene.units.reads(si, small=True) for name, si in CLOSURE_UNITS.items()}
     units, factors = zip(*reads.values(), strict=True)
-    values = np.column_stack([run.numbers.tables["health", name].values for name in CLOSURES]) * factors
-    data = tuple((entity("health", name), ()) for name in CLOSURES) if set(factors) == {1.0} else ()
-    names = tuple(f"{name.replace('_', ' ')} [{unit}]" for name, unit in zip(CLOSURES, units, strict=True))
+    values = np.column_stack([run.numbers.tables["health", name].values for name in CLOSURE_UNITS]) * factors
+    data = tuple((entity("health", name), ()) for name in CLOSURE_UNITS) if set(factors) == {1.0} else ()
+    names = tuple(f"{name.replace('_', ' ')} [{unit}]" for name, unit in zip(CLOSURE_UNITS, units, strict=True))
     return Gathered(("plots", "closure"), f"Health: closure [{', '.join(units)}]", names, values, data)
 
 
@@ -338,7 +338,7 @@ def plot_styles(run: Run, all_tables: list[Table]) -> Iterator[Static]:
         widths = np.full(len(names), 1.6, np.float32)
         return rr.SeriesLines.from_fields(names=names, colors=colors, widths=widths, aggregation_policy="MinMax")
 
-    palette = packed(PALETTE)
+    palette = packed(CURVE_PALETTE)
 
     known: dict[tuple[str, ...], int] = {}  # how many of a kind came before: they may share a plot
     for table in all_tables:
@@ -359,7 +359,7 @@ def plot_styles(run: Run, all_tables: list[Table]) -> Iterator[Static]:
 
 # -- lines at events --------------------------------------------------------------------------------------------------
 MOST_MARKS = 16  # more lines than these would hide the curves, and say nothing
-COLOR = (118, 126, 140)
+EVENT_COLOR = (118, 126, 140)
 
 
 def mark_times(events: Sequence[Event]) -> Real:
@@ -380,7 +380,7 @@ def send_marks(stream: rr.RecordingStream, timelines: Timelines, times: Real, sp
     if not len(times):
         return
     columns = timelines.columns_at(np.repeat(times, 3))
-    look = rr.SeriesLines.from_fields(names=["events"], colors=[COLOR], widths=[1.0], aggregation_policy="Off")
+    look = rr.SeriesLines.from_fields(names=["events"], colors=[EVENT_COLOR], widths=[1.0], aggregation_policy="Off")
     for view, (low, high) in spans.items():
         stream.log(mark_path(view), look, static=True)
         rows = np.tile([low, high, np.nan], len(times))  # the gap keeps neighbours apart
@@ -388,7 +388,7 @@ def send_marks(stream: rr.RecordingStream, timelines: Timelines, times: Real, sp
 
 
 # -- lanes of states --------------------------------------------------------------------------------------------------
-STATES: Mapping[str, tuple[str, tuple[int, int, int]]] = {
+STATE_LOOKS: Mapping[str, tuple[str, tuple[int, int, int]]] = {
     "slips +": ("slips +", (84, 168, 255)),
     "slips -": ("slips −", (60, 110, 180)),
     "at rest": ("at rest", (120, 126, 136)),
@@ -398,7 +398,7 @@ STATES: Mapping[str, tuple[str, tuple[int, int, int]]] = {
 }
 """States of the lanes of friction, with their labels and colours."""
 
-LANES: Mapping[str, tuple[str, tuple[int, int, int]]] = {
+LANE_LOOKS: Mapping[str, tuple[str, tuple[int, int, int]]] = {
     LaneState.STICKS: ("sticks", (230, 140, 60)),
     LaneState.SLIPS_FORWARD: ("slips +", (84, 168, 255)),
     LaneState.SLIPS_BACK: ("slips −", (60, 110, 180)),
@@ -414,8 +414,8 @@ def find_lanes(run: Run) -> tuple[Mapping[str, Sequence[tuple[float, str]]], Map
     """Changes of state (time [s], state) by lane, and labels and colours of the states: of joints with friction and the mechanism
     (slips, at rest, jammed); where forces decide the motion of joints, stops and cams."""
     if run.simulation is not None:
-        return lanes_of(run.simulation), LANES
-    return ({} if run.forces is None else friction_lanes(run.forces)), STATES
+        return lanes_of(run.simulation), LANE_LOOKS
+    return ({} if run.forces is None else friction_lanes(run.forces)), STATE_LOOKS
 
 
 def lane_styles(run: Run) -> Iterator[Static]:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from mechviz.figures import COLOURS, DOTS_AN_INCH, chart
 from mechviz.files import replacing
-from mechviz.outputs.rerun.entities import APPLICATION
+from mechviz.outputs.rerun.entities import APPLICATION_ID
 from mechviz.outputs.rerun.rerun_adapter import send_blueprint
 from mechviz.outputs.rerun.stream_file import forget_streams
 from mechviz.studies.precision import Point
@@ -23,7 +23,7 @@ def write_rrd(points: Sequence[Point], path: Path, title: str, markdown: str, ta
     import rerun as rr
     import rerun.blueprint as rrb
 
-    stream = rr.RecordingStream(APPLICATION, recording_id=f"accuracy-{path.stem}")
+    stream = rr.RecordingStream(APPLICATION_ID, recording_id=f"accuracy-{path.stem}")
     binary = stream.binary_stream()  # a file that rerun writes itself may end in the middle without a word
     views = []
     for setting in settings_of(points):

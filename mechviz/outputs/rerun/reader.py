@@ -16,8 +16,8 @@ from mechcore.motion.events import Event
 from mechcore.records import dataclass
 from mechviz.files import open_regular, plain_name
 from mechviz.outputs.rerun.contract import Properties, faults_of, missing_tables, needed_tables, read_properties
-from mechviz.outputs.rerun.entities import APPLICATION, RecordingError, entity
-from mechviz.outputs.rerun.rerun_adapter import MAGIC, DamageError, application_of, check_readable, chunks_in, entity_of
+from mechviz.outputs.rerun.entities import APPLICATION_ID, RecordingError, entity
+from mechviz.outputs.rerun.rerun_adapter import FILE_MAGIC, DamageError, application_of, check_readable, chunks_in, entity_of
 from mechviz.quantities.items import read_between
 from mechviz.scene.folder import SceneFolder
 from mechviz.scene.scene import Scene, loads
@@ -35,7 +35,7 @@ def is_recording(source: str) -> bool:
         return True
     try:
         with open_regular(path) as file:
-            return file.read(len(MAGIC)) == MAGIC
+            return file.read(len(FILE_MAGIC)) == FILE_MAGIC
     except (OSError, ValueError):
         return False
 
@@ -61,12 +61,12 @@ def ticks(column: Any) -> Integers:
     return counts
 
 
-PROPERTIES = "/__properties/mechviz"
+PROPERTIES_PATH = "/__properties/mechviz"
 IN_FULL = ("/events", "/state/")  # what does not happen at frames
-TABLES = ("/data/", "/health/")  # a row at every frame
+TABLE_PATHS = ("/data/", "/health/")  # a row at every frame
 MOST_REPORTED = 8  # faults in a message
-REMEDY = "Record the scene again."
-TIMELINES = ("drive_mdeg", "drive_um")
+RECORD_AGAIN = "Record the scene again."
+DRIVE_TIMELINES = ("drive_mdeg", "drive_um")
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,12 +101,12 @@ class Recording:
         self._moving: dict[str, list[Any]] = {}  # arrow batches of each entity, in the order of the file
         self._static: dict[str, list[Any]] = {}
         self._load(most)
-        if PROPERTIES not in self._static:
+        if PROPERTIES_PATH not in self._static:
             if self._damage is not None:
                 raise self._damage
             application = application_of(self.path)
-            if application == APPLICATION:
-                raise RecordingError(f"'{path}' holds no frames: it was interrupted before the first were whole.", REMEDY)
+            if application == APPLICATION_ID:
+                raise RecordingError(f"'{path}' holds no frames: it was interrupted before the first were whole.", RECORD_AGAIN)
             what = f"of the application '{application}'" if application else "of another program"
             raise RecordingError(f"'{path}' is a rerun recording {what}, not of mechviz.", "Give a file that mechviz recorded.")
         said, faults = read_properties(self.properties)
@@ -119,11 +119,11 @@ class Recording:
                 if missing := missing_tables(self):
                     if self._damage is not None:
                         raise self._nothing_left(missing)
-                    raise RecordingError(f"'{path}' holds no frames: it was interrupted before the first were whole.", REMEDY)
+                    raise RecordingError(f"'{path}' holds no frames: it was interrupted before the first were whole.", RECORD_AGAIN)
             faults = list(faults_of(self))
         if faults:
             more = f"; and {len(faults) - MOST_REPORTED} faults more" if len(faults) > MOST_REPORTED else ""
-            raise RecordingError(f"'{path}' is damaged: {'; '.join(faults[:MOST_REPORTED])}{more}.", REMEDY)
+            raise RecordingError(f"'{path}' is damaged: {'; '.join(faults[:MOST_REPORTED])}{more}.", RECORD_AGAIN)
 
     def __repr__(self) -> str:
         return f"Recording {self.path.name}: {len(self.entities)} entities"
@@ -210,7 +210,7 @@ class Recording:
     @cached_property
     def properties(self) -> dict[str, Any]:
         """The recording's properties: plain values, and lists for lists of strings."""
-        return _plain_properties(self._static[PROPERTIES])
+        return _plain_properties(self._static[PROPERTIES_PATH])
 
     @cached_property
     def model(self) -> dict[str, Any]:
@@ -226,7 +226,7 @@ class Recording:
     def scene(self) -> Scene:
         """The scene that made the recording, with the files that it names. Raises `SceneError`, `RecordingError`."""
         if not self.scene_text:
-            raise RecordingError(f"'{self.path}' does not hold its scene.{' ' * bool(self.note)}{self.note}", REMEDY)
+            raise RecordingError(f"'{self.path}' does not hold its scene.{' ' * bool(self.note)}{self.note}", RECORD_AGAIN)
         folder = SceneFolder(self.path.resolve().parent, dict(self.said.files), foreign=True)
         return loads(self.scene_text, plain_name(self.said.scene or self.path.stem), folder)
 
@@ -289,7 +289,7 @@ class Recording:
         lengths = np.diff(np.asarray(flat.offsets)) if len(flat) else np.zeros(0, np.int64)
         drives = {
             name: np.concatenate([ticks(b[name]) for b in batches])[order]
-            for name in TIMELINES
+            for name in DRIVE_TIMELINES
             if all(name in b.schema.names for b in batches)
         }
         return Rows(time=time[order], drives=drives, values=_numpy(flat.flatten()), lengths=lengths)
@@ -312,9 +312,9 @@ def _times_of_frames(chunks: Iterator[Any], most: int, damage: Callable[[], Dama
     batches = []
     for batch in chunks:
         name = entity_of(batch)
-        if name == PROPERTIES:
+        if name == PROPERTIES_PATH:
             batches.append(batch)
-        elif "time" in batch.schema.names and name.startswith(TABLES):
+        elif "time" in batch.schema.names and name.startswith(TABLE_PATHS):
             counted.setdefault(name, []).append(ticks(batch["time"]))
     said, _ = read_properties(_plain_properties(batches))
     if said is None or said.frames <= most:
@@ -331,12 +331,12 @@ def _times_of_frames(chunks: Iterator[Any], most: int, damage: Callable[[], Dama
 def _spare(said: Properties, forces: bool, damage: DamageError | None) -> set[str]:
     """Entities of which something is lost, but for those without which nothing can be shown."""
     lost: set[str] = (damage.lost if damage is not None else None) or set()
-    return lost - needed_tables(said.model, forces) - {PROPERTIES}
+    return lost - needed_tables(said.model, forces) - {PROPERTIES_PATH}
 
 
 def _last_whole_time(times: dict[str, Integers]) -> int:
     """The time [ns] up to which all tables have their rows, from those of each entity, sorted."""
-    tables = [own for path, own in times.items() if path.startswith(TABLES)]
+    tables = [own for path, own in times.items() if path.startswith(TABLE_PATHS)]
     every = max(tables, key=len, default=np.zeros(0, np.int64))
     for own in tables:
         same = min(len(own), len(every))

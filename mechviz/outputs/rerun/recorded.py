@@ -11,17 +11,17 @@ import numpy as np
 
 from mechcore.arrays import Complex, Flags, Index, Integers, Real, Single
 from mechcore.records import dataclass
-from mechviz.outputs.drawings import HEIGHT, WIDTH, Curve
+from mechviz.outputs.drawings import DRAWING_HEIGHT, DRAWING_WIDTH, Curve
 from mechviz.outputs.drawings import Diagram as Chart
 from mechviz.outputs.rerun.contract import NodePart
 from mechviz.outputs.rerun.entities import parts_of, unpacked
 from mechviz.outputs.rerun.reader import Recording
 from mechviz.picture.arrows import with_scales
-from mechviz.picture.centres import CENTRES
+from mechviz.picture.centres import CENTRE_GROUPS
 from mechviz.picture.constructions import Drawing, Mark, Stroke
 from mechviz.picture.nodes import ArrowSet, Body, Color, Lines, Mesh, Node, Picture, Points, Poses
-from mechviz.picture.overlays import INVERSION
-from mechviz.picture.surface_marks import KINDS
+from mechviz.picture.overlays import INVERSION_GROUP
+from mechviz.picture.surface_marks import MARK_KINDS
 from mechviz.quantities.items import JointInfo, Table
 from mechviz.quantities.numbers import TOLERANCE, LoadInfo, Numbers
 from mechviz.quantities.vectors import Scales
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from mechviz.outputs.rerun.reader import Recording
 
 # -- numbers ----------------------------------------------------------------------------------------------------------
-ROOTS = ("data", "health", "polygons")
+TABLE_ROOTS = ("data", "health", "polygons")
 
 
 def numbers_in(recording: Recording) -> Numbers:
@@ -66,7 +66,7 @@ def _table(recording: Recording, path: str) -> Table | None:
     """A table, whose values are read when they are asked for; None of what is none."""
     parts = parts_of(path)
     names = recording.static(path, component="SeriesLines:names")
-    if parts[0] not in ROOTS or names is None or not recording.has(path):
+    if parts[0] not in TABLE_ROOTS or names is None or not recording.has(path):
         return None
     columns = tuple(_column(str(name), parts) for name in names)
     return Table(parts, "", columns, lambda: recording.scalars(path)[1])
@@ -81,7 +81,7 @@ def _column(header: str, parts: tuple[str, ...]) -> tuple[str, str]:
 
 
 # -- the picture ------------------------------------------------------------------------------------------------------
-LOOKS = 48  # poses at which the extent of the mechanism is looked at
+EXTENT_FRAMES = 48  # poses at which the extent of the mechanism is looked at
 
 
 def picture_in(recording: Recording, numbers: Numbers) -> Picture:
@@ -110,7 +110,7 @@ def _guessed(recording: Recording) -> Iterator[NodePart]:
                 facts = ("body", f"link.{link}", ["link", link], "solids", link)
             case ("mechanism", "links", link, "lumps"):
                 facts = ("points", f"masses.{link}", ["link", link], "masses", link)
-            case ("mechanism", "links", link, name) if (kind := name.split(" ")[0]) in KINDS:
+            case ("mechanism", "links", link, name) if (kind := name.split(" ")[0]) in MARK_KINDS:
                 facts = ("body", f"{kind}.{name[len(kind) + 1 :]}", ["link", link], kind, link)
             case ("mechanism", "springs", name):
                 solid = recording.static(path, component="Mesh3D:triangle_indices") is not None
@@ -125,19 +125,19 @@ def _guessed(recording: Recording) -> Iterator[NodePart]:
                 facts = ("arrowset", "funicular.resultants", ["construction", "funicular"], "funicular", "")
             case ("polygons", "polodes", link):
                 facts = ("lines", f"polode.{link}.fixed", ["link", link], "polodes", "")
-            case ("mechanism", "links", link, name) if name.startswith(f"{INVERSION} "):
-                joint, what = name.removeprefix(f"{INVERSION} ").rsplit(" ", 1)
-                facts = ("lines", f"{INVERSION}.{joint}.{what}", ["joint", joint], INVERSION, link)
+            case ("mechanism", "links", link, name) if name.startswith(f"{INVERSION_GROUP} "):
+                joint, what = name.removeprefix(f"{INVERSION_GROUP} ").rsplit(" ", 1)
+                facts = ("lines", f"{INVERSION_GROUP}.{joint}.{what}", ["joint", joint], INVERSION_GROUP, link)
             case ("mechanism", "links", link, "polode"):
                 facts = ("lines", f"polode.{link}.moving", ["link", link], "polode", link)
             case ("polygons", "equivalent", joint):
                 facts = ("lines", f"equivalent.{joint}", ["joint", joint], "equivalent", "")
             case ("polygons", "equivalent", joint, "pins"):
                 facts = ("points", f"equivalent.{joint}.pins", ["joint", joint], "equivalent", "")
-            case ("polygons", group, item, what) if group in CENTRES:
+            case ("polygons", group, item, what) if group in CENTRE_GROUPS:
                 archetypes = {"LineStrips3D": "lines", "Points3D": "points", "Arrows3D": "arrowset"}
                 looks = (k for name, k in archetypes.items() if recording.static(path, component=f"{name}:colors") is not None)
-                facts = (next(looks, "lines"), f"{group}.{item}.{what}", [CENTRES[group][1], item], group, "")
+                facts = (next(looks, "lines"), f"{group}.{item}.{what}", [CENTRE_GROUPS[group][1], item], group, "")
             case ("sections", group, link):
                 facts = ("lines", f"section.{link}.{group}", ["link", link], group, "")
             case ("sections", group, link, "largest"):
@@ -193,7 +193,7 @@ class _Reader:
         return Mesh(vertices.astype(np.float32), faces.astype(np.uint32), normals.astype(np.float32), colors)
 
     def _poses(self, path: str) -> Poses | None:
-        places, turns, scales = (self._columns(path, f"Transform3D:{name}", n) for name, n in _TRANSFORM)
+        places, turns, scales = (self._columns(path, f"Transform3D:{name}", n) for name, n in _TRANSFORM_PARTS)
         return None if places is None or turns is None else Poses(places, turns, scales)
 
     def _columns(self, path: str, component: str, width: int) -> Single | None:
@@ -262,13 +262,13 @@ class _Reader:
         return shown, sizes, tuple(str(text) for text in (labels if labels is not None else ()))
 
 
-_TRANSFORM = (("translation", 3), ("quaternion", 4), ("scale", 3))
+_TRANSFORM_PARTS = (("translation", 3), ("quaternion", 4), ("scale", 3))
 
 
 def _bounds(nodes: list[Node], numbers: Numbers) -> Real:
     """The box (2, 3) [m] around the solids, looked at at some poses."""
     lows, highs = [], []
-    some = np.unique(np.linspace(0, len(numbers.time) - 1, LOOKS).round().astype(int))
+    some = np.unique(np.linspace(0, len(numbers.time) - 1, EXTENT_FRAMES).round().astype(int))
     for node in nodes:
         if not isinstance(node, Body) or node.group != "solids":
             continue
@@ -285,8 +285,8 @@ def _bounds(nodes: list[Node], numbers: Numbers) -> Real:
 
 
 # -- constructions and diagrams ---------------------------------------------------------------------------------------
-FINE = 0.8  # an arrow thinner than this, in radii of the thickest one, is a fine one
-ORDER = ("velocity", "acceleration", "force", "indicator", "phase")  # these come first, the others by their names
+FINE_ARROW = 0.8  # an arrow thinner than this, in radii of the thickest one, is a fine one
+FIRST_POLYGONS = ("velocity", "acceleration", "force", "indicator", "phase")  # these come first, the others by their names
 
 
 @dataclass(frozen=True, eq=False)
@@ -330,7 +330,7 @@ class RecordedDrawings:
             if spots is None or colors is None or spots.shape[1] != len(colors):
                 continue
             x0, x1, y0, y1 = (float(r) for r in ranges)
-            x, y = x0 + (x1 - x0) * spots[..., 0] / WIDTH, y0 - (y1 - y0) * spots[..., 1] / HEIGHT
+            x, y = x0 + (x1 - x0) * spots[..., 0] / DRAWING_WIDTH, y0 - (y1 - y0) * spots[..., 1] / DRAWING_HEIGHT
             order = self._in_order(path, names, x.shape[1])
             curves = tuple(Curve(name, x[:, k], y[:, k]) for k, name in enumerate(order))
             title, across, up, equal, turn = (part(component=c) for c in ("title", "x_title", "y_title", "equal", "turn"))
@@ -344,7 +344,10 @@ class RecordedDrawings:
     def _below(self, start: str) -> list[str]:
         """Entities whose path begins so, however deep."""
         paths = [path for path in self.recording.entities if path.startswith(start)]
-        return sorted(paths, key=lambda path: ORDER.index(name) if (name := parts_of(path)[1]) in ORDER else len(ORDER))
+        return sorted(
+            paths,
+            key=lambda path: FIRST_POLYGONS.index(name) if (name := parts_of(path)[1]) in FIRST_POLYGONS else len(FIRST_POLYGONS),
+        )
 
     def _rows(self, path: str, component: str) -> Real | None:
         """Vectors (F, n, 2) of an entity, NaN where a row has not as many as most; None where there are none."""
@@ -370,7 +373,7 @@ class RecordedDrawings:
         shades = np.resize(shades, count) if len(shades) != count else shades
         colors = [unpacked(c) for c in shades]
         thick = np.ones(count) if radii is None or len(radii) != count else np.abs(np.asarray(radii, float))
-        return texts, colors, [bool(r < FINE * thick.max()) for r in thick]
+        return texts, colors, [bool(r < FINE_ARROW * thick.max()) for r in thick]
 
     def _arrows(self, path: str) -> tuple[Stroke, ...]:
         starts, vectors = self._rows(path, "Arrows3D:origins"), self._rows(path, "Arrows3D:vectors")

@@ -20,18 +20,18 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from mechviz.files import open_regular
-from mechviz.outputs.rerun.entities import APPLICATION, RecordingError
+from mechviz.outputs.rerun.entities import APPLICATION_ID, RecordingError
 
-MAGIC, HEADER = b"RRF", b"RRF2"
+FILE_MAGIC, VERSION_MAGIC = b"RRF", b"RRF2"
 FILE_HEADER, MESSAGE_HEADER = 12, struct.Struct("<QQ")  # of a message: kind, length of what follows [bytes]
-TAIL = struct.Struct("<QQI8sI")  # after the last message: place and length of the index, checksum, magic, how many there are
+FILE_TAIL = struct.Struct("<QQI8sI")  # after the last message: place and length of the index, checksum, magic, how many there are
 TAIL_MAGIC, MAGIC_IN_TAIL = b"RRF2FOOT", slice(20, 28)
-END, STORE_INFO, CHUNK, LAYOUT = range(4)  # kinds of messages
-RECORDING, LZ4, ARROW = 1, 2, 1  # kind of a store, compression and encoding of a chunk
-PAYLOAD = 5  # the field of a chunk that holds its rows
+END_MESSAGE, STORE_MESSAGE, CHUNK_MESSAGE, LAYOUT_MESSAGE = range(4)  # kinds of messages
+RECORDING_STORE, LZ4_COMPRESSION, ARROW_ENCODING = 1, 2, 1  # kind of a store, compression and encoding of a chunk
+PAYLOAD_FIELD = 5  # the field of a chunk that holds its rows
 MOST_PACKED = 255  # LZ4 makes nothing smaller than this part
-INDICES = ("time", "drive_mdeg", "drive_um")
-DAMAGED = "Record the scene again; what rerun can save of it is saved with: rerun rrd optimize FILE.rrd -o repaired.rrd"
+INDEX_COLUMNS = ("time", "drive_mdeg", "drive_um")
+REPAIR_REMEDY = "Record the scene again; what rerun can save of it is saved with: rerun rrd optimize FILE.rrd -o repaired.rrd"
 
 Message = dict[int, Any]
 """A protobuf message: of each field its last value, a number or bytes."""
@@ -63,7 +63,7 @@ def chunks_in(path: Path) -> Iterator[Any]:
                     try:
                         message = fields(data)
                         store = fields(message[1])
-                        if store[1] == RECORDING and store[2] == (first or store[2]):
+                        if store[1] == RECORDING_STORE and store[2] == (first or store[2]):
                             batch = _batch(message)
                             first = store[2]
                     except (ValueError, LookupError, TypeError, OSError, NotImplementedError) as error:
@@ -89,12 +89,12 @@ def chunks_in(path: Path) -> Iterator[Any]:
 def _is_chunk(kind: int, data: bytes) -> bool:
     """Whether a message holds a chunk: what it says itself may be damaged."""
     with suppress(ValueError):
-        return kind == CHUNK or PAYLOAD in fields(data)
+        return kind == CHUNK_MESSAGE or PAYLOAD_FIELD in fields(data)
     return False
 
 
 def _damage(path: Path, at: int, why: str) -> DamageError:
-    error = DamageError(f"'{path}' is damaged at byte {at}: {why}.", DAMAGED)
+    error = DamageError(f"'{path}' is damaged at byte {at}: {why}.", REPAIR_REMEDY)
     error.at = at
     return error
 
@@ -103,8 +103,8 @@ def application_of(path: Path) -> str:
     """The application that wrote the first recording in a file; nothing where that is not said. Raises `RecordingError`."""
     for _, kind, data in _messages(path):
         try:
-            store = fields(fields(fields(data)[2])[2]) if kind == STORE_INFO else {}
-            if store.get(1) == RECORDING:
+            store = fields(fields(fields(data)[2])[2]) if kind == STORE_MESSAGE else {}
+            if store.get(1) == RECORDING_STORE:
                 return str(bytes(fields(store[3])[1]), "utf-8", "replace")
         except (ValueError, LookupError, TypeError):
             return ""
@@ -117,15 +117,15 @@ def check_readable(path: Path) -> None:
         raise RecordingError(f"'{path}' is a folder.", "Give the .rrd file in it.")
     try:
         with open_regular(path) as file:
-            start = file.read(len(HEADER))
+            start = file.read(len(VERSION_MAGIC))
     except FileNotFoundError:
         raise RecordingError(f"There is no file '{path}'.", "Make one with: mechviz record SCENE -o FILE.rrd") from None
     except (OSError, ValueError) as error:
         why = f"'{path}' cannot be read: {(getattr(error, 'strerror', '') or str(error)).lower()}."
         raise RecordingError(why, "Give an .rrd file that mechviz recorded.") from None
-    if not start.startswith(MAGIC):
+    if not start.startswith(FILE_MAGIC):
         raise RecordingError(f"'{path}' is not a rerun recording.", "Give an .rrd file that mechviz recorded.")
-    if start != HEADER:
+    if start != VERSION_MAGIC:
         raise RecordingError(f"'{path}' has the format of an older rerun.", "Convert it with: rerun rrd migrate FILE.rrd")
 
 
@@ -136,11 +136,11 @@ def _messages(path: Path, at: int = FILE_HEADER) -> Iterator[tuple[int, int, byt
         while (header := _header(file, at)) is not None:
             kind, length = header
             after = at + MESSAGE_HEADER.size + length
-            if kind > LAYOUT or (kind == END and length and not _ends(file, after, size)):
+            if kind > LAYOUT_MESSAGE or (kind == END_MESSAGE and length and not _ends(file, after, size)):
                 raise _damage(path, at, "it holds no message of a recording")
             if after > size and index_of(path):
                 raise _damage(path, at, "a message is longer than the file")
-            if kind == END or after > size:
+            if kind == END_MESSAGE or after > size:
                 return
             file.seek(at + MESSAGE_HEADER.size)
             yield at, kind, file.read(length)
@@ -150,7 +150,7 @@ def _messages(path: Path, at: int = FILE_HEADER) -> Iterator[tuple[int, int, byt
 def _ends(file: BinaryIO, at: int, size: int) -> bool:
     """Whether a file of some size ends at a place, or the tail of a recording is there."""
     file.seek(at)
-    return at + TAIL.size > size or file.read(TAIL.size)[MAGIC_IN_TAIL] == TAIL_MAGIC
+    return at + FILE_TAIL.size > size or file.read(FILE_TAIL.size)[MAGIC_IN_TAIL] == TAIL_MAGIC
 
 
 def _header(file: BinaryIO, at: int) -> tuple[int, int] | None:
@@ -166,11 +166,11 @@ def index_of(path: Path) -> dict[int, str]:
     """The entity of each chunk by its place in the file, from the index at the end; nothing where none can be read."""
     with open_regular(path) as file:
         size = os.fstat(file.fileno()).st_size
-        file.seek(max(size - TAIL.size, 0))
-        tail = file.read(TAIL.size)
-        if len(tail) < TAIL.size or tail[MAGIC_IN_TAIL] != TAIL_MAGIC:
+        file.seek(max(size - FILE_TAIL.size, 0))
+        tail = file.read(FILE_TAIL.size)
+        if len(tail) < FILE_TAIL.size or tail[MAGIC_IN_TAIL] != TAIL_MAGIC:
             return {}
-        start, length, *_ = TAIL.unpack(tail)
+        start, length, *_ = FILE_TAIL.unpack(tail)
         if start + length > size:
             return {}
         file.seek(start)
@@ -179,7 +179,7 @@ def index_of(path: Path) -> dict[int, str]:
     try:
         for _, store in _pairs(data):  # the layout has an index of its own
             packed = fields(fields(store)[4])
-            batch = _arrow(packed[2], packed.get(3) == LZ4, packed.get(4, 0))
+            batch = _arrow(packed[2], packed.get(3) == LZ4_COMPRESSION, packed.get(4, 0))
             after, paths = (batch[f"chunk_{name}"].to_pylist() for name in ("byte_offset", "entity_path"))
             places |= {int(at) - MESSAGE_HEADER.size: str(path) for at, path in zip(after, paths, strict=True)}
     except (ValueError, LookupError, TypeError, OSError, NotImplementedError, OverflowError):
@@ -207,13 +207,13 @@ def _batch(message: Message) -> Any:
     """The arrow batch of a chunk. Raises ValueError and the like of one that is damaged."""
     import pyarrow as pa
 
-    if message.get(4) != ARROW:
+    if message.get(4) != ARROW_ENCODING:
         raise ValueError("a chunk is not in Arrow's format")
-    batch = _arrow(message[PAYLOAD], message.get(2) == LZ4, message.get(3, 0))
+    batch = _arrow(message[PAYLOAD_FIELD], message.get(2) == LZ4_COMPRESSION, message.get(3, 0))
     if b"rerun:entity_path" not in (batch.schema.metadata or {}):
         raise ValueError("a chunk does not say what it belongs to")
     entity_of(batch)  # has to be text
-    for name in INDICES:
+    for name in INDEX_COLUMNS:
         if name in batch.schema.names:
             column = batch[name]
             if not (pa.types.is_duration(column.type) or pa.types.is_int64(column.type)) or column.null_count:
@@ -272,7 +272,9 @@ def send_blueprint(stream: Any, blueprint: Any) -> None:
     import rerun as rr
     import rerun_bindings as bindings
 
-    native = bindings.new_blueprint(application_id=APPLICATION, make_default=False, make_thread_default=False, default_enabled=True)
+    native = bindings.new_blueprint(
+        application_id=APPLICATION_ID, make_default=False, make_thread_default=False, default_enabled=True
+    )
     made = rr.RecordingStream._from_native(native)
     made.set_time("blueprint", sequence=0)
     blueprint._log_to_stream(made)

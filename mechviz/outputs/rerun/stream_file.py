@@ -17,13 +17,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mechviz.files import OutputError, check_target, put_in_place, reason
-from mechviz.outputs.rerun.entities import APPLICATION, RecordingError
+from mechviz.outputs.rerun.entities import APPLICATION_ID, RecordingError
 from mechviz.outputs.rerun.rerun_adapter import send_blueprint
 
 if TYPE_CHECKING:
     import rerun as rr
 
-PIECE = 1 << 20
+READ_SIZE = 1 << 20
 
 
 class Pump:
@@ -33,7 +33,7 @@ class Pump:
         self._file = os.dup(file)
         self._outlet, self._inlet = os.pipe()
         with suppress(AttributeError, OSError):  # of Linux; more than a user may have
-            fcntl.fcntl(self._inlet, fcntl.F_SETPIPE_SZ, PIECE)
+            fcntl.fcntl(self._inlet, fcntl.F_SETPIPE_SZ, READ_SIZE)
         self._move = getattr(os, "splice", _copy)  # of Linux: from pipe to file within the kernel
         self._error: OSError | None = None
         self._lock = threading.Lock()  # held while bytes are on their way from the pipe to the file
@@ -78,11 +78,11 @@ class Pump:
             select.select([self._outlet], [], [])  # outside of the lock: the pipe may be idle for long
             with self._lock:
                 if self._error is not None:  # the writer is not to wait
-                    if not os.read(self._outlet, PIECE):
+                    if not os.read(self._outlet, READ_SIZE):
                         return
                     continue
                 try:
-                    if not self._move(self._outlet, self._file, PIECE):
+                    if not self._move(self._outlet, self._file, READ_SIZE):
                         return
                 except OSError as error:
                     if error.errno == errno.EINVAL and self._move is not _copy:  # the file system cannot
@@ -136,7 +136,7 @@ def forget_streams() -> None:
     """Have rerun give up the streams that nobody holds: it keeps each with its threads until it is asked."""
     import rerun as rr
 
-    rr.init(APPLICATION, init_logging=False)  # starts nothing, but forgets
+    rr.init(APPLICATION_ID, init_logging=False)  # starts nothing, but forgets
 
 
 @contextmanager
@@ -151,7 +151,7 @@ def recording_file(path: Path, blueprint: object, recording_id: str | None, titl
     target, temporary, claim, pump = _begin(path)
     strict = rr.strict_mode()
     rr.set_strict_mode(True)  # else wrong lengths only warn, and the data are dropped
-    stream = rr.RecordingStream(APPLICATION, recording_id=recording_id)
+    stream = rr.RecordingStream(APPLICATION_ID, recording_id=recording_id)
     part = Part(stream, pump)
     try:
         stream.save(pump.entrance)
@@ -194,7 +194,7 @@ def live_file(path: Path, port: int | None, title: str, blueprint: object) -> It
     _, temporary, claim, pump = _begin(path)
     strict = rr.strict_mode()
     rr.set_strict_mode(True)
-    stream = rr.RecordingStream(APPLICATION)
+    stream = rr.RecordingStream(APPLICATION_ID)
     part = Part(stream, pump)
     keep = False
     try:

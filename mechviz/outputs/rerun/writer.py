@@ -20,7 +20,7 @@ from mechcore.numerics.frames import give_back_memory
 from mechcore.records import dataclass
 from mechcore.spec.clearance import made_joints
 from mechviz.outputs.drawings import diagram_views, find_diagrams
-from mechviz.outputs.rerun.blueprint import BACKGROUND, make_blueprint, spans_of_plots
+from mechviz.outputs.rerun.blueprint import BACKGROUND_COLOR, make_blueprint, spans_of_plots
 from mechviz.outputs.rerun.blueprint import picture as mechanism_view
 from mechviz.outputs.rerun.content import (
     Content,
@@ -61,10 +61,10 @@ if TYPE_CHECKING:
     from mechviz.runs import Run
     from mechviz.scene.scene import Scene
 
-BLOCK = 5000
+BLOCK_FRAMES = 5000
 """Frames per block: large enough to be quick and small (rerun keeps some 6 kB of each entity and block until the end), small enough
 that an interrupted run keeps most of what it had."""
-ROWS = 50_000  # that wait in memory, some 2 MB
+WAITING_ROWS = 50_000  # that wait in memory, some 2 MB
 MANY_ROWS = 4_000_000  # of a recording, beyond which memory counts for more than the time to ask for it again
 
 
@@ -176,7 +176,7 @@ def write_recording(
         enlarged = magnification(solids.size)  # the eye stands in the enlarged picture
         marks = mark_times(events)
         spans = spans_of_plots(run) if len(marks) else {}
-        views, diagrams = find_views(content), diagram_views(content.diagrams, BACKGROUND)
+        views, diagrams = find_views(content), diagram_views(content.diagrams, BACKGROUND_COLOR)
         blueprint = make_blueprint(run, {name: enlarged * box for name, box in bounds.items()}, events, views, diagrams, spans)
         statics = find_statics(content)
     with recording_file(path, blueprint, recording_id, run.scene.title or run.scene.name) as part:
@@ -222,7 +222,8 @@ def _send_streams(
     total = len(timelines.time)
     waiting = 0
     _make_room(run)
-    for start, stop in pairwise([0, *range(BLOCK, total - BLOCK // 2, BLOCK), total]):  # the last one is not much shorter
+    # the last one is not much shorter
+    for start, stop in pairwise([0, *range(BLOCK_FRAMES, total - BLOCK_FRAMES // 2, BLOCK_FRAMES), total]):
         times: dict[int, Any] = {}
         for stream in streams:
             frames = slice(start + -start % stream.every, stop, stream.every)
@@ -232,7 +233,7 @@ def _send_streams(
                 times[stream.every] = timelines.columns(frames)
             part.stream.send_columns(stream.path, times[stream.every], stream.columns(frames))
             waiting += len(range(stop)[frames])
-            if waiting > ROWS:
+            if waiting > WAITING_ROWS:
                 part.stream.flush()
                 waiting = 0
         part.flush(stop)
@@ -249,7 +250,7 @@ def _make_room(run: Run) -> None:
 
 
 # -- live -------------------------------------------------------------------------------------------------------------
-ROOM = 0.25  # around a closed linkage, in its sizes
+LINKAGE_ROOM = 0.25  # around a closed linkage, in its sizes
 
 
 class Live:
@@ -314,7 +315,7 @@ def _room(run: Run, solids: Solids) -> Real:
     far as it reaches from the frame's joints, to all sides."""
     box, motion = np.array(solids.bounds, float), run.motion
     frame = motion.mechanism.frame
-    more = ROOM * solids.size
+    more = LINKAGE_ROOM * solids.size
     for joint in (p for p in motion.mechanism.joints if frame in p.links and not motion.model.loops):
         at = motion.joint_position(joint.name)[0]
         more = float(np.hypot(*np.maximum(box[1, :2] - at, at - box[0, :2])))

@@ -38,8 +38,8 @@ if TYPE_CHECKING:
     from mechviz.scene.scene import Scene
 
 
-SHARE = 2.0  # a pause of a growing motion is so many times as long as showing it took: most of the time is for computing
-PAUSE = 0.3, 2.0  # the shortest and the longest one [s]
+PAUSE_RATIO = 2.0  # a pause of a growing motion is so many times as long as showing it took: most of the time is for computing
+PAUSE_LIMITS = 0.3, 2.0  # the shortest and the longest one [s]
 MOST_FRAMES = 1_000_000  # of a scene that a recording brings along
 
 
@@ -304,7 +304,7 @@ def serve_while(
                 print(f"{scene.title or scene.name}: {viewer.url}", flush=True)
                 print("Open this address in a browser: the motion grows while it is computed. Ctrl-C stops the viewer.", flush=True)
             viewer.grow(run, computing.duration)
-            stopped.wait(float(np.clip(SHARE * (time.perf_counter() - begun), *PAUSE)))
+            stopped.wait(float(np.clip(PAUSE_RATIO * (time.perf_counter() - begun), *PAUSE_LIMITS)))
         if stopped.is_set():
             computing.stop()
         elif computing.error is not None:

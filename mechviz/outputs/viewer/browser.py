@@ -15,7 +15,7 @@ from mechviz.outputs.viewer.viser_adapter import run_script
 # - Space presses the button that the keyboard has reached. A button that the mouse has pressed gives up the focus, so that space
 #   means play and pause after it.
 # - Escape cancels a dialog: viser leaves closing to the server.
-KEYS = """
+KEYS_SCRIPT = """
 if (!window.mechvizKeys) {
   window.mechvizKeys = true;
   const arrow = (event) => event.code.startsWith("Arrow");
@@ -39,7 +39,7 @@ if (!window.mechvizKeys) {
 
 
 # viser names the row of a control, but neither the thumb of its slider nor the box beside it: screen readers need that.
-NAMES = """
+NAMES_SCRIPT = """
 if (!window.mechvizNames) {
   const ICONS = { "list-search": "Search for a command", "adjustments": "Settings and connection" };
   const name = () => {
@@ -89,7 +89,7 @@ if (!window.mechvizNames) {
 """
 
 # A mark of a chart that is clicked gives its number to a control, as if that had been moved.
-PICK = """
+PICK_SCRIPT = """
 if (!window.mechvizPick) {
   window.mechvizPick = true;
   document.body.addEventListener("click", (event) => {
@@ -104,7 +104,7 @@ if (!window.mechvizPick) {
 """
 
 # The cursor of the health strip goes where the numbers above the slider say: the strip itself need not be sent again.
-CURSOR = """
+CURSOR_SCRIPT = """
 if (!window.mechvizCursor) {
   window.mechvizCursor = true;
   const lines = document.getElementsByClassName("mechviz-now");
@@ -128,7 +128,7 @@ if (!window.mechvizCursor) {
 # lines) into the frame after that. Taken as soon as it is there, all of it is in one frame, and that is the next one.
 # After each message viser goes on drawing for a quarter of a second, for textures, letters and the like that come late. Poses,
 # points and panels do not: one frame is enough, with another when all is at rest, and the next move need not wait for the others.
-PROMPT = """
+PROMPT_SCRIPT = """
 (() => {
   const viser = window.__viserMutable;
   if (window.mechvizPrompt || !viser || !viser.drainMessageQueue || !viser.requestRender) return;
@@ -163,12 +163,12 @@ PROMPT = """
 
 def prepare_page(server: viser.ViserServer, title: str) -> None:
     """Send the script to every browser, now and later."""
-    source = f"document.title = {json.dumps(title)};{KEYS}{NAMES}{PICK}{CURSOR}{PROMPT}"
+    source = f"document.title = {json.dumps(title)};{KEYS_SCRIPT}{NAMES_SCRIPT}{PICK_SCRIPT}{CURSOR_SCRIPT}{PROMPT_SCRIPT}"
     run_script(server, source, "page")
 
 
 # The size of the picture as a control of the page: viser states it in pixels of the screen, which do not scale with the letters.
-SIZE = """
+SIZE_SCRIPT = """
 { const tell = () => {
     const { clientWidth: wide, clientHeight: high } = window.__viserMutable.canvas, value = `${wide}x${high}`;
     if (value === window.mechvizSize.told || !wide || !high) return;
@@ -188,7 +188,7 @@ SIZE = """
 
 def tell_size(server: viser.ViserServer, uuid: str) -> None:
     """Let every browser, now and later, give the size of its picture [px] to a text control, as ``600x500``."""
-    run_script(server, SIZE.replace("UUID", json.dumps(uuid)), "size")
+    run_script(server, SIZE_SCRIPT.replace("UUID", json.dumps(uuid)), "size")
 
 
 # viser's tabs can be dragged: they open when a pointer has gone down and up on them, not on a mere click.
@@ -210,7 +210,7 @@ def open_tab(client: viser.ClientHandle | None, name: str) -> None:
 
 
 # Where a phone is turned on its side, both docks are folded as it opens: the picture has the room, a tap opens one of them.
-FOLD = """
+FOLD_SCRIPT = """
 if (!window.mechvizFold) {
   const low = window.mechvizFold = matchMedia("(max-height: 480px) and (min-width: 36.01em)"), folded = new Set();
   const fold = (left) => {
@@ -227,7 +227,7 @@ if (!window.mechvizFold) {
 """
 
 # the timeline as a strip below the picture, a drawer on phones
-LAYOUT = """{ let own = document.getElementById("mechviz-layout");
+LAYOUT_SCRIPT = """{ let own = document.getElementById("mechviz-layout");
   if (!own) { own = document.createElement("style"); own.id = "mechviz-layout"; document.head.append(own); }
   own.textContent = STYLE; }"""
 
@@ -235,4 +235,4 @@ LAYOUT = """{ let own = document.getElementById("mechviz-layout");
 def lay_out(server: viser.ViserServer) -> None:
     """Give the page of every browser, now and later, the layout of ``layout.css``."""
     style = files(__package__).joinpath("layout.css").read_text(encoding="utf-8")
-    run_script(server, LAYOUT.replace("STYLE", json.dumps(style)) + FOLD, "layout")
+    run_script(server, LAYOUT_SCRIPT.replace("STYLE", json.dumps(style)) + FOLD_SCRIPT, "layout")

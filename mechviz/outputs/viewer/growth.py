@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     from mechviz.scene.scene import Scene
 
 
-NOTES = "This motion is still being computed. When it is complete, the scene can be edited and saved."
-REBUILT = 4.0  # solids are made anew when the run is so many times as long as that for which they were made
+GROWING_NOTE = "This motion is still being computed. When it is complete, the scene can be edited and saved."
+REBUILD_RATIO = 4.0  # solids are made anew when the run is so many times as long as that for which they were made
 
 
 class Growth:
@@ -32,17 +32,17 @@ class Growth:
         self._built = build(run)
         self._for = run.motion.frames
         first = view_model_of_run(run, self._built)
-        self.view_model = replace(first, opens_at=first.frames - 1, notes=NOTES)
+        self.view_model = replace(first, opens_at=first.frames - 1, notes=GROWING_NOTE)
         self.words = ""
         self._bar = server.gui.add_html("", order=-1.0)
 
     def take(self, run: Run, duration: float) -> ViewModel:
         """View model of more frames; now and then with new solids: slots are as long and layers as many as the run needs.
         ``duration`` of the whole run [s]."""
-        reshaped = run.motion.frames >= REBUILT * self._for
+        reshaped = run.motion.frames >= REBUILD_RATIO * self._for
         if reshaped:
             self._built, self._for = build(run), run.motion.frames
-        self.view_model = replace(view_model_of_run(run, self._built, self.view_model), exact=reshaped, notes=NOTES)
+        self.view_model = replace(view_model_of_run(run, self._built, self.view_model), exact=reshaped, notes=GROWING_NOTE)
         reached = float(run.motion.time[-1])
         self._say(f"Computing: {reached:.4g} s of {duration:.4g} s", reached / duration, "#225ca0")
         return self.view_model
@@ -61,8 +61,9 @@ class Growth:
         )
 
 
-LOOK = 0.2  # [s] between looks whether there is something new
-SHARE = 8.0  # new frames are put together after so many times as long as that took last time: most of the time is for computing
+LOOK_INTERVAL = 0.2  # [s] between looks whether there is something new
+# New frames are put together after so many times as long as that took last time: most of the time is for computing
+ASSEMBLY_RATIO = 8.0
 
 
 class Stopped(Exception):
@@ -104,7 +105,7 @@ class Computing:
     def wait(self) -> bool:
         """Until there is something new, or a moment; False when the computing has ended."""
         with self._changed:
-            self._changed.wait_for(lambda: self._over or self.running.sent > self._shown, LOOK)
+            self._changed.wait_for(lambda: self._over or self.running.sent > self._shown, LOOK_INTERVAL)
             return not self._over
 
     def news(self) -> Run | None:
@@ -121,7 +122,7 @@ class Computing:
         begun = time.perf_counter()
         if self.running.take(stretch, duration) is not None:
             now = time.perf_counter()
-            self._due = now + max(LOOK, SHARE * (now - begun))
+            self._due = now + max(LOOK_INTERVAL, ASSEMBLY_RATIO * (now - begun))
             with self._changed:
                 self._changed.notify_all()
 

@@ -20,7 +20,7 @@ from mechviz.outputs.viewer.panels.designs import Optimiser, StudyChart
 from mechviz.outputs.viewer.panels.detail import DetailPanel, items_of
 from mechviz.outputs.viewer.panels.diagrams import Diagrams
 from mechviz.outputs.viewer.panels.effects import EffectsTab
-from mechviz.outputs.viewer.panels.plots import OPENED, Plots
+from mechviz.outputs.viewer.panels.plots import OPENED_DESIGN, Plots
 from mechviz.outputs.viewer.panels.saving import Saver
 from mechviz.outputs.viewer.panels.switches import Switches
 from mechviz.outputs.viewer.panels.synthesis import Synthesis, is_four_bar
@@ -36,9 +36,9 @@ from mechviz.outputs.viewer.world.marks import HoverNames
 from mechviz.outputs.viewer.world.scene import Scene3D
 from mechviz.studies.designs.figures import StoredStudy
 
-SLOW = 0.25  # [s] between changes of what need not follow every move of a slider
-PLOTS = 0.06  # [s] between changes of plots while the next value of a slider waits already
-PATIENCE = 0.01  # [s] for what has been drawn to be on its way, before more is computed
+SLOW_INTERVAL = 0.25  # [s] between changes of what need not follow every move of a slider
+PLOT_INTERVAL = 0.06  # [s] between changes of plots while the next value of a slider waits already
+SENDING_PATIENCE = 0.01  # [s] for what has been drawn to be on its way, before more is computed
 DETAIL_TAB = "Look closer"
 LEFT_WIDTH, RIGHT_WIDTH = 300, 370  # [px]
 
@@ -82,7 +82,7 @@ class Inspector:
 
         gui.main_panel.dock_left()
         gui.main_panel.set_width(LEFT_WIDTH)
-        self._designs = {**({OPENED: session.opened} if session is not None else {}), **(beside or {})}
+        self._designs = {**({OPENED_DESIGN: session.opened} if session is not None else {}), **(beside or {})}
         clicked = self._guarded("Looking closer", self._clicked_link), self._guarded("Looking closer", self._clicked_joints)
         self.scene = Scene3D(server, view_model, *clicked, self._designs)
         self._note = words.hint(note) if note else ""
@@ -104,7 +104,7 @@ class Inspector:
         if session is not None:
             tab = tabs.add_tab("Edit", viser.Icon.ADJUSTMENTS)
             with tab:
-                self._offer_comparison("Compare with the scene as opened", OPENED, callback)
+                self._offer_comparison("Compare with the scene as opened", OPENED_DESIGN, callback)
                 self.handles = gui.add_checkbox("Drag pivots", False, hint="handles on the points of the fixed link")
             self.handles.on_update(callback("Showing handles", lambda _: self._handles(bool(self.handles.value))))
             self.controls = Controls(server, tab, session, callback)
@@ -190,12 +190,12 @@ class Inspector:
                 self.scene.show(frame)
             if view_model.exact:
                 self.scene.refit()
-            send_now(self._server, PATIENCE)
+            send_now(self._server, SENDING_PATIENCE)
             hurried = self._session is not None and self._session.overtaken and view_model.frames == self._plotted.frames
-            if not hurried or time.perf_counter() - self._drew > PLOTS:
+            if not hurried or time.perf_counter() - self._drew > PLOT_INTERVAL:
                 with self._server.atomic():
                     self._plot(view_model, frame)
-                    if time.perf_counter() - self._slow > SLOW or view_model.frames != self._followed.frames:
+                    if time.perf_counter() - self._slow > SLOW_INTERVAL or view_model.frames != self._followed.frames:
                         self._follow(view_model, frame)
                     self._explain()
                 self._server.flush()
@@ -347,7 +347,7 @@ class Inspector:
 
     def _offer_comparison(self, words: str, name: str, callback: Callback) -> None:
         """A box that draws another design behind the mechanism, and its curves beside those of it."""
-        self.compare[name] = self._server.gui.add_checkbox(words, name != OPENED)  # who asks for others wants to see them
+        self.compare[name] = self._server.gui.add_checkbox(words, name != OPENED_DESIGN)  # who asks for others wants to see them
         self.compare[name].on_update(callback("Comparing", lambda _: self._compare()))
 
     def _compare(self) -> None:

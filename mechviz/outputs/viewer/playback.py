@@ -23,8 +23,8 @@ from mechcore.arrays import Flags, Index, Integers, Real, Single
 from mechcore.records import dataclass
 from mechviz.outputs.viewer.viser_adapter import run_script
 
-LARGEST = 16_000_000  # bytes of a motion that are sent to a browser
-SCRIPT = Path(__file__).with_name("playback.js").read_text(encoding="utf-8")
+LARGEST_MOTION = 16_000_000  # bytes of a motion that are sent to a browser
+PLAYBACK_SCRIPT = Path(__file__).with_name("playback.js").read_text(encoding="utf-8")
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,7 +162,7 @@ class BrowserPlayback:
         if self._stale:
             self._stale = False
             tracks = self.make()
-            self._tracks = tracks if tracks is not None and tracks.bytes <= LARGEST else None
+            self._tracks = tracks if tracks is not None and tracks.bytes <= LARGEST_MOTION else None
             self._text, self._version = "", self._version + 1
 
     def begin(self, clock: float, rate: float, loop: bool) -> bool:
@@ -202,7 +202,7 @@ class BrowserPlayback:
         sent = self._sent.get(client.client_id)
         if sent is None:
             sent = self._sent[client.client_id] = _Sent()
-            run_script(client, SCRIPT, "playback")
+            run_script(client, PLAYBACK_SCRIPT, "playback")
         if sent.version != self._version:
             if not self._text:
                 self._text = self._tracks.text()
@@ -231,7 +231,7 @@ def ragged(values: NDArray[Any], seen: Flags) -> tuple[Single, Integers]:
 # From four points a pixel on uPlot draws by columns of pixels, in which a gap beside the cursor line swallows it; plots are about
 # 270 pixels wide
 MOST_POINTS = 900
-FILLED = 0.5  # of the range that curves fill at least, for it to stay
+LEAST_FILLED = 0.5  # of the range that curves fill at least, for it to stay
 
 
 def thinned(values: Real, most: int = MOST_POINTS) -> Index:
@@ -275,7 +275,7 @@ class Curves:
         """Take an older range of the vertical axis where the curves still fill it well: while something is dragged, axes that
         change all the time mean nothing."""
         low, high = self.range
-        if old[0] <= low and high <= old[1] and high - low >= FILLED * (old[1] - old[0]):
+        if old[0] <= low and high <= old[1] and high - low >= LEAST_FILLED * (old[1] - old[0]):
             self.range = old
 
     def track(self, uuid: str) -> PlotTrack:

@@ -12,7 +12,7 @@ import numpy as np
 from mechcore.arrays import Real
 
 LARGEST_RATE = 60.0  # pictures a second
-GLANCES = 10.0  # looks a second at a run that the browsers play
+LOOKS_A_SECOND = 10.0  # looks a second at a run that the browsers play
 LEAST_REST = 0.002  # [s] between pictures, however slow the drawing is: viser's own thread must get its turn
 
 
@@ -221,7 +221,7 @@ class Player:
                     self._changed.wait_for(lambda: self._playing or self._closed or self._done < self._wanted)
                     self._ticked = time.perf_counter()
                 elif self._aside and self._playing:
-                    self._changed.wait_for(lambda: self._closed or self._done < self._wanted, 1.0 / GLANCES)
+                    self._changed.wait_for(lambda: self._closed or self._done < self._wanted, 1.0 / LOOKS_A_SECOND)
                 if self._closed:
                     return
                 now = time.perf_counter()

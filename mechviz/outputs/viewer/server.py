@@ -26,10 +26,10 @@ from mechcore.records import dataclass
 from mechviz.outputs.viewer.viser_adapter import control_of, is_removed, replaced, start
 
 HOST = "127.0.0.1"
-ATTEMPTS = 5  # for a free port: another program may take it between the probe and the start
+PORT_ATTEMPTS = 5  # for a free port: another program may take it between the probe and the start
 
 # The page of viser holds all that it needs. Nothing else is loaded, whatever a scene or a recording says.
-POLICY = "; ".join(
+CONTENT_POLICY = "; ".join(
     (
         "default-src 'none'",
         "script-src 'self' 'unsafe-inline' 'unsafe-eval' blob:",
@@ -54,7 +54,7 @@ class ViewerError(Exception):
 def start_server(port: int, label: str) -> tuple[viser.ViserServer, Guard]:
     """A server on 127.0.0.1, and what guards it. ``port`` 0 takes a free one. Raises `ViewerError` if the port cannot be had."""
     share_memory()
-    for _ in range(ATTEMPTS):
+    for _ in range(PORT_ATTEMPTS):
         probed = _probe(port)
         server, guard = _start_guarded(probed, label)
         if server.get_port() == probed:
@@ -126,7 +126,7 @@ def _start_guarded(port: int, label: str) -> tuple[viser.ViserServer, Guard]:
     """Start viser with a `Guard`, with a list of the origins whose pages may open its web socket (no origin at all is no browser),
     and with a policy for its page."""
     origins = [None, Origin(f"http://{HOST}:{port}"), Origin(f"http://localhost:{port}")]
-    policy = POLICY.format(host=HOST, port=port)
+    policy = CONTENT_POLICY.format(host=HOST, port=port)
     serve: Any = websockets.asyncio.server.serve
 
     def guarded(*args: Any, process_request: Any, **options: Any) -> Any:
@@ -150,7 +150,7 @@ def _start_guarded(port: int, label: str) -> tuple[viser.ViserServer, Guard]:
 MOST_BYTES = 1 << 16  # of a message
 LONGEST_TEXT = 1000
 LONGEST_NAME = 300  # of a node, or of a control in the page
-LARGEST = 1e15  # of a number: what a slider of whole numbers takes must fit into 64 bits
+LARGEST_NUMBER = 1e15  # of a number: what a slider of whole numbers takes must fit into 64 bits
 MOST_PIXELS = 1e5
 NEARLY_ONE = 1e-3
 
@@ -158,7 +158,7 @@ Check = Callable[[Any], bool]
 
 
 def is_number(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value) and abs(value) <= LARGEST
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value) and abs(value) <= LARGEST_NUMBER
 
 
 def is_text(value: object) -> bool:
@@ -194,7 +194,7 @@ def _is_update(value: object) -> bool:
 
 
 # by kind, the fields that it has; ``owner`` says whose node it is, and may be missing
-KINDS: Mapping[str, Mapping[str, Check]] = {
+MESSAGE_FIELDS: Mapping[str, Mapping[str, Check]] = {
     "ViewerCameraMessage": {
         "wxyz": _is_turn,
         "position": _is_vector(3),
@@ -275,9 +275,9 @@ class Guard:
             message = msgspec.msgpack.decode(data)
         except (msgspec.DecodeError, ValueError, RecursionError):
             return "a message that cannot be read"
-        if not isinstance(message, dict) or not isinstance(kind := message.pop("type", None), str) or kind not in KINDS:
+        if not isinstance(message, dict) or not isinstance(kind := message.pop("type", None), str) or kind not in MESSAGE_FIELDS:
             return "a message of a kind that no page of the viewer sends"
-        fields = KINDS[kind]
+        fields = MESSAGE_FIELDS[kind]
         missing, unknown = set(fields) - set(message) - {"owner"}, set(message) - set(fields)
         if missing or unknown or not all(fields[name](value) for name, value in message.items()):
             return f"{kind} with fields that no page of the viewer sends"

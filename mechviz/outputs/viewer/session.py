@@ -25,8 +25,8 @@ from mechviz.scene.assembly.simulation import swinging, swings
 
 Change = Callable[[Draft], Draft]
 
-QUICK = 0.05  # [s] a run may take for what each effect contributes to be found unasked
-REPEATS = 5
+QUICK_RUN = 0.05  # [s] a run may take for what each effect contributes to be found unasked
+TIMING_REPEATS = 5
 
 
 @dataclass(frozen=True)
@@ -250,7 +250,7 @@ class EditSession:
     def _weigh(self, draft: Draft, run: Run) -> tuple[Contribution, ...] | None:
         """Contributions of each effect and load: the run with it and without it."""
         spent = sum(stage.seconds for stage in run.stages)
-        quick = spent < QUICK or self._patient
+        quick = spent < QUICK_RUN or self._patient
         self._patient = False
         loads = list(draft.document.loads)
         named = set(run.scene.effects)
@@ -279,7 +279,7 @@ class EditSession:
 def _cost(scene: Any) -> float:
     """Processor time of a run [s]: the least of a few, which others on the machine do not change."""
     times = []
-    for _ in range(REPEATS):
+    for _ in range(TIMING_REPEATS):
         start = time.thread_time()
         run_scene(scene)
         times.append(time.thread_time() - start)

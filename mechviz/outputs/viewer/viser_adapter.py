@@ -32,9 +32,9 @@ from viser.infra import _infra
 
 from mechcore.records import dataclass
 
-KEPT = 4  # encoded windows: browsers that are not in the same turn
-SPARSE = 4  # from so many numbers a message on, those that are there are listed
-LEVEL = 1  # of compression, as viser's
+KEPT_WINDOWS = 4  # encoded windows: browsers that are not in the same turn
+SPARSE_RATIO = 4  # from so many numbers a message on, those that are there are listed
+COMPRESSION_LEVEL = 1  # of compression, as viser's
 MOST_WAITING = 1000  # messages for one browser that does not read; then the oldest are given up
 LEAST_SWEPT = 2000  # messages to all browsers: what has been removed is swept when there are twice as many as after the last sweep
 MESSAGES_IN_ONE_PIECE = 4096  # poses of one frame must arrive together; viser's own limit is 128
@@ -140,8 +140,8 @@ class SharedBuffer(_infra.AsyncMessageBuffer):
         self.encodings = self.sendings = 0
         self.sweep: Callable[[], None] | None = None
         self._swept = LEAST_SWEPT
-        self._compressor = zstandard.ZstdCompressor(level=LEVEL)
-        self._encoded: deque[tuple[list[Any], bytes]] = deque(maxlen=KEPT)  # the newest first
+        self._compressor = zstandard.ZstdCompressor(level=COMPRESSION_LEVEL)
+        self._encoded: deque[tuple[list[Any], bytes]] = deque(maxlen=KEPT_WINDOWS)  # the newest first
         self._sent = threading.Condition()
         self._reached: dict[int, int] = {}  # the last message that was sent to each browser
 
@@ -178,7 +178,7 @@ class SharedBuffer(_infra.AsyncMessageBuffer):
         """The messages for a browser after one and up to another, no more than fit into a window, and the number of the last."""
         window: list[Any] = []
         numbers: Sequence[int] = range(after + 1, up_to + 1)
-        if len(numbers) > SPARSE * (len(self.message_from_id) + 1):  # after hours of play nearly all have been replaced
+        if len(numbers) > SPARSE_RATIO * (len(self.message_from_id) + 1):  # after hours of play nearly all have been replaced
             with self.buffer_lock:
                 numbers = [number for number in self.message_from_id if after < number <= up_to]
         for number in numbers:

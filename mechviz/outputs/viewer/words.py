@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mechviz.outputs.viewer.world.camera import grid_cell
-from mechviz.outputs.viewer.world.marks import PATH
+from mechviz.outputs.viewer.world.marks import PATH_COLORS
 from mechviz.quantities.vectors import FAMILIES, FORCE_FAMILIES, Scales, round_value
 
 if TYPE_CHECKING:
@@ -30,9 +30,9 @@ def _colors_by_theme(light: tuple[int, int, int], dark: tuple[int, int, int]) ->
     return f"light-dark({_rgb(light)},{_rgb(dark)})"
 
 
-COLOR_OF_PATHS = _colors_by_theme(PATH[False], PATH[True])
-COLORS = {name: _colors_by_theme(family.color, family.on_dark) for name, family in FAMILIES.items()}
-TARGET = 0.2  # of the mechanism's size: about how long an arrow the legend gives the value for
+COLOR_OF_PATHS = _colors_by_theme(PATH_COLORS[False], PATH_COLORS[True])
+FAMILY_COLORS = {name: _colors_by_theme(family.color, family.on_dark) for name, family in FAMILIES.items()}
+LEGEND_ARROW = 0.2  # of the mechanism's size: about how long an arrow the legend gives the value for
 
 
 def number(value: float) -> str:
@@ -68,7 +68,7 @@ def legend(
     family."""
     enlarged = factor if callable(factor) else lambda _: factor
     families, paths = list(families), list(paths)
-    rows = [_swatch(COLORS[f], 0.42, f"<b>{FAMILIES[f].label}</b>: {FAMILIES[f].meaning}") for f in families]
+    rows = [_swatch(FAMILY_COLORS[f], 0.42, f"<b>{FAMILIES[f].label}</b>: {FAMILIES[f].meaning}") for f in families]
     if paths:
         rows.append(_swatch(COLOR_OF_PATHS, 0.16, f"<b>Path</b> of {escape(', '.join(paths))}"))
     shown = set(families)
@@ -90,7 +90,7 @@ def legend_line(
 ) -> str:
     """The legend in a line: colours with their names, and how long a force is drawn."""
     families, paths = list(families), list(paths)
-    spots = [(COLORS[f], FAMILIES[f].label, FAMILIES[f].meaning) for f in families]
+    spots = [(FAMILY_COLORS[f], FAMILIES[f].label, FAMILIES[f].meaning) for f in families]
     spots += [(COLOR_OF_PATHS, f"Path of {', '.join(paths)}", "")] if paths else []
     parts = [
         f'<span title="{escape(meaning)}" style="white-space:nowrap"><span style="display:inline-block;width:1.1em;height:0.36em;'
@@ -245,7 +245,7 @@ def scale(units: Units, si: str, per_metre: float, size: float) -> str:
     """A round value of what is counted in ``si`` units, of which ``per_metre`` are drawn as a metre, and its length: "500 N =
     41 mm"."""
     unit, factor = units.reads(si)
-    value = round_value(TARGET * size * per_metre * factor)
+    value = round_value(LEGEND_ARROW * size * per_metre * factor)
     long, metre = units.reads("m")
     length = f"{number(round(value / factor / per_metre * metre, units.decimals('m') - 1))} {long}"
     for big, small in (("kN", "N"), ("km/s²", "m/s²")):

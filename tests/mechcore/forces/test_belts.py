@@ -19,7 +19,7 @@ from mechviz.outputs.rerun.recorded import numbers_in, picture_in
 from mechviz.outputs.viewer.world.bodies import BodyNodes
 from mechviz.picture.build import picture_of
 from mechviz.picture.nodes import Body
-from mechviz.picture.surface_marks import MARKS, belt_travel, find_belt_marks
+from mechviz.picture.surface_marks import BELT_MARKS, belt_travel, find_belt_marks
 from recordings import Made, made, solids
 
 
@@ -47,7 +47,7 @@ def test_a_mark_on_a_pulley_turns_with_it(joint):
     (loop,) = [k for k in solids("belt-drive").loops if k.joint == joint]
     motion, second = drive().run.motion, {"V": "drum", "X": "fan"}[joint]
     marks = [m for m in find_belt_marks(drive().run, solids("belt-drive")) if m.name.startswith(joint)]
-    assert len(marks) == MARKS and np.ptp(belt_travel(drive().run, loop)) == pytest.approx(loop.radii[0] * 6.0 * np.pi)
+    assert len(marks) == BELT_MARKS and np.ptp(belt_travel(drive().run, loop)) == pytest.approx(loop.radii[0] * 6.0 * np.pi)
     seen = 0
     for mark in marks:
         at = mark.places()[:, :2] @ [1.0, 1.0j]
@@ -125,13 +125,13 @@ def test_marks_that_look_as_before_keep_their_nodes():
     picture = picture_of(drive().run, solids("belt-drive"))
     marks = tuple(picture.of(Body, "belt"))
     nodes = BodyNodes(server, shown(marks))
-    assert len(made_nodes) == 2 * MARKS and not gone
+    assert len(made_nodes) == 2 * BELT_MARKS and not gone
     moved = tuple(replace(m, poses=replace(m.poses, places=m.poses.places + np.float32(0.01))) for m in marks)
     nodes.update(shown(moved))
-    assert len(made_nodes) == 2 * MARKS and not gone
+    assert len(made_nodes) == 2 * BELT_MARKS and not gone
     for (_, place, turn), mark in zip(nodes.poses(7), moved, strict=True):
         assert place == pytest.approx(mark.poses.places[7]) and turn == pytest.approx(np.roll(mark.poses.turns[7], 1))
     nodes.update(shown(replace(m, mesh=replace(m.mesh, vertices=1.1 * m.mesh.vertices)) for m in moved))
-    assert len(made_nodes) == 4 * MARKS and len(gone) == 2 * MARKS
+    assert len(made_nodes) == 4 * BELT_MARKS and len(gone) == 2 * BELT_MARKS
     nodes.cut(-1.0)
     assert not any(node.visible for node, _, _ in nodes.poses(0))

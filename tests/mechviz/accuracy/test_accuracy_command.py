@@ -25,7 +25,8 @@ from mechviz.studies.precision_diagram import PANEL, diagram, setting_changes
 
 
 def point(seconds: float, error: float, **more: object) -> Point:
-    return Point("frames", str(more.pop("method", "a")), "x", {}, error, seconds, 0.0, 3, **more)  # type: ignore[arg-type]  # of tests
+    # of tests
+    return Point("frames", str(more.pop("method", "a")), "x", {}, error, seconds, 0.0, 3, **more)  # type: ignore[arg-type]
 
 
 POINTS = [point(1.0, 1e-2), point(2.0, 1e-4, current=True), point(3.0, 1e-3, method="b"), point(4.0, 1e-6, method="b")]
@@ -274,7 +275,7 @@ def test_picking_a_point_in_the_viewer_applies_it(monkeypatch):
 
     once(monkeypatch)
     monkeypatch.setattr(precision, "FRAMES", (32, 128))
-    monkeypatch.setattr(accuracy_tab, "SETTINGS", ("frames",))
+    monkeypatch.setattr(accuracy_tab, "SHOWN_SETTINGS", ("frames",))
     with Viewer(run_scene(load("crank-rocker"), accuracy=1e-3), port=0) as viewer:
         tab = viewer.inspector.accuracy
         assert tab is not None and "estimated errors" in tab.errors.content

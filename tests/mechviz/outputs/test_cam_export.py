@@ -38,7 +38,7 @@ def test_biarcs_are_exact_on_circles_and_lines():
 @pytest.mark.parametrize("name", SCENES)
 def test_arcs_lie_on_the_profile_and_join_smoothly(name, outlines, monkeypatch):
     coarse = outlines[name]
-    monkeypatch.setattr(cam_export, "STEP", 0.05)
+    monkeypatch.setattr(cam_export, "POINT_SPACING", 0.05)
     fine = cam_outlines(run_scene(mechviz.load(name), frames=8))
     assert [o.name for o in coarse] == ["K", "K outer flank"][: len(coarse)]
     for rough, exact in zip(coarse, fine, strict=True):

@@ -227,7 +227,7 @@ def test_a_long_run_is_thinned_to_a_stated_number_of_frames():
 
 
 def test_a_page_of_a_recording_read_in_part_is_that_of_the_whole(tmp_path, monkeypatch):
-    monkeypatch.setattr("mechviz.outputs.rerun.writer.BLOCK", 50)  # frames, so that it has many blocks
+    monkeypatch.setattr("mechviz.outputs.rerun.writer.BLOCK_FRAMES", 50)  # frames, so that it has many blocks
     # a drive that goes to and fro, and lanes
     path = write_recording(run_scene(mechviz.load("lamp-arm"), frames=240), tmp_path / "a.rrd").path
     whole = Recording(path)

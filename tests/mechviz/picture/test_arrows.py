@@ -9,7 +9,7 @@ import pytest
 
 from mechviz.picture.build import picture_of
 from mechviz.picture.nodes import Arc, Arrow, Body
-from mechviz.picture.proportions import HEAD_RADIUS
+from mechviz.picture.proportions import ARROW_HEAD_RADIUS
 from mechviz.quantities import tables
 from recordings import made, ran, solids
 
@@ -37,11 +37,11 @@ def test_forces_from_two_places_that_lie_on_each_other_are_drawn_side_by_side():
     away = np.abs(spring.vector.origin - joint.vector.origin)[:, 0]
     assert np.mean(away < 1e-9) > 0.5, "one line while the valve is shut"
     assert np.abs(spring.vector.origin - joint.vector.origin)[:, 1].min() > 0.01 * picture.size, "two places"
-    assert abs(spring.aside - joint.aside) > 2.0 * HEAD_RADIUS * picture.size, "and their heads have room, too"
+    assert abs(spring.aside - joint.aside) > 2.0 * ARROW_HEAD_RADIUS * picture.size, "and their heads have room, too"
     train = picture_of(ran("valve-train"), solids("valve-train"))
     arrows = {a.key: a for a in train.of(Arrow)}
     drawn = [arrows[key].origin[16, 0] for key in ("reaction.O", "applied.valve_spring", "inertia.valve")]  # all upright
-    assert np.diff(np.sort(drawn)).min() > 2.0 * HEAD_RADIUS * train.size, "one pushes up, one down, for a short while"
+    assert np.diff(np.sort(drawn)).min() > 2.0 * ARROW_HEAD_RADIUS * train.size, "one pushes up, one down, for a short while"
     cam = made("cam-roller", FRAMES)
     assert all(a.aside == 0.0 for a in picture_of(cam.run, cam.solids).of(Arrow, "reaction")), "through contact and bearing"
 

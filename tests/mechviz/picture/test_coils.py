@@ -16,7 +16,7 @@ from mechviz.outputs.presentation import presentation_of
 from mechviz.outputs.rerun.recorded import numbers_in, picture_in
 from mechviz.picture.build import solids_of
 from mechviz.picture.nodes import Body
-from mechviz.picture.springs import SIDES, coil_shell, find_coils
+from mechviz.picture.springs import WIRE_SIDES, coil_shell, find_coils
 from mechviz.runs import run_scene
 from recordings import made
 
@@ -32,7 +32,7 @@ def test_a_coil_is_a_closed_wire_of_its_length(straight):
     assert mesh.bounds[0, 0] == pytest.approx(0.0, abs=0.5 * wire) and mesh.bounds[1, 0] == pytest.approx(length, abs=0.5 * wire)
     rho = np.hypot(shell.vertices[:, 1], shell.vertices[:, 2])
     assert rho.max() == pytest.approx(radius + 0.5 * wire, rel=1e-3)
-    section = 0.5 * SIDES * np.sin(2.0 * np.pi / SIDES) * (0.5 * wire) ** 2
+    section = 0.5 * WIRE_SIDES * np.sin(2.0 * np.pi / WIRE_SIDES) * (0.5 * wire) ** 2
     rise = length - 2.0 * wire
     along = np.hypot(2.0 * np.pi * radius * turns, rise) + (0.0 if straight else 4.0 * np.pi * radius)
     assert 0.88 < mesh.volume / (section * along) < 1.0  # half turns run out to the axis; ends are ground off

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mechviz.outputs.drawings import HEIGHT, WIDTH, Curve, Diagram, find_diagrams, round_ticks
+from mechviz.outputs.drawings import DRAWING_HEIGHT, DRAWING_WIDTH, Curve, Diagram, find_diagrams, round_ticks
 from mechviz.outputs.rerun.blueprint import spans_of_plots
 from mechviz.outputs.rerun.plots import MOST_MARKS, mark_path, mark_times
 from recordings import made
@@ -16,7 +16,7 @@ from recordings import made
 def back(d: Diagram, spots: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Values at places of a drawing, which counts downwards."""
     x0, x1, y0, y1 = d.ranges
-    return x0 + (x1 - x0) * spots[:, 0] / WIDTH, y0 - (y1 - y0) * spots[:, 1] / HEIGHT
+    return x0 + (x1 - x0) * spots[:, 0] / DRAWING_WIDTH, y0 - (y1 - y0) * spots[:, 1] / DRAWING_HEIGHT
 
 
 @settings(max_examples=80)
@@ -47,7 +47,7 @@ def test_diagrams_of_an_engine():
     sign = 1.0 if next(p for p in run.motion.mechanism.joints if p.name == "A").links[0] == "frame" else -1.0
     assert np.column_stack([force.x, force.y]) == pytest.approx(sign * run.forces.reaction("A")[:, :2])
     x0, x1, y0, y1 = polar.ranges
-    assert (x1 - x0) / WIDTH == pytest.approx((y1 - y0) / HEIGHT)
+    assert (x1 - x0) / DRAWING_WIDTH == pytest.approx((y1 - y0) / DRAWING_HEIGHT)
     assert x0 < 0.0 < x1 and y0 < 0.0 < y1
     # both turns of the torque: two strips, at the same angles
     assert overlaid.turn == 360.0 and overlaid.ranges[:2] == (0.0, 360.0)

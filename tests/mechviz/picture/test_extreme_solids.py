@@ -42,7 +42,7 @@ def test_a_centre_of_mass_and_a_motion_of_many_light_years_are_named(monkeypatch
     far = gallery_scene("kinetostatic-four-bar").changed({("links", "rocker", "centre"): [5e12, 0.0]})
     with pytest.raises(MechanismError, match=r"links.rocker: .* points lie farther than 1e\+12 m away, one 5e\+12 m"):
         solids_of(run_scene(far, frames=8))
-    monkeypatch.setattr(build, "FARTHEST", 0.2)
+    monkeypatch.setattr(build, "FARTHEST_POINT", 0.2)
     with pytest.raises(MechanismError, match=r"links.rocker: it goes as far as 0.28 m away; up to 0.2 m are drawn"):
         solids_of(run_scene(gallery_scene("kinetostatic-four-bar"), frames=8))
 

@@ -13,7 +13,7 @@ from mechviz import scene
 from mechviz.meshes.extrude import Shell
 from mechviz.meshes.model import place
 from mechviz.meshes.solids import Solid, Solids
-from mechviz.picture.base import SHADE
+from mechviz.picture.base import BASE_COLOR
 from mechviz.picture.build import picture_of, solids_of
 from mechviz.picture.fixtures import find_fixtures
 from mechviz.picture.nodes import Mesh, Picture
@@ -36,7 +36,7 @@ def outline(mesh: Mesh) -> shapely.Polygon:
 
 def standing(run: Run, picture: Picture) -> list[Mesh]:
     """What is fixed to the ground, but the bars and posts that bear it."""
-    return [mesh for mesh in picture.fixtures[run.motion.mechanism.frame] if tuple(mesh.colors[0]) != SHADE[:3]]
+    return [mesh for mesh in picture.fixtures[run.motion.mechanism.frame] if tuple(mesh.colors[0]) != BASE_COLOR[:3]]
 
 
 @pytest.mark.parametrize(

@@ -14,13 +14,13 @@ from typer.testing import CliRunner
 import mechviz
 from mechviz.commands.main import app
 from mechviz.outputs.exports.gltf import glb_bytes
-from mechviz.outputs.exports.gltf_marks import ARROWS, find_marks
+from mechviz.outputs.exports.gltf_marks import ARROW_FAMILIES, find_marks
 from mechviz.outputs.presentation import presentation_in, presentation_of
 from mechviz.outputs.rerun.reader import Recording
 from mechviz.outputs.rerun.writer import write_recording
 from mechviz.picture.build import picture_of, solids_of
 from mechviz.picture.nodes import Body
-from mechviz.picture.proportions import HEAD, TURNS
+from mechviz.picture.proportions import ARROW_HEAD_LENGTH, SPIRAL_TURNS
 from mechviz.quantities.vectors import FAMILIES
 from mechviz.runs import run_scene
 from recordings import vectors_of
@@ -194,14 +194,14 @@ def test_arrows_reach_from_the_point_of_action_as_far_as_the_force_is_large():
     glb = Glb(glb_bytes(presentation_of(run)))
     vectors, _, scales = vectors_of(run, size := solids_of(run).size)
     drawn = picture_of(run, solids_of(run)).by_key
-    assert set(ARROWS) & set(vectors) >= {"reaction", "applied", "inertia"}
-    for family in set(ARROWS) & set(vectors):
+    assert set(ARROW_FAMILIES) & set(vectors) >= {"reaction", "applied", "inertia"}
+    for family in set(ARROW_FAMILIES) & set(vectors):
         for item, vector in vectors[family].items():
             name = f"{FAMILIES[family].label}: {item}"
             place, turn, scale = (_track(glb, name, path, run.motion.frames) for path in ("translation", "rotation", "scale"))
             head, shaft = _track(glb, f"{name} head", "translation", 41), _track(glb, f"{name} shaft", "scale", 41)
             assert head[:, 0] == pytest.approx(shaft[:, 0]), "the head sits on the shaft"
-            along = scale[:, 0] * (head[:, 0] + HEAD * size) * np.exp(2j * np.arctan2(turn[:, 2], turn[:, 3]))
+            along = scale[:, 0] * (head[:, 0] + ARROW_HEAD_LENGTH * size) * np.exp(2j * np.arctan2(turn[:, 2], turn[:, 3]))
             assert np.all((turn[1:] * turn[:-1]).sum(axis=1) >= 0.0)
             wanted = vector.value @ [1.0, 1.0j] / scales.newtons_per_metre
             assert np.abs(along - wanted).max() < 2e-4 * size, name
@@ -228,7 +228,7 @@ def test_struts_and_torsion_springs_go_with_their_ends():
     base = glb.values(primitive["attributes"]["POSITION"]).astype(float)
     shapes = base + np.einsum("ft,tvk->fvk", weights, np.stack([glb.values(t["POSITION"]) for t in primitive["targets"]]))
     outer = shapes[:, -2:].mean(axis=1) @ [1.0, 1.0j, 0.0]  # in the axes of the inner link: where the outer one is
-    wound = motion.pose("frame")[:, 2] - motion.pose("door")[:, 2] + 2.0 * np.pi * TURNS
+    wound = motion.pose("frame")[:, 2] - motion.pose("door")[:, 2] + 2.0 * np.pi * SPIRAL_TURNS
     assert np.abs(np.angle(outer * np.exp(-1j * wound))).max() < 0.01 and np.ptp(wound) > 1.0
     assert np.abs(outer) == pytest.approx(np.abs(outer).max(), rel=0.01), "between targets it hardly shrinks"
 

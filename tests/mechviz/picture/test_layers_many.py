@@ -10,7 +10,7 @@ from shapely import affinity
 from shapely.geometry import Point, Polygon, box
 
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
-from mechviz.meshes.layer_order import WEIGHTS, Costs, Post, greedy, improve, improve_many, natural_ranks, order_layers, packed
+from mechviz.meshes.layer_order import COST_WEIGHTS, Costs, Post, greedy, improve, improve_many, natural_ranks, order_layers, packed
 from mechviz.meshes.layers import Sweeps
 from mechviz.meshes.solids import build_solids
 from mechviz.scene.scene import loads
@@ -34,11 +34,11 @@ class Puzzle:
             near = tuple(j for j in range(count) if j != k and (j + k) % 3 == 0)
             self.posts.append(Post(groups, rng.random() < 0.5, hits, near))
         self.behind = {g: rng.random() * 5 for g in range(n) if rng.random() < 0.3}
-        self.costs = Costs(self.conflicts, self.posts, self.behind, WEIGHTS)
+        self.costs = Costs(self.conflicts, self.posts, self.behind, COST_WEIGHTS)
 
     def cost(self, layers: list[int]) -> float:
         """The cost of one order, counted one by one; groups on layer -1 are not placed."""
-        clash, front, height, span = WEIGHTS
+        clash, front, height, span = COST_WEIGHTS
         placed = [g for g in range(self.n) if layers[g] >= 0]
         clashes = sum(layers[g] == layers[h] and self.conflicts[g] >> h & 1 for g in placed for h in placed if h < g)
         total = height * max(layers) + sum(price * layers[g] for g, price in self.behind.items() if g in placed)
@@ -117,10 +117,10 @@ def placed_one_by_one(puzzle: Puzzle, ranks: list[int]) -> list[int]:
 def test_the_order_is_the_cheapest_that_any_start_leads_to():
     puzzle = Puzzle(random.Random(5), 6)
     puzzle.behind = {2: 1.0}
-    puzzle.costs = Costs(puzzle.conflicts, puzzle.posts, puzzle.behind, WEIGHTS)
+    puzzle.costs = Costs(puzzle.conflicts, puzzle.posts, puzzle.behind, COST_WEIGHTS)
     layers = order_layers(puzzle.conflicts, puzzle.posts, puzzle.behind)
     cost = puzzle.cost(list(layers.layers))
-    assert layers.clashes == cost // WEIGHTS[0]
+    assert layers.clashes == cost // COST_WEIGHTS[0]
     rng = random.Random(0)
     for _ in range(200):
         assert cost <= puzzle.cost(packed(np.array([[rng.randint(0, 5) for _ in range(6)]], np.int16))[0].tolist()) + 1e-9

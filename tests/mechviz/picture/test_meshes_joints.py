@@ -19,7 +19,7 @@ from mechcore.joints.registry import build_joints
 from mechcore.spec.mechanism import Mechanism
 from mechviz.meshes.kinds.rims import ADDENDUM, BACKLASH, DEDENDUM, external_wheel, rack_teeth, ring_teeth
 from mechviz.meshes.model import build_model
-from mechviz.meshes.shading import BELT, PIN, components
+from mechviz.meshes.shading import BELT_COLOR, PIN_COLOR, components
 from mechviz.meshes.solids import Solids, build_solids
 from mechviz.scene.builder import SceneBuilder
 
@@ -313,7 +313,7 @@ def test_belts_are_closed_bands_in_the_grooves_of_their_pulleys(built):
             assert 0.0 < gap < 1.0, "the belt lies on the floor of the groove, without touching it [mm]"
     assert sorted(loops) == [1, 2], "an open belt has one opening, a crossed one two"
     frame = solids.links["frame"]
-    assert (frame.colors == BELT).all(axis=1).any()
+    assert (frame.colors == BELT_COLOR).all(axis=1).any()
 
 
 def _has_wheel_at(solids: Solids, link: str, z: float) -> bool:
@@ -342,7 +342,7 @@ def test_rods_stay_in_their_barrels_and_do_not_touch_the_bottom(built):
         assert inner.max() + 0.02 < barrel.bounds[1, 0], f"{name}: the piston leaves the barrel"
         assert np.ptp(barrel.bounds[:, 1]) == pytest.approx(np.ptp(barrel.bounds[:, 2]), rel=0.02), "round"
         assert np.ptp(rod.bounds[:, 1]) < np.ptp(barrel.bounds[:, 1])
-    assert (solids.links["C1.rod"].colors == PIN).all(axis=1).any()
+    assert (solids.links["C1.rod"].colors == PIN_COLOR).all(axis=1).any()
 
 
 def _poses(poses: Mapping[str, np.ndarray], link: str) -> np.ndarray:

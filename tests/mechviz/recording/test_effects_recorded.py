@@ -10,7 +10,7 @@ from mechcore.spec.loads import Damper, GasSpring
 from mechviz.outputs.viewer.world.bodies import segments
 from mechviz.picture.build import picture_of, solids_of
 from mechviz.picture.nodes import Lines
-from mechviz.picture.proportions import SPIRAL
+from mechviz.picture.proportions import SPIRAL_RADIUS
 from mechviz.picture.springs import find_strut_glyphs, spiral_strips, strut_strips
 from mechviz.runs import run_scene
 from recordings import made, vectors_of
@@ -70,7 +70,7 @@ def test_shapes_keep_their_widths_and_lengths():
         assert np.ptp(pot[..., 0], axis=1)[0] == pytest.approx(np.ptp(pot[..., 0], axis=1)[1])  # the pot keeps its length
         assert np.ptp(rod[..., 0], axis=1)[0] == pytest.approx(np.ptp(rod[..., 0], axis=1)[1])  # and the rod
         assert np.all(rod[:, 1:, 0] <= pot[..., 0].max()) and np.all(rod[:, 1:, 0] >= 0.0)  # the piston stays in the pot
-    spiral = spiral_strips(a[:1], np.array([0.5]), np.array([1.0]), 0.2 / SPIRAL)
+    spiral = spiral_strips(a[:1], np.array([0.5]), np.array([1.0]), 0.2 / SPIRAL_RADIUS)
     assert np.hypot(*spiral[0, -1]) == pytest.approx(0.2) and np.arctan2(*spiral[0, 0][::-1]) == pytest.approx(1.0)
     assert np.arctan2(*spiral[0, -1][::-1]) == pytest.approx(0.5 - np.pi)  # two turns and a half further, on the first link's side
 

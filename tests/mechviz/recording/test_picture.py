@@ -127,6 +127,6 @@ def test_a_recording_shows_the_mechanism(tmp_path, name, view, families):
 
 
 def fraction_of_background(picture: np.ndarray) -> float:
-    from mechviz.outputs.rerun.blueprint import BACKGROUND
+    from mechviz.outputs.rerun.blueprint import BACKGROUND_COLOR
 
-    return float(np.mean(np.abs(picture - np.array(BACKGROUND[:3])).max(axis=-1) < 12))
+    return float(np.mean(np.abs(picture - np.array(BACKGROUND_COLOR[:3])).max(axis=-1) < 12))

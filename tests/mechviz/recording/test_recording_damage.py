@@ -114,7 +114,7 @@ def test_a_log_without_its_lines_or_their_levels_is_named(whole, tmp_path, lost)
 
 
 def test_a_part_that_is_cut_anywhere_is_read_up_to_its_last_whole_block(tmp_path, monkeypatch):
-    monkeypatch.setattr(writer, "BLOCK", 40)
+    monkeypatch.setattr(writer, "BLOCK_FRAMES", 40)
 
     def stop(done: int, total: int) -> None:
         if done >= 80:
@@ -169,7 +169,7 @@ def test_a_damaged_chunk_costs_its_entity_only(whole, tmp_path, capsys):
 
 def test_where_a_needed_table_is_damaged_the_frames_before_are_read(tmp_path, monkeypatch):
     """Of three blocks the last one: what cannot be shown without it ends there, what is spare does not."""
-    monkeypatch.setattr(writer, "BLOCK", 40)
+    monkeypatch.setattr(writer, "BLOCK_FRAMES", 40)
     whole = tmp_path / "whole.rrd"
     writer.write_recording(ran("crank-rocker", 100), whole)
     pose = "/data/links/crank/pose"
@@ -215,7 +215,7 @@ def test_a_message_that_says_it_is_longer_takes_nothing_from_the_next_one(whole,
 
 
 def test_without_its_index_a_damaged_recording_is_read_up_to_there(tmp_path, monkeypatch):
-    monkeypatch.setattr(writer, "BLOCK", 40)
+    monkeypatch.setattr(writer, "BLOCK_FRAMES", 40)
     whole = tmp_path / "whole.rrd"
     writer.write_recording(ran("crank-rocker", 100), whole)
     target = hurt(whole, tmp_path / "hurt.rrd", "/health/closure")

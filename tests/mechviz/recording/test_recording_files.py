@@ -159,7 +159,7 @@ def test_two_runs_do_not_write_the_same_unfinished_file(tmp_path):
 def test_an_interrupted_run_keeps_what_it_had(tmp_path, monkeypatch):
     from mechviz.outputs.rerun import writer
 
-    monkeypatch.setattr(writer, "BLOCK", 2000)
+    monkeypatch.setattr(writer, "BLOCK_FRAMES", 2000)
 
     def stop(done: int, total: int) -> None:
         raise KeyboardInterrupt
@@ -208,7 +208,7 @@ from mechviz.outputs.rerun.entities import RecordingError
 from mechviz.outputs.rerun import writer
 from mechviz.runs import run_scene
 
-writer.BLOCK = 2000
+writer.BLOCK_FRAMES = 2000
 
 def leave(*_):
     sys.exit(143)

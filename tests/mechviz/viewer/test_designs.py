@@ -74,7 +74,7 @@ def test_a_search_shows_its_best_design_and_stopping_keeps_it(viewer, monkeypatc
         change(key, draft)
 
     monkeypatch.setattr(viewer.session, "change", stopped)
-    monkeypatch.setattr("mechviz.outputs.viewer.panels.designs.PAUSE", 0.0)
+    monkeypatch.setattr("mechviz.outputs.viewer.panels.designs.LOOK_INTERVAL", 0.0)
     search.begin()
     search.thread.join()
     assert viewer.session.wait() and "Stopped" in search.report.content

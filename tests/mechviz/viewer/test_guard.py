@@ -22,7 +22,7 @@ from websockets.sync.client import ClientConnection
 from mechviz import scene
 from mechviz.editor.worker import OFTEN, left_over
 from mechviz.outputs.viewer.app import Viewer
-from mechviz.outputs.viewer.panels.plots import MOST_PLOTS, REMOVE, Plots
+from mechviz.outputs.viewer.panels.plots import MOST_PLOTS, REMOVE_LABEL, Plots
 from mechviz.outputs.viewer.viser_adapter import MOST_WAITING, RunJavascriptMessage, SharedBuffer, buffer_of, uuid_of
 from mechviz.runs import run_scene
 
@@ -231,7 +231,7 @@ def test_plots_are_so_many_at_most_and_those_taken_away_are_not_kept(viewer, bro
     gone = []
     for slot in plots.slots[len(kept) :]:
         send(browser, update(slot.choice, slot.choice.value))  # of which nothing follows
-        send(browser, update(slot.buttons, REMOVE))
+        send(browser, update(slot.buttons, REMOVE_LABEL))
         gone.append(weakref.ref(slot))
     del slot
     answered(viewer, browser)

@@ -36,8 +36,8 @@ from mechviz.outputs.viewer.server import ViewerError
 from mechviz.outputs.viewer.session import Contribution, EditSession, Status
 from mechviz.outputs.viewer.view_model import Body, Piece
 from mechviz.outputs.viewer.viser_adapter import buffer_of
-from mechviz.outputs.viewer.world.camera import PRESETS, fit_view
-from mechviz.outputs.viewer.world.constructions import OVERLAYS
+from mechviz.outputs.viewer.world.camera import VIEW_PRESETS, fit_view
+from mechviz.outputs.viewer.world.constructions import OVERLAY_GROUPS
 from mechviz.outputs.viewer.world.handles import Pivots, traced_at, with_traced
 from mechviz.outputs.viewer.world.solids import sectioned
 from mechviz.outputs.viewer.world.warp import stretched, warped, warped_body
@@ -66,7 +66,7 @@ def test_while_dragging_the_picture_is_sent_first_and_plots_follow_at_the_latest
         inspector.present(shows[0])
         assert done == ["show", "flush", "update", "flush"], "the picture is on its way before the plots are made"
         monkeypatch.setattr(EditSession, "overtaken", property(lambda _: True))
-        monkeypatch.setattr("mechviz.outputs.viewer.inspector.PLOTS", 1e9)
+        monkeypatch.setattr("mechviz.outputs.viewer.inspector.PLOT_INTERVAL", 1e9)
         done.clear()
         for view_model in shows[1:]:
             inspector.present(view_model)
@@ -107,7 +107,7 @@ def test_what_goes_well_is_said_now_and_then_and_once_more_when_it_rests(monkeyp
         said = []
         for seconds in (0.011, 0.022, 0.033):
             viewer.session.status = Status(key=key, seconds=seconds)
-            monkeypatch.setattr("mechviz.outputs.viewer.panels.controls.SLOW", 1e9 if said else -1.0)
+            monkeypatch.setattr("mechviz.outputs.viewer.panels.controls.STATUS_INTERVAL", 1e9 if said else -1.0)
             controls.show_status(viewer.session.status)
             said.append(controls.message.content)
         assert "11 ms" in said[0] and said[1] == said[2] == said[0]
@@ -501,7 +501,7 @@ def test_diagrams_of_a_recording_are_those_of_its_run(name, overlays, tmp_path):
     assert list(diagrams_of(recorded)) == list(diagrams_of(solved))
     with Viewer(Recording(tmp_path / "a.rrd"), port=0) as played:
         played.set_frame(7)
-        assert tuple(name for name in played.scene.plans.constructions if name in OVERLAYS) == overlays
+        assert tuple(name for name in played.scene.plans.constructions if name in OVERLAY_GROUPS) == overlays
     for key, drawing in solved.drawings().items():
         computed = recorded.drawings()[key]
         assert (computed.title, computed.unit, computed.whole) == (drawing.title, drawing.unit, drawing.whole)
@@ -741,16 +741,16 @@ def test_the_indicator_diagram_shows_pressure_against_displacement_where_the_run
     first, later = diagram_svg(chart, 10), diagram_svg(chart, 40)
     dot = [float(v) for v in re.search(r'<circle cx="([\d.]+)" cy="([\d.]+)"', first).groups()]
     x0, x1, y0, y1 = chart.ranges
-    assert (dot[0] - charts.LEFT) / charts.ACROSS == pytest.approx((chart.curves[0].x[10] - x0) / (x1 - x0), abs=1e-3)
-    assert (dot[1] - charts.TOP) / charts.UP == pytest.approx((y1 - chart.curves[0].y[10]) / (y1 - y0), abs=1e-3)
+    assert (dot[0] - charts.AXES_LEFT) / charts.AXES_WIDTH == pytest.approx((chart.curves[0].x[10] - x0) / (x1 - x0), abs=1e-3)
+    assert (dot[1] - charts.AXES_TOP) / charts.AXES_HEIGHT == pytest.approx((y1 - chart.curves[0].y[10]) / (y1 - y0), abs=1e-3)
     assert first != later and "displacement [mm]" in first and "[bar]" in first
 
 
 # -- cameras, names ---------------------------------------------------------------------------------------------------
-@pytest.mark.parametrize("name", list(PRESETS))
+@pytest.mark.parametrize("name", list(VIEW_PRESETS))
 def test_every_preset_sees_the_whole_box(name):
     bounds = np.array([[-0.1, 0.3, -0.02], [0.5, 0.5, 0.04]])
-    preset = PRESETS[name]
+    preset = VIEW_PRESETS[name]
     view = fit_view(bounds, 1.3, preset)
     away = (view.position - view.look_at) / view.distance
     right = np.cross([0.0, 1.0, 0.0], away)
@@ -766,7 +766,7 @@ def test_every_preset_sees_the_whole_box(name):
 
 def test_2d_is_nearly_without_perspective():
     bounds = np.array([[0.0, 0.0, 0.0], [1.0, 1.0, 0.1]])
-    view = fit_view(bounds, 1.0, PRESETS["flat"])
+    view = fit_view(bounds, 1.0, VIEW_PRESETS["flat"])
     assert 0.1 / view.distance < 0.003  # how much larger the front of the plates is drawn than their back
 
 

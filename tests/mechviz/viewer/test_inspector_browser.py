@@ -39,8 +39,8 @@ from mechviz.outputs.viewer.app import Viewer
 from mechviz.outputs.viewer.panels import accuracy as accuracy_tab
 from mechviz.outputs.viewer.viser_adapter import uuid_of
 from mechviz.outputs.viewer.world.arrows import arrows_by_family
-from mechviz.outputs.viewer.world.camera import PRESETS
-from mechviz.outputs.viewer.world.labels import SMALL, typeset
+from mechviz.outputs.viewer.world.camera import VIEW_PRESETS
+from mechviz.outputs.viewer.world.labels import SUBSCRIPT_SIZE, typeset
 from mechviz.outputs.viewer.world.solids import link_path
 from mechviz.picture.build import solids_of
 from mechviz.picture.nodes import Body
@@ -267,7 +267,7 @@ def test_effects_are_switched_and_weighed(viewer, page):
 def test_a_click_on_a_setting_in_the_diagram_of_accuracy_applies_it(viewer, page, monkeypatch):
     monkeypatch.setattr(precision, "FRAMES", (40, 90))
     monkeypatch.setattr(precision, "timed", lambda work, *_, **__: (work(), Timed(1e-3 * next(count), 0.0, 1))[1])
-    monkeypatch.setattr(accuracy_tab, "SETTINGS", ("frames",))
+    monkeypatch.setattr(accuracy_tab, "SHOWN_SETTINGS", ("frames",))
     count = itertools.count(1)
     open_tab(page, "Accuracy")
     tab = viewer.inspector.accuracy
@@ -282,9 +282,11 @@ def test_a_click_on_a_setting_in_the_diagram_of_accuracy_applies_it(viewer, page
     assert viewer.run.scene.frames == 90 and viewer.run.accuracy.interpolation == 5
     _choose(page, "Setting", next(name for name in tab.choice.options if name.startswith("frames: ") and "40 frames" in name))
     until(page, lambda: viewer.session.wait() and viewer.run.scene.frames == 40, "chosen from the list")
-    wanted = next(name for name, error in accuracy_tab.WANTED.items() if error not in (None, viewer.run.accuracy.target))
+    wanted = next(name for name, error in accuracy_tab.TARGET_CHOICES.items() if error not in (None, viewer.run.accuracy.target))
     _choose(page, "Wanted error", wanted)
-    until(page, lambda: viewer.session.wait() and viewer.run.accuracy.target == accuracy_tab.WANTED[wanted], "another error")
+    until(
+        page, lambda: viewer.session.wait() and viewer.run.accuracy.target == accuracy_tab.TARGET_CHOICES[wanted], "another error"
+    )
 
 
 def _choose(page: Any, label: str, option: str) -> None:
@@ -424,7 +426,7 @@ def test_cameras_2d_and_dark(viewer, page):
     until(page, lambda: page.evaluate(FOV) == pytest.approx(18.0, abs=0.1), "in space again")
     for button, preset in (("Isometric", "isometric"), ("Top", "top"), ("Side", "side"), ("Behind", "behind"), ("Front", "front")):
         page.get_by_role("button", name=button, exact=True).click()
-        away = np.array(PRESETS[preset].away) * [-1.0, 1.0, -1.0]  # viser turns the scene by half a turn about y
+        away = np.array(VIEW_PRESETS[preset].away) * [-1.0, 1.0, -1.0]  # viser turns the scene by half a turn about y
         until(page, lambda a=away: np.allclose(page.evaluate(turned), -a / np.linalg.norm(a), atol=1e-3), f"from {button}")
     assert client.client_id in viewer.server.get_clients()
     bright = picture(page).mean()
@@ -440,8 +442,12 @@ def test_letters_below_the_line_are_smaller_and_lower(page):
     """As the page draws them for the labels of the scene."""
     above, line, _, _, width = page.evaluate(ROWS, "B")
     top, bottom, ascent, descent, narrow = page.evaluate(ROWS, typeset("a_B").removeprefix("a"))
-    assert line == pytest.approx(0, abs=1) and 10 <= bottom <= 22 and bottom - top == pytest.approx(SMALL * (line - above), abs=2)
-    assert (top, bottom) == pytest.approx((ascent, descent), abs=2) and narrow == pytest.approx(SMALL * width, rel=0.03)
+    assert (
+        line == pytest.approx(0, abs=1)
+        and 10 <= bottom <= 22
+        and bottom - top == pytest.approx(SUBSCRIPT_SIZE * (line - above), abs=2)
+    )
+    assert (top, bottom) == pytest.approx((ascent, descent), abs=2) and narrow == pytest.approx(SUBSCRIPT_SIZE * width, rel=0.03)
     assert page.evaluate(ROWS, typeset("a_B"))[4] == pytest.approx(narrow + page.evaluate(ROWS, "a")[4], rel=0.02)
 
 
@@ -449,7 +455,7 @@ def test_marks_lie_at_their_joints_and_the_mechanism_fills_the_picture(viewer, p
     """In every view: the dot of a joint is at the front of its pin, and all solids are within, and large."""
     open_tab(page, "View")
     view_model = viewer.scene.current
-    for label in [preset.label for preset in PRESETS.values()][::-1]:
+    for label in [preset.label for preset in VIEW_PRESETS.values()][::-1]:
         page.get_by_role("button", name=label, exact=True).click()
         heard(viewer)
         caught_up(viewer, page)

@@ -8,7 +8,7 @@ from filled import SCENES, arrows_box, solid_points
 
 from mechcore.arrays import Real
 from mechcore.joints.registry import build_joints
-from mechviz.outputs.viewer.world.camera import PRESETS, Preset, View, fit_view
+from mechviz.outputs.viewer.world.camera import VIEW_PRESETS, Preset, View, fit_view
 from mechviz.picture.build import joint_nodes, solid_nodes
 from mechviz.picture.nodes import Mesh
 from recordings import ran, solids
@@ -33,7 +33,7 @@ def projected(points: Real, view: View, preset: Preset, aspect: float) -> tuple[
 def test_a_mechanism_fills_two_thirds_of_the_height_or_width_and_no_part_is_cut_off(name):
     points, arrows, core = solid_points(name), arrows_box(name), np.asarray(solids(name).bounds, float)
     for window, aspect in FREE.items():
-        for preset in (PRESETS["front"], PRESETS["isometric"]):
+        for preset in (VIEW_PRESETS["front"], VIEW_PRESETS["isometric"]):
             x, y = projected(points, fit_view(arrows, aspect, preset, core), preset, aspect)
             assert max(np.abs(x).max(), np.abs(y).max()) < 1.0, (window, preset.label)
             least = 2.0 / 3.0 if preset.label == "Front" else 0.5  # a box that is seen at an angle is not filled to its corners
@@ -47,7 +47,7 @@ def test_every_joint_has_its_mark_within_two_pixels_in_every_view(name):
     meshes = {body.parent: body.mesh for body in solid_nodes(run, shapes)}
     places = {joint: run.motion.joint_position(joint) for joint in run.numbers.joints}
     parts = {joint.name: joint.links for joint in (*run.motion.mechanism.joints, *build_joints(run.motion.mechanism).joints)}
-    views = [(preset, fit_view(arrows_box(name), FREE["1600x1000"], preset, shapes.bounds)) for preset in PRESETS.values()]
+    views = [(preset, fit_view(arrows_box(name), FREE["1600x1000"], preset, shapes.bounds)) for preset in VIEW_PRESETS.values()]
     for node in joint_nodes(run, shapes):
         for k in (0, run.motion.frames // 3):
             at = places[node.owner[1]][k]

@@ -42,7 +42,7 @@ from mechviz.outputs.viewer.player import Player
 from mechviz.outputs.viewer.server import ViewerError, finite
 from mechviz.outputs.viewer.viser_adapter import uuid_of
 from mechviz.outputs.viewer.world.arrows import ARC_FACES, arc_vertices, arrow_points, arrows_by_family
-from mechviz.outputs.viewer.world.camera import FIELD_OF_VIEW, PRESETS, USUAL_ASPECT, fit_view, grid_cell
+from mechviz.outputs.viewer.world.camera import FIELD_OF_VIEW, USUAL_ASPECT, VIEW_PRESETS, fit_view, grid_cell
 from mechviz.outputs.viewer.world.constructions import arrow_lines, placed
 from mechviz.outputs.viewer.world.marks import hover_values, joint_groups
 from mechviz.outputs.viewer.world.solids import link_path, quaternions
@@ -150,7 +150,7 @@ def test_the_camera_sees_the_whole_box():
         assert view.position[:2] == pytest.approx(view.look_at[:2])
 
 
-@pytest.mark.parametrize("preset", PRESETS.values(), ids=PRESETS)
+@pytest.mark.parametrize("preset", VIEW_PRESETS.values(), ids=VIEW_PRESETS)
 def test_arrows_leave_the_mechanism_large(preset):
     """However far they reach, all of the mechanism is seen, and it takes two thirds of the height or the width."""
     core, wide = np.array([[0.0, 0.0, 0.0], [1.0, 0.6, 0.1]]), np.array([[-2.0, -0.3, 0.0], [1.1, 4.0, 0.1]])
@@ -267,9 +267,9 @@ def test_section_forces_next_to_nothing_are_drawn_like_others(monkeypatch):
     run = run_scene(scene.load("connecting-rod-bending"), frames=12)
     solids = solids_of(run)
     lines = next(node for node in section_nodes(run, solids) if node.group == "bending_moment").strips[0]
-    diagram = overlays.DIAGRAMS["bending_moment"]
+    diagram = overlays.SECTION_DIAGRAMS["bending_moment"]
     faint = diagram._replace(ordinates=lambda s: 1e-315 * diagram.ordinates(s))
-    monkeypatch.setitem(overlays.DIAGRAMS, "bending_moment", faint)
+    monkeypatch.setitem(overlays.SECTION_DIAGRAMS, "bending_moment", faint)
     again = next(node for node in section_nodes(run, solids) if node.group == "bending_moment").strips[0]
     np.testing.assert_allclose(again, lines, rtol=1e-5, atol=1e-6)
 

@@ -314,7 +314,7 @@ def test_a_long_play_leaves_the_memory_as_it_is(viewer, page):
 
 
 def test_what_a_browser_cannot_play_by_itself_is_sent(viewer, page, monkeypatch):
-    monkeypatch.setattr("mechviz.outputs.viewer.playback.LARGEST", 1000)
+    monkeypatch.setattr("mechviz.outputs.viewer.playback.LARGEST_MOTION", 1000)
     viewer.inspector.playback.change()
     try:
         viewer.play()

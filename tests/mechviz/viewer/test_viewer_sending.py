@@ -180,7 +180,7 @@ def test_nobody_is_waited_for_when_nobody_is_there(viewer):
 
 def test_while_it_plays_numbers_change_now_and_then(viewer, monkeypatch):
     timeline, buffer = viewer.timeline, buffer_of(viewer.server)
-    monkeypatch.setattr("mechviz.outputs.viewer.panels.timeline.RATE", 1e-9)
+    monkeypatch.setattr("mechviz.outputs.viewer.panels.timeline.MOVES_A_SECOND", 1e-9)
     viewer.set_frame(2)
     for frame in range(3, 20):
         viewer.inspector.draw(frame, True)

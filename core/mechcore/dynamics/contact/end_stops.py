@@ -29,9 +29,8 @@ from mechcore.motion.compiled import Compiled
 from mechcore.records import dataclass
 from mechcore.texts import as_coordinate, as_quantity
 
-TOUCH_DISTANCE = (
-    1e-11  # of the scale of a coordinate: nearer a stop is touched; so slow that it goes as far in the duration, it is at rest
-)
+# Of the scale of a coordinate: nearer a stop is touched; so slow that it goes as far in the duration, it is at rest
+TOUCH_DISTANCE = 1e-11
 HELD_RATE = 1e-11  # rate, in scales, per unit rate of every coordinate, below which prescribed drives or other stops lead a joint
 LEAST_PULL = 1e-9  # part of the largest force beyond which a stop's pull, or what moves something onto it, is more than rounding
 LEAST_BOUNCE = 1e-6  # of the duration: a bounce that is over sooner ends in contact

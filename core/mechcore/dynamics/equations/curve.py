@@ -31,10 +31,8 @@ from mechcore.records import dataclass
 FIRST_PANELS = 8  # panels of the first try
 EQUAL_PANELS = 64  # panels of a table, beside the shorter ones next to singular positions
 SHORT_PANEL = 0.1  # of the width of an equal panel: features that are less wide need shorter ones
-MOST_HALVINGS, CLOSE_CONDITION = (
-    24,
-    0.3,
-)  # halvings next to a singular position; conditions beyond the inverse of that are looked at
+# Halvings next to a singular position; conditions beyond the inverse of that are looked at
+MOST_HALVINGS, CLOSE_CONDITION = 24, 0.3
 MOST_TIMES = 16  # as many positions: they gather at singular places, and are everywhere only where rounding decides
 SINGULAR_ROUNDING = 1e-4  # next to a singular position rounding is that much at most
 MOST_BENDS, SEARCH_ROUNDS = 64, 16  # of cams that a table's panels end at; 32^16 are more than there are numbers between two places

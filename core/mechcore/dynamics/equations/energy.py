@@ -145,9 +145,8 @@ class EnergyMotion:
         return np.asarray(times[(times >= 0.0) & (times < end)])
 
 
-SMALL_ENERGY = (
-    1e-10  # of the largest energy: below, its last digits decide how far a swing goes, and its table would be fitted in vain
-)
+# Of the largest energy: below, its last digits decide how far a swing goes, and its table would be fitted in vain
+SMALL_ENERGY = 1e-10
 SAME_BEND = 1e-9  # of a leg: bends that are so close to each other are one
 FIRST_PANELS = 16  # panels of a leg's clock, at least: so few cost no more than one
 NO_GAIN = 1e-13  # of the largest energy: what a turn brings less than that is the table's rounding

@@ -25,24 +25,16 @@ from mechcore.dynamics.integration.parallel_shooting import MOST_NODES, Parallel
 from mechcore.errors import Fault, MechanismError
 from mechcore.records import dataclass
 
-TAIL_MARGIN = (
-    4.0  # times the tolerance: a tail of high order may be as large, a little shorter a window meets it; none of low order may
-)
+# Times the tolerance: a tail of high order may be as large, a little shorter a window meets it; none of low order may
+TAIL_MARGIN = 4.0
 SCALE_ROUNDING = 1e-15  # of the scale: no window is solved to more digits
 FEW_WINDOWS = 3  # windows in a row that end at stated breakpoints: so many, or more, are solved together
-FARTHER_REACH, NEARER_REACH, RECOVERED_REACH = (
-    2.0,
-    0.3,
-    1.2,
-)  # how far the next ones reach: where the last were solved, were not, or one of them was
-CHATTER_LENGTH, MOST_CUT = (
-    1e-5,
-    400,
-)  # windows shorter than this part of the longest; so many in a row, cut at breakpoints, get nowhere
-SETTLED_WINDOWS, MANY_WINDOWS = (
-    8,
-    250,
-)  # windows after which their length gives the number of those left; so many are worth compiling
+# How far the next ones reach: where the last were solved, were not, or one of them was
+FARTHER_REACH, NEARER_REACH, RECOVERED_REACH = 2.0, 0.3, 1.2
+# Windows shorter than this part of the longest; so many in a row, cut at breakpoints, get nowhere
+CHATTER_LENGTH, MOST_CUT = 1e-5, 400
+# Windows after which their length gives the number of those left; so many are worth compiling
+SETTLED_WINDOWS, MANY_WINDOWS = 8, 250
 BATCH_WINDOWS = 64  # windows that a compiled program solves before anybody looks at them
 
 

@@ -17,9 +17,8 @@ import numpy as np
 from mechcore.arrays import Flags, Real
 from mechcore.records import dataclass
 
-RESIDUAL_TOLERANCE = (
-    1e-13  # residual, of the terms of its equation: a joint that carries a billionth of another's load counts as much
-)
+# Residual, of the terms of its equation: a joint that carries a billionth of another's load counts as much
+RESIDUAL_TOLERANCE = 1e-13
 SETTLED_RESIDUAL = 1e-11  # the same: as close as rounding lets Newton's method come
 SHORTEST_STEP = 1e-13  # step of the coefficients' proportion at which a branch ends
 START_COUNT = 24  # from which other solutions are looked for

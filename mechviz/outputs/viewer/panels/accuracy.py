@@ -18,15 +18,15 @@ from mechviz.outputs.viewer.viser_adapter import uuid_of
 from mechviz.studies.precision import Point, ladder, pareto
 from mechviz.studies.precision_diagram import diagram, in_use, setting_changes, setting_words, target_changes
 
-NOW = "as it is"
-WANTED = {"as the dials are": None, "1e-2": 1e-2, "1e-3": 1e-3, "1e-4": 1e-4, "1e-6": 1e-6, "1e-8": 1e-8, "1e-10": 1e-10}
-SETTINGS = (  # that change what is shown
+AS_IT_IS = "as it is"
+TARGET_CHOICES = {"as the dials are": None, "1e-2": 1e-2, "1e-3": 1e-3, "1e-4": 1e-4, "1e-6": 1e-6, "1e-8": 1e-8, "1e-10": 1e-10}
+SHOWN_SETTINGS = (  # that change what is shown
     "frames", "differentiation", "integrator", "position tolerance", "friction tolerance", "tessellation", "cam profile"
 )  # fmt: skip
-SIZE = (3.4, 2.8)  # of a diagram [in], as wide as the tab
+DIAGRAM_SIZE = (3.4, 2.8)  # of a diagram [in], as wide as the tab
 
 # A click on a setting in the diagram is sent as a choice from the list, as by viser's own controls
-PICK = """const title = event.target.closest('g[id^=setting]')?.querySelector('title'), viser = window.__viserMutable;
+PICK_SCRIPT = """const title = event.target.closest('g[id^=setting]')?.querySelector('title'), viser = window.__viserMutable;
 if (title && viser) {
   const message = { type: 'GuiUpdateMessage', uuid: %s, updates: { value: title.textContent } };
   viser.messageQueue.push(message);
@@ -49,7 +49,7 @@ class AccuracyTab:
             hint = "relative to the mechanism's size and the peak of each quantity: frames, tolerances and all other dials follow"
             self.wanted = gui.add_dropdown("Wanted error", self._errors(), initial_value=self._wanted(), hint=hint)
             button = gui.add_button("Measure what accuracy costs", hint="error against time for every dial; takes a while")
-            self.choice = gui.add_dropdown("Setting", (NOW,), hint="* nothing is quicker and more exact")
+            self.choice = gui.add_dropdown("Setting", (AS_IT_IS,), hint="* nothing is quicker and more exact")
             self.diagram = gui.add_html(words.hint("Error against time appears here; a click on a setting applies it."))
         self.wanted.on_update(callback("Wanting an error", self._want))
         button.on_click(callback("Measuring", lambda _: self.measure()))
@@ -81,7 +81,7 @@ class AccuracyTab:
 
     def _measure(self) -> None:
         run = self._session.run
-        points = ladder(run.scene, run.accuracy.target, budget=0.02, only=SETTINGS)
+        points = ladder(run.scene, run.accuracy.target, budget=0.02, only=SHOWN_SETTINGS)
         named: dict[str, Point] = {}
         for setting in dict.fromkeys(p.setting for p in points):
             own = [p for p in points if p.setting == setting]
@@ -90,7 +90,7 @@ class AccuracyTab:
         self._points, self._named = self._marked(points), named
         self._draw()
         self.errors.content = self._said()
-        self.choice.options = (NOW, *named)
+        self.choice.options = (AS_IT_IS, *named)
 
     def _marked(self, points: list[Point] | tuple[Point, ...]) -> tuple[Point, ...]:
         """The settings, with those in use marked."""
@@ -100,9 +100,9 @@ class AccuracyTab:
     def _draw(self) -> None:
         target = self._session.run.accuracy.target
         figure, words = diagram(
-            self._points, "A click on a setting applies it", "times on this machine", target, columns=1, size=SIZE
+            self._points, "A click on a setting applies it", "times on this machine", target, columns=1, size=DIAGRAM_SIZE
         )
-        code = escape(PICK % json.dumps(uuid_of(self.choice)), quote=True)
+        code = escape(PICK_SCRIPT % json.dumps(uuid_of(self.choice)), quote=True)
         svg = chart_svg(figure, words).partition("<svg ")[2]  # without the prolog of a file
         self.diagram.content = f'<div onclick="{code}"><svg style="width:100%;height:auto;cursor:pointer" {svg}</div>'
 
@@ -115,14 +115,14 @@ class AccuracyTab:
     def _wanted(self) -> str:
         """The entry of the wanted error of the present run."""
         target = self._session.run.accuracy.target
-        return next((name for name, value in WANTED.items() if value == target), str(target))
+        return next((name for name, value in TARGET_CHOICES.items() if value == target), str(target))
 
     def _errors(self) -> tuple[str, ...]:
         """All entries, that of the present run among them."""
-        return tuple(dict.fromkeys((*WANTED, self._wanted())))
+        return tuple(dict.fromkeys((*TARGET_CHOICES, self._wanted())))
 
     def _want(self, _: object) -> None:
-        target = WANTED.get(str(self.wanted.value), self._session.run.accuracy.target)
+        target = TARGET_CHOICES.get(str(self.wanted.value), self._session.run.accuracy.target)
         if target != self._session.run.accuracy.target:
             self._session.follow_scene()
             self._session.change("accuracy", lambda draft: draft.changed(target_changes(target)))

@@ -20,8 +20,8 @@ from mechviz.scene.scene import Scene
 
 OPEN_FIRST = ("Parameters", "Lengths", "Drive", "Cam")
 MOST_OPEN = 12  # controls in the folders that are open at the start
-SLOW = 0.25  # [s] between words about what goes well
-UNDO, REDO, RESET = "↶ Undo", "Redo ↷", "Reset"
+STATUS_INTERVAL = 0.25  # [s] between words about what goes well
+UNDO_LABEL, REDO_LABEL, RESET_LABEL = "↶ Undo", "Redo ↷", "Reset"
 
 
 class Controls:
@@ -41,7 +41,7 @@ class Controls:
         self._faulty, self._said = False, 0.0  # whether a fault is shown, and the time of the last message
         self._praised: Status | None = None
         with tab:
-            self.steps = self._gui.add_button_group("Changes", (UNDO, REDO, RESET))
+            self.steps = self._gui.add_button_group("Changes", (UNDO_LABEL, REDO_LABEL, RESET_LABEL))
             self.message = self._gui.add_html("")
         self.steps.on_click(callback("Undoing", lambda _: self._step(self.steps.value)))
         self._build(session.run.scene)
@@ -88,7 +88,8 @@ class Controls:
         p = self._parameters.get(status.key)
         if not status.fault:
             turned = self._praised is not None and status.swings != self._praised.swings
-            if self._faulty or turned or time.perf_counter() - self._said > SLOW:  # it need not follow every move of a slider
+            # it need not follow every move of a slider
+            if self._faulty or turned or time.perf_counter() - self._said > STATUS_INTERVAL:
                 self._confirm(status)
             return
         self._faulty = True
@@ -194,7 +195,11 @@ class Controls:
             self._session.change(c.key, lambda draft: draft.changed(c.changes(draft.scene(), option)))
 
     def _step(self, name: str) -> None:
-        actions: dict[str, Callable[[], None]] = {UNDO: self._session.undo, REDO: self._session.redo, RESET: self._session.reset}
+        actions: dict[str, Callable[[], None]] = {
+            UNDO_LABEL: self._session.undo,
+            REDO_LABEL: self._session.redo,
+            RESET_LABEL: self._session.reset,
+        }
         if name in actions:
             actions[name]()
 

@@ -22,11 +22,11 @@ from mechviz.studies.designs.figures import MISSING, StoredStudy
 from mechviz.studies.designs.optimise import VALUE_DIGITS, Search, optimise
 from mechviz.studies.designs.problem import LIMIT_ROUNDING, Problem, problem_of
 
-PAUSE = 0.25  # [s] between looks at the best design so far
-HEIGHT = 150  # [px]
-WIDTH, TALL = 350.0, 250.0  # of the chart of a study
+LOOK_INTERVAL = 0.25  # [s] between looks at the best design so far
+HISTORY_HEIGHT = 150  # [px]
+CHART_WIDTH, CHART_HEIGHT = 350.0, 250.0  # of the chart of a study
 MOST_MARKS = 2000
-MARK, CHOSEN = "#2563c9", "#d97706"
+DESIGN_COLOR, CHOSEN_COLOR = "#2563c9", "#d97706"
 
 
 class Optimiser:
@@ -54,7 +54,7 @@ class Optimiser:
                 scales={"x": uplot.Scale(time=False)},
                 axes=(uplot.Axis(label="designs looked at", size=34, labelGap=-2, **fonts), uplot.Axis(size=60, space=24, **fonts)),
                 legend=uplot.Legend(show=False),
-                height=HEIGHT,
+                height=HISTORY_HEIGHT,
                 visible=False,
             )
         self.start.on_click(callback("Optimising", lambda _: self.begin()))
@@ -92,7 +92,7 @@ class Optimiser:
         """Show how far a search is, and its best design where that is a better one. Ends it where that was asked for."""
         if self._stopped.is_set():
             raise KeyboardInterrupt
-        if time.monotonic() - self._reported_at < PAUSE:
+        if time.monotonic() - self._reported_at < LOOK_INTERVAL:
             return
         self._reported_at = time.monotonic()
         term = search.problem.terms[objective]
@@ -168,7 +168,7 @@ def _number(values: Real) -> Real:
 def scatter(x: Real, y: Real, titles: tuple[str, str], chosen: int, picks: str) -> str:
     """A chart of designs (D,) as SVG; those without values as crosses below. A click on a mark gives its number to the control
     ``picks`` (see `mechviz.outputs.viewer.browser`)."""
-    left, right, top, low, below = 46.0, WIDTH - 8.0, 8.0, TALL - 46.0, TALL - 36.0
+    left, right, top, low, below = 46.0, CHART_WIDTH - 8.0, 8.0, CHART_HEIGHT - 46.0, CHART_HEIGHT - 36.0
     known = np.isfinite(y)
 
     def scaled(values: Real, start: float, end: float) -> tuple[Real, float, float]:
@@ -185,18 +185,19 @@ def scatter(x: Real, y: Real, titles: tuple[str, str], chosen: int, picks: str) 
         shape = f'<circle cx="{at[0]:.1f}" cy="{at[1]:.1f}" r="{5 if k == chosen else 3}"/>'
         if not known[k]:
             shape = f'<path d="M{at[0] - 3:.1f},{at[1] - 3:.1f} l6,6 m0,-6 l-6,6" stroke="{MISSING}"/>'
-        color = CHOSEN if k == chosen else MARK
+        color = CHOSEN_COLOR if k == chosen else DESIGN_COLOR
         said = f"<title>{escape(f'{k}: {words.number(float(x[k]))}, {words.number(float(y[k]))}')}</title>"
         marks.append((k == chosen, f'<g data-mv-pick="{picks}:{k}" fill="{color}" style="cursor:pointer">{said}{shape}</g>'))
     text = 'font-size="10" fill="currentColor"'
     axes = [
         f'<path d="M{left},{top} V{low} H{right}" fill="none" stroke="currentColor" stroke-opacity="0.4"/>',
-        *(f'<text x="{p}" y="{TALL - 18}" text-anchor="{a}" {text}>{words.number(v)}</text>'
+        *(f'<text x="{p}" y="{CHART_HEIGHT - 18}" text-anchor="{a}" {text}>{words.number(v)}</text>'
           for p, a, v in ((left, "start", ends[0]), (right, "end", ends[1]))),
         *(f'<text x="{left - 4}" y="{p}" text-anchor="end" {text}>{words.number(float(f"{v:.4g}"))}</text>'
           for p, v in ((low, heights[0]), (top + 8.0, heights[1]))),
-        f'<text x="{0.5 * (left + right)}" y="{TALL - 5}" text-anchor="middle" {text}>{escape(titles[0])}</text>',
+        f'<text x="{0.5 * (left + right)}" y="{CHART_HEIGHT - 5}" text-anchor="middle" {text}>{escape(titles[0])}</text>',
     ]  # fmt: skip
     drawn = "".join(mark for _, mark in sorted(marks, key=lambda m: m[0]))
     label = escape(f"{titles[1]} over {titles[0]}", quote=True)
-    return f'<svg viewBox="0 0 {WIDTH} {TALL}" role="img" aria-label="{label}" style="width:100%">{"".join(axes)}{drawn}</svg>'
+    box = f"0 0 {CHART_WIDTH} {CHART_HEIGHT}"
+    return f'<svg viewBox="{box}" role="img" aria-label="{label}" style="width:100%">{"".join(axes)}{drawn}</svg>'

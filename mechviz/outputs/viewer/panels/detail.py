@@ -16,7 +16,7 @@ from mechviz.outputs.viewer.server import Callback
 from mechviz.outputs.viewer.view_model import ViewModel
 from mechviz.quantities.catalogue import Axis, Quantity
 
-FIRST = ("reaction", "contact force", "torque", "force", "pressure angle", "angular velocity", "velocity", "angle")
+FIRST_QUANTITIES = ("reaction", "contact force", "torque", "force", "pressure angle", "angular velocity", "velocity", "angle")
 
 
 def items_of(view_model: ViewModel) -> tuple[str, ...]:
@@ -130,7 +130,7 @@ class DetailPanel:
 
     def _first(self) -> Quantity:
         own = members(self._view_model, self.item)
-        return next((q for word in FIRST for q in own if q.label.endswith(f": {word}")), own[0])
+        return next((q for word in FIRST_QUANTITIES for q in own if q.label.endswith(f": {word}")), own[0])
 
     def _plot(self, title: str) -> None:
         chosen = next((q for q in members(self._view_model, self.item) if q.title == title), None)

@@ -24,30 +24,30 @@ from mechviz.outputs.viewer.session import EditSession
 from mechviz.outputs.viewer.view_model import Rolling, ViewModel
 from mechviz.outputs.viewer.world.constructions import readable_color
 from mechviz.outputs.viewer.world.labels import LabelPlaces, half_sizes, parted
-from mechviz.outputs.viewer.world.marks import PATH
+from mechviz.outputs.viewer.world.marks import PATH_COLORS
 from mechviz.picture.constructions import Drawing
-from mechviz.picture.overlays import FIXED, MOVING
+from mechviz.picture.overlays import FIXED_CENTRODE_COLOR, MOVING_CENTRODE_COLOR
 from mechviz.quantities.vectors import round_value
 from mechviz.scene.kinds.studies import PlanName
 
 Color = tuple[int, int, int]
 
-WIDTH, HEIGHT, ROOM = 330.0, 300.0, 26.0  # [px]
-FAR = 1.5  # sizes of the mechanism beyond its bounds, where polodes are cut off
-RATE = 12.0  # pictures a second while playing
-LEAST = 4.0  # [px] below which an arrow has no label
-HEAD = 8.0  # [px]
+DIAGRAM_WIDTH, DIAGRAM_HEIGHT, DIAGRAM_MARGIN = 330.0, 300.0, 26.0  # [px]
+CENTRODE_RANGE = 1.5  # sizes of the mechanism beyond its bounds, where centrodes are cut off
+PICTURE_RATE = 12.0  # pictures a second while playing
+LEAST_LABELLED = 4.0  # [px] below which an arrow has no label
+ARROW_HEAD = 8.0  # [px]
 ROOM_OF_LABELS = 3.0  # [px] from what they name
 NONE_OF_A_RUN = "The scene asks for no diagrams. Ask for plans and pole curves below; click on points to trace them."
-PLANS = {
+POLYGON_HINTS = {
     "velocity": "the images of the points, from a pole: what the method by hand draws",
     "acceleration": "with the centripetal, tangential and Coriolis parts",
     "force": "the closed polygon of the forces on each group; needs forces",
     "graph": "links as vertices, joints as edges, independent loops numbered",
 }
-TITLES = {"graph": "Contour graph"}
-CENTRODES = "the fixed and the moving centrode: one rolls on the other"
-SECTIONS = "normal force, shear force and bending moment along the link, to be seen on it and plotted; needs forces"
+POLYGON_TITLES = {"graph": "Contour graph"}
+CENTRODE_HINT = "the fixed and the moving centrode: one rolls on the other"
+SECTION_HINT = "normal force, shear force and bending moment along the link, to be seen on it and plotted; needs forces"
 MOST_LINKS = 5  # whose switches are seen at once
 NONE_OF_A_RECORDING = "The recording holds no diagrams. Press 'Edit this scene', where it carries its own, to ask for some."
 
@@ -109,7 +109,7 @@ def diagrams_of(view_model: ViewModel) -> dict[str, Diagram | Chart]:
         z = xyz[:, 0] + 1j * xyz[:, 1]
         title = f"Path of {name}"
         unit, factor = view_model.units.reads("m")
-        diagrams[title] = Diagram(title, _box([z]), factor, unit, curves=(Curve(name, PATH[True], z, z),))
+        diagrams[title] = Diagram(title, _box([z]), factor, unit, curves=(Curve(name, PATH_COLORS[True], z, z),))
     diagrams |= {chart.title: chart for chart in (*cam_charts(view_model), *view_model.charts())}
     return diagrams
 
@@ -134,7 +134,7 @@ def _centrodes(view_model: ViewModel, centrodes: Rolling, title: str, name: str)
     pose, size = view_model.poses[name], view_model.size
     fixed, moving = centrodes.fixed, centrodes.moving
     low, high = (bound[0] + 1j * bound[1] for bound in view_model.bounds)
-    middle, half = 0.5 * (low + high), 0.5 * (high - low) + FAR * size * (1.0 + 1.0j)
+    middle, half = 0.5 * (low + high), 0.5 * (high - low) + CENTRODE_RANGE * size * (1.0 + 1.0j)
     from_middle = np.where(np.isfinite(fixed), fixed - middle, np.inf)
     inside = (np.abs(from_middle.real) < half.real) & (np.abs(from_middle.imag) < half.imag)
     # judged in the world, so that both are cut at the same frames: far out, and where they jump through infinity
@@ -144,8 +144,8 @@ def _centrodes(view_model: ViewModel, centrodes: Rolling, title: str, name: str)
     nowhere = np.full(len(pose), np.nan + 0j)
     curves = (
         Curve(name, (188, 200, 220), centrodes.outline, nowhere, ride),
-        Curve("fixed polode", FIXED, parts[0], nowhere),
-        Curve("moving polode", MOVING, parts[1], np.where(inside, fixed, np.nan), ride),
+        Curve("fixed polode", FIXED_CENTRODE_COLOR, parts[0], nowhere),
+        Curve("moving polode", MOVING_CENTRODE_COLOR, parts[1], np.where(inside, fixed, np.nan), ride),
     )
     some = np.linspace(0, len(pose) - 1, min(len(pose), 24)).round().astype(int)
     unit, factor = view_model.units.reads("m")
@@ -158,14 +158,14 @@ def diagram_svg(diagram: Diagram | Chart, frame: int) -> str:
         return chart_svg(diagram, frame)
     low, high = diagram.bounds
     extent = np.maximum(high - low, 1e-300)
-    scale = float(min((WIDTH - 2 * ROOM) / extent[0], (HEIGHT - 2 * ROOM) / extent[1]))
+    scale = float(min((DIAGRAM_WIDTH - 2 * DIAGRAM_MARGIN) / extent[0], (DIAGRAM_HEIGHT - 2 * DIAGRAM_MARGIN) / extent[1]))
     middle = complex(*(0.5 * (low + high)))
 
     def at(z: Complex | complex) -> Any:
         return (np.asarray(z) - middle) * scale
 
     def place(z: complex) -> tuple[float, float]:
-        return WIDTH / 2.0 + z.real, HEIGHT / 2.0 - z.imag
+        return DIAGRAM_WIDTH / 2.0 + z.real, DIAGRAM_HEIGHT / 2.0 - z.imag
 
     parts = []
     for k, curve in enumerate(diagram.curves):
@@ -176,7 +176,7 @@ def diagram_svg(diagram: Diagram | Chart, frame: int) -> str:
                 f'<polyline points="{spots}" fill="none" stroke="{readable_color(curve.color)}" stroke-width="1.5" opacity="0.75"/>'
             )
         if len(diagram.curves) > 1:
-            parts.append(_text((WIDTH - 6.0, 12.0 + 13.0 * k), curve.label, readable_color(curve.color), "end"))
+            parts.append(_text((DIAGRAM_WIDTH - 6.0, 12.0 + 13.0 * k), curve.label, readable_color(curve.color), "end"))
         now = complex(at(curve.at[frame]))
         if np.isfinite(now):
             x, y = place(now)
@@ -184,8 +184,8 @@ def diagram_svg(diagram: Diagram | Chart, frame: int) -> str:
     if diagram.drawing is not None:
         for k, (words_of, color) in enumerate(diagram.drawing.legend):
             y = 12.0 + 13.0 * k
-            parts.append(f'<path d="M{WIDTH - 20.0:g},{y:g} h14" stroke="{readable_color(color)}" stroke-width="2.5"/>')
-            parts.append(_text((WIDTH - 24.0, y), words_of, "currentColor", "end"))
+            parts.append(f'<path d="M{DIAGRAM_WIDTH - 20.0:g},{y:g} h14" stroke="{readable_color(color)}" stroke-width="2.5"/>')
+            parts.append(_text((DIAGRAM_WIDTH - 24.0, y), words_of, "currentColor", "end"))
         strokes, marks = diagram.drawing.strokes, diagram.drawing.marks
         starts = at(np.array([stroke.start[frame] for stroke in strokes], complex))
         vectors = np.asarray(scale * np.array([stroke.vector[frame] for stroke in strokes], complex), complex)
@@ -194,15 +194,15 @@ def diagram_svg(diagram: Diagram | Chart, frame: int) -> str:
                 width = 1.2 if stroke.fine else 2.0
                 parts.append(_arrow(place(start), place(start + vector), readable_color(stroke.color), stroke.plain, width))
         named = [k for k, stroke in enumerate(strokes) if stroke.label]
-        long: Complex = np.where(np.abs(vectors[named]) >= LEAST, starts[named], np.nan + 0j)
+        long: Complex = np.where(np.abs(vectors[named]) >= LEAST_LABELLED, starts[named], np.nan + 0j)
         spots = at(np.array([mark.at[frame] for mark in marks], complex))
         texts = [strokes[k].label for k in named], [mark.label for mark in marks]
         for labels, places in zip(texts, diagram.places(long, vectors[named], spots), strict=True):
             parts += [_text(place(z), label, "currentColor") for label, z in zip(labels, places, strict=True) if np.isfinite(z)]
     parts.append(_scale_bar(diagram, scale))
     return (
-        f'<svg role="img" aria-label="{escape(diagram.title)}" viewBox="0 0 {WIDTH:g} {HEIGHT:g}" '
-        f'style="display:block;width:100%;max-height:{HEIGHT:g}px;overflow:hidden">{"".join(parts)}</svg>'
+        f'<svg role="img" aria-label="{escape(diagram.title)}" viewBox="0 0 {DIAGRAM_WIDTH:g} {DIAGRAM_HEIGHT:g}" '
+        f'style="display:block;width:100%;max-height:{DIAGRAM_HEIGHT:g}px;overflow:hidden">{"".join(parts)}</svg>'
     )
 
 
@@ -235,7 +235,7 @@ class Diagrams:
                 with gui.add_folder("Construct"):
                     for name in get_args(PlanName):
                         self.asked["plans", name] = gui.add_checkbox(
-                            TITLES.get(name, f"{name.capitalize()} plan"), False, hint=PLANS[name]
+                            POLYGON_TITLES.get(name, f"{name.capitalize()} plan"), False, hint=POLYGON_HINTS[name]
                         )
                 with gui.add_folder("Quantities to plot"):
                     for name, hint in METRICS.items():
@@ -247,10 +247,10 @@ class Diagrams:
                 )
                 with gui.add_folder("Section forces", expand_by_default=open_first):
                     for link in moving:
-                        self.asked["sections", link] = gui.add_checkbox(f"Sections of {link}", False, hint=SECTIONS)
+                        self.asked["sections", link] = gui.add_checkbox(f"Sections of {link}", False, hint=SECTION_HINT)
                 with gui.add_folder("Pole curves", expand_by_default=open_first):
                     for link in moving:
-                        self.asked["polodes", link] = gui.add_checkbox(f"Polodes of {link}", False, hint=CENTRODES)
+                        self.asked["polodes", link] = gui.add_checkbox(f"Polodes of {link}", False, hint=CENTRODE_HINT)
         self.mirror(view_model)
         for (key, name), box in self.asked.items():
             box.on_update(callback(f"Asking for {name}", partial(self._ask, key, name)))
@@ -306,7 +306,7 @@ class Diagrams:
 
     def show(self, frame: int, playing: bool) -> None:
         now = time.perf_counter()
-        if playing and now - self._moved < 1.0 / RATE:
+        if playing and now - self._moved < 1.0 / PICTURE_RATE:
             return
         self._frame, self._moved = frame, now
         diagram = self._diagrams.get(self.choice.value)
@@ -322,8 +322,8 @@ def _scale_bar(diagram: Diagram, scale: float) -> str:
     """A line of a round value, about a quarter of the picture long, with ``scale`` pixels a metre."""
     if not (diagram.per_metre > 0.0 and np.isfinite(diagram.per_metre)):
         return ""
-    value = round_value(0.3 * WIDTH / scale * diagram.per_metre)
-    long, y = value / diagram.per_metre * scale, HEIGHT - 9.0
+    value = round_value(0.3 * DIAGRAM_WIDTH / scale * diagram.per_metre)
+    long, y = value / diagram.per_metre * scale, DIAGRAM_HEIGHT - 9.0
     line = f'<path d="M8,{y - 4} v8 M8,{y} h{long:.1f} m0,-4 v8" stroke="currentColor" fill="none" stroke-width="1.2"/>'
     text = f"{words.number(value)} {diagram.unit}"
     return f'{line}<text x="{14 + long:.1f}" y="{y + 3.5}" font-size="11" fill="currentColor">{escape(text)}</text>'
@@ -335,7 +335,7 @@ def _arrow(start: tuple[float, float], end: tuple[float, float], color: str, pla
     along = complex(x1 - x0, y1 - y0)
     if plain or abs(along) < 2.0:
         return line
-    back = -min(HEAD, abs(along) / 2.0) * along / abs(along)
+    back = -min(ARROW_HEAD, abs(along) / 2.0) * along / abs(along)
     tips = [complex(x1, y1) + back * np.exp(sign * 0.36j) for sign in (1.0, -1.0)]
     spots = " ".join(f"{z.real:.1f},{z.imag:.1f}" for z in (complex(x1, y1), *tips))
     return f'{line}<polygon points="{spots}" fill="{color}"/>'

@@ -19,12 +19,12 @@ from mechviz.outputs.viewer.server import Callback
 from mechviz.outputs.viewer.session import Contribution, EditSession
 from mechviz.outputs.viewer.view_model import ViewModel
 
-MOTION = (StageKind.SIMULATION, StageKind.POSITIONS, StageKind.VELOCITIES, StageKind.ACCELERATIONS)
-MOST = 8  # effects and loads that have a box of their own; the rest share one
+MOTION_STAGES = (StageKind.SIMULATION, StageKind.POSITIONS, StageKind.VELOCITIES, StageKind.ACCELERATIONS)
+MOST_BOXES = 8  # effects and loads that have a box of their own; the rest share one
 
-WIDTH, ROW, GAP = 276.0, 25.0, 7.0  # [px]
-COLUMNS = ((1.0, 86.0), (106.0, 76.0), (201.0, 74.0))  # left edges and widths
-LETTERS = (15, 13, 13)  # in a line of a box
+CHART_WIDTH, ROW_HEIGHT, BOX_GAP = 276.0, 25.0, 7.0  # [px]
+BOX_COLUMNS = ((1.0, 86.0), (106.0, 76.0), (201.0, 74.0))  # left edges and widths
+BOX_LETTERS = (15, 13, 13)  # in a line of a box
 
 
 @dataclass(frozen=True)
@@ -60,25 +60,25 @@ def plan_graph(mechanism: Mechanism, plan: Plan) -> PlanGraph:
 
     named = len(mechanism.effects)  # those come first, then the loads
     needs = {(StageKind.EFFECT if k < named else StageKind.LOAD, e.name): e.needs for k, e in enumerate(effects_of(mechanism))}
-    computed = [kind for kind in MOTION if plan.has(kind)]
+    computed = [kind for kind in MOTION_STAGES if plan.has(kind)]
 
     def needed(stage: PlannedStage) -> frozenset[str]:
         """The quantities that an effect or a load needs."""
         return frozenset(needs.get((stage.kind, stage.item), ()))
 
     def level(stage: PlannedStage) -> int:
-        return max((k for k, kind in enumerate(MOTION) if kind.value in needed(stage)), default=0)
+        return max((k for k, kind in enumerate(MOTION_STAGES) if kind.value in needed(stage)), default=0)
 
     # from top to bottom as the quantities are, so that few arrows cross; what is left out comes last
     forces = sorted(by_kind[StageKind.EFFECT] + by_kind[StageKind.LOAD], key=lambda s: (s not in plan.computed, level(s)))
-    shown, rest = (forces, []) if len(forces) <= MOST else (forces[: MOST - 1], forces[MOST - 1 :])
+    shown, rest = (forces, []) if len(forces) <= MOST_BOXES else (forces[: MOST_BOXES - 1], forces[MOST_BOXES - 1 :])
     for parts in [*([s] for s in shown), *([rest] if rest else [])]:
         source = box(parts, parts[0].item if len(parts) == 1 else f"{len(parts)} more", 0)
         wanted = frozenset().union(*(needed(s) for s in parts if s in plan.computed))
         arrows += [(source, kind.value) for kind in reversed(computed) if kind.value in wanted][:1]
         if "reactions" in wanted:  # found together with them
             arrows.append((source, StageKind.FORCES.value))
-    moving = [box(by_kind[kind], kind.value, 1) for kind in MOTION if by_kind[kind]][: len(computed)]
+    moving = [box(by_kind[kind], kind.value, 1) for kind in MOTION_STAGES if by_kind[kind]][: len(computed)]
     arrows += list(pairwise(moving))
     box(by_kind[StageKind.HEALTH], StageKind.HEALTH.value, 2)
     if plan.has(StageKind.HEALTH):
@@ -104,14 +104,14 @@ def plan_svg(mechanism: Mechanism, plan: Plan) -> str:
     graph = plan_graph(mechanism, plan)
     columns = [[b for b in graph.boxes if b.column == c] for c in range(3)]
     rows = max(len(column) for column in columns)
-    height = 18.0 + rows * (ROW + GAP) + 4.0
+    height = 18.0 + rows * (ROW_HEIGHT + BOX_GAP) + 4.0
     places: dict[str, tuple[float, float, float]] = {}  # left, top, width
     parts = []
-    for (left, width), column, head in zip(COLUMNS, columns, ("effects, loads", "quantities", "outputs"), strict=True):
+    for (left, width), column, head in zip(BOX_COLUMNS, columns, ("effects, loads", "quantities", "outputs"), strict=True):
         parts.append(_text(left + width / 2.0, 10.0, head, 'opacity="0.6"'))
-        step = (rows * (ROW + GAP)) / max(len(column), 1)
+        step = (rows * (ROW_HEIGHT + BOX_GAP)) / max(len(column), 1)
         for k, b in enumerate(column):
-            places[b.name] = left, 18.0 + step * k + (step - ROW - GAP) / 2.0, width
+            places[b.name] = left, 18.0 + step * k + (step - ROW_HEIGHT - BOX_GAP) / 2.0, width
     for start, end in graph.arrows:
         parts.append(_arrow(places[start], places[end], height - 3.0))
     for b in graph.boxes:
@@ -119,18 +119,19 @@ def plan_svg(mechanism: Mechanism, plan: Plan) -> str:
         look = (
             'fill="rgba(34,92,160,0.13)" stroke="#3b78be"' if b.on else 'fill="none" stroke="currentColor" stroke-dasharray="3 3"'
         )
-        lines = _wrapped(b.label, LETTERS[b.column])
+        lines = _wrapped(b.label, BOX_LETTERS[b.column])
         words = "".join(
-            _text(left + width / 2.0, top + ROW / 2.0 + 10.5 * (k - (len(lines) - 1) / 2.0), line) for k, line in enumerate(lines)
+            _text(left + width / 2.0, top + ROW_HEIGHT / 2.0 + 10.5 * (k - (len(lines) - 1) / 2.0), line)
+            for k, line in enumerate(lines)
         )
         parts.append(
             f'<g opacity="{1 if b.on else 0.55}" data-on="{int(b.on)}"><title>{escape(f"{b.label}: {b.why}")}</title>'
-            f'<rect x="{left:g}" y="{top:.1f}" width="{width:g}" height="{ROW:g}" rx="4" {look}/>{words}</g>'
+            f'<rect x="{left:g}" y="{top:.1f}" width="{width:g}" height="{ROW_HEIGHT:g}" rx="4" {look}/>{words}</g>'
         )
     summary = f"{sum(b.on for b in graph.boxes)} of {len(graph.boxes)} stages are computed"
     return (
         f'<div style="padding:0.1em 0.5em 0.3em"><svg role="img" aria-label="Analysis plan: {summary}" '
-        f'viewBox="0 0 {WIDTH:g} {height:g}" style="display:block;width:100%">{"".join(parts)}</svg></div>'
+        f'viewBox="0 0 {CHART_WIDTH:g} {height:g}" style="display:block;width:100%">{"".join(parts)}</svg></div>'
     )
 
 
@@ -139,15 +140,15 @@ def _arrow(start: tuple[float, float, float], end: tuple[float, float, float], b
     x0, y0, w0 = start
     x1, y1, w1 = end
     if abs(x0 - x1) < 1.0:
-        a, b = (x0 + w0 / 2.0, y0 + ROW), (x1 + w1 / 2.0, y1)
+        a, b = (x0 + w0 / 2.0, y0 + ROW_HEIGHT), (x1 + w1 / 2.0, y1)
         path = f"M{a[0]:.1f},{a[1]:.1f} V{b[1] - 3:.1f}"
         tip = f"M{b[0]:.1f},{b[1]:.1f} L{b[0] - 3:.1f},{b[1] - 5:.1f} L{b[0] + 3:.1f},{b[1] - 5:.1f} Z"
-    elif x1 - x0 > COLUMNS[1][0] + COLUMNS[1][1]:
-        a, b = (x0 + w0, y0 + ROW / 2.0 + 5.0), (x1, y1 + ROW / 2.0 + 5.0)
+    elif x1 - x0 > BOX_COLUMNS[1][0] + BOX_COLUMNS[1][1]:
+        a, b = (x0 + w0, y0 + ROW_HEIGHT / 2.0 + 5.0), (x1, y1 + ROW_HEIGHT / 2.0 + 5.0)
         path = f"M{a[0]:.1f},{a[1]:.1f} h6 V{below:.1f} H{b[0] - 10:.1f} V{b[1]:.1f} H{b[0] - 3:.1f}"
         tip = f"M{b[0]:.1f},{b[1]:.1f} L{b[0] - 5:.1f},{b[1] - 3:.1f} L{b[0] - 5:.1f},{b[1] + 3:.1f} Z"
     else:
-        a, b = (x0 + w0, y0 + ROW / 2.0), (x1, y1 + ROW / 2.0)
+        a, b = (x0 + w0, y0 + ROW_HEIGHT / 2.0), (x1, y1 + ROW_HEIGHT / 2.0)
         bend = 0.5 * (b[0] - a[0])
         path = f"M{a[0]:.1f},{a[1]:.1f} C{a[0] + bend:.1f},{a[1]:.1f} {b[0] - bend:.1f},{b[1]:.1f} {b[0] - 3:.1f},{b[1]:.1f}"
         tip = f"M{b[0]:.1f},{b[1]:.1f} L{b[0] - 5:.1f},{b[1] - 3:.1f} L{b[0] - 5:.1f},{b[1] + 3:.1f} Z"

@@ -19,7 +19,7 @@ from viser import uplot
 from mechcore.arrays import Real
 from mechcore.records import dataclass
 from mechviz.editor.worker import left_over
-from mechviz.outputs.exports.tables import KINDS, plot_file
+from mechviz.outputs.exports.tables import PLOT_FORMATS, plot_file
 from mechviz.outputs.viewer.playback import Curves, NumberTrack, PlotTrack, at_places
 from mechviz.outputs.viewer.server import Callback, report
 from mechviz.outputs.viewer.view_model import ViewModel
@@ -31,23 +31,23 @@ from mechviz.studies.designs.sensitivity import Bands, bands_of, with_tolerances
 
 MOST_PLOTS = 24  # each is sent anew with every frame
 MOST_WAITING = 4  # plots to be saved; what is asked for beyond is left
-HEIGHT = 164  # [px]
-NOTHING, REMOVE = "nothing else", "Remove"
-LAST = 1e9  # the order of what stands below all plots
+PLOT_HEIGHT = 164  # [px]
+NOTHING_ELSE, REMOVE_LABEL = "nothing else", "Remove"
+LAST_ORDER = 1e9  # the order of what stands below all plots
 LONGEST_NAME = 60  # of a file
 LONGEST_TITLE = 17  # letters along the vertical axis
-LETTER = 6.8  # [px] width of a digit beside the vertical axis
-AXIS = (52.0, 96.0)  # [px] least and largest width of the vertical axis
-COLORS = ("#2563c9", "#d97706", "#0f8a5f", "#7c3aed", "#64748b", "#0e7490", "#a16207", "#c026d3", "#4d7c0f")  # and again
+DIGIT_WIDTH = 6.8  # [px] width of a digit beside the vertical axis
+AXIS_WIDTHS = (52.0, 96.0)  # [px] least and largest width of the vertical axis
+CURVE_COLORS = ("#2563c9", "#d97706", "#0f8a5f", "#7c3aed", "#64748b", "#0e7490", "#a16207", "#c026d3", "#4d7c0f")  # and again
 # Their names and values on a dark page
 ON_DARK = ("#7fb0ff", "#f0a545", "#4fc79a", "#b79bff", "#a8b3c4", "#5cc8de", "#d8b04a", "#e879f9", "#a3d05a")
-OPENED = "as opened"
-DASHES = ([6, 4], [2, 3], [10, 3, 2, 3])  # of the designs that are compared, and again
-BANDS = {"none": 0.0, "as it is": 1.0, "10 times": 10.0, "100 times": 100.0}  # how wide a tolerance band is drawn
-PALE = "38"  # opacity of a band
+OPENED_DESIGN = "as opened"
+DESIGN_DASHES = ([6, 4], [2, 3], [10, 3, 2, 3])  # of the designs that are compared, and again
+BAND_FACTORS = {"none": 0.0, "as it is": 1.0, "10 times": 10.0, "100 times": 100.0}  # how wide a tolerance band is drawn
+BAND_OPACITY = "38"  # opacity of a band
 ROUND_OFF = 1e-9  # of a quantity's largest value
-NEARLY = 0.01  # part by which peaks up and down differ and still count as one
-CURSOR = "#c2255c"
+PEAK_DIFFERENCE = 0.01  # part by which peaks up and down differ and still count as one
+CURSOR_COLOR = "#c2255c"
 CURSOR_RATE = 12.0  # moves a second while playing: each sends the whole plot
 ANGLE_STEPS = (1, 2, 5, 10, 15, 30, 45, 90, 180, 360, 720, 1440, 3600)
 
@@ -59,7 +59,7 @@ def peak_of(values: Real, like: float = 0.0) -> float:
     if not len(known):
         return float("nan")
     ends = sorted((float(known.min()), float(known.max())), key=abs)
-    nearly = abs(ends[0]) > (1.0 - NEARLY) * abs(ends[1])
+    nearly = abs(ends[0]) > (1.0 - PEAK_DIFFERENCE) * abs(ends[1])
     return ends[0] if nearly and ends[0] * like > 0.0 > ends[1] * like else ends[1]
 
 
@@ -78,7 +78,7 @@ class Beside:
         return *self.others, self.half is None
 
 
-ALONE = Beside()
+NOTHING_BESIDE = Beside()
 
 
 class Plots:
@@ -101,10 +101,10 @@ class Plots:
             self.band: viser.GuiDropdownHandle[str] | None = None
             if self._toleranced:
                 said = "how far the curves may be off by the tolerances of the scene's parameters, all of them added up"
-                self.band = server.gui.add_dropdown("Tolerance band", tuple(BANDS), initial_value="as it is", hint=said)
+                self.band = server.gui.add_dropdown("Tolerance band", tuple(BAND_FACTORS), initial_value="as it is", hint=said)
                 self.band.on_update(callback("Drawing bands", lambda event: self.enlarge(event.target.value)))
                 self._refused = server.gui.add_html("")
-            self.more = server.gui.add_button("Add a plot", icon=viser.Icon.PLUS, order=LAST)
+            self.more = server.gui.add_button("Add a plot", icon=viser.Icon.PLUS, order=LAST_ORDER)
         self._against.on_update(callback("Changing the plots", lambda _: self.choose_axis(self._against.value)))
         self.more.on_click(callback("Adding a plot", lambda _: self.add()))
         self._axis: Axis = self._axes[titles[0]]
@@ -145,7 +145,7 @@ class Plots:
             self._redraw()
 
     def enlarge(self, band: str) -> None:
-        """Draw tolerance bands as wide as one of ``BANDS`` says; where there are none nothing changes."""
+        """Draw tolerance bands as wide as one of ``BAND_FACTORS`` says; where there are none nothing changes."""
         with self._lock:
             if self.band is not None:
                 self.band.value = band
@@ -188,7 +188,7 @@ class Plots:
             for name, view_model in self._others.items()
             if (values := self._compared(quantity, view_model)) is not None
         }
-        enlarged = BANDS[self.band.value] if self.band is not None else 0.0
+        enlarged = BAND_FACTORS[self.band.value] if self.band is not None else 0.0
         halves = [self._bands.halves.get(q.key) for q in quantity.parts]
         if not enlarged or all(half is None for half in halves):
             return Beside(others)
@@ -273,9 +273,9 @@ class Plots:
                 slot.show(frame)
 
     def _press(self, slot: SharedSlot, button: str, client: viser.ClientHandle) -> None:
-        if button == REMOVE:
+        if button == REMOVE_LABEL:
             self.remove(slot)
-        elif button in KINDS and self._waiting.acquire(blocking=False):
+        elif button in PLOT_FORMATS and self._waiting.acquire(blocking=False):
             self._saver.submit(self._save, slot, button, client)
 
     def _save(self, slot: SharedSlot, kind: str, client: viser.ClientHandle) -> None:
@@ -293,7 +293,7 @@ class Plots:
 
     def file(self, slot: SharedSlot, kind: str) -> bytes:
         """A plot as a file, with the curves of the designs that are compared and its bands as they are; ``kind``: one of
-        ``KINDS``."""
+        ``PLOT_FORMATS``."""
         with self._lock:
             quantity, axis, beside = slot.quantity, self._axis, self._beside(slot.quantity)
         return plot_file(kind, self._name, quantity, axis, beside.others, beside.half)
@@ -325,21 +325,21 @@ class Slot:
             if handle is not None:
                 handle.remove()
 
-    def plot(self, quantity: Quantity | QuantityGroup, axis: Axis, frame: int, beside: Beside = ALONE) -> None:
+    def plot(self, quantity: Quantity | QuantityGroup, axis: Axis, frame: int, beside: Beside = NOTHING_BESIDE) -> None:
         """Draw a quantity with what belongs beside it. A new plot takes the old one's place: data, curves and axes cannot be
         exchanged in one step."""
         self._read(quantity, axis, beside)
         series: list[Any] = [uplot.Series(label=axis.title)]
-        for name, color in zip(quantity.curves, cycle(COLORS), strict=False):
+        for name, color in zip(quantity.curves, cycle(CURVE_COLORS), strict=False):
             series.append(uplot.Series(label=name, stroke=color, width=2, points={"show": False}))
-        for other, dash in zip(beside.others, cycle(DASHES), strict=False):
-            for name, color in zip(quantity.curves, cycle(COLORS), strict=False):
+        for other, dash in zip(beside.others, cycle(DESIGN_DASHES), strict=False):
+            for name, color in zip(quantity.curves, cycle(CURVE_COLORS), strict=False):
                 series.append(uplot.Series(label=f"{name} {other}", stroke=color, width=1.2, dash=dash, points={"show": False}))
         bands: list[uplot.Band] = []
-        for name, color in zip(quantity.curves if beside.half is not None else (), cycle(COLORS), strict=False):
-            bands.append(uplot.Band(series=(len(series), len(series) + 1), fill=f"{color}{PALE}"))
+        for name, color in zip(quantity.curves if beside.half is not None else (), cycle(CURVE_COLORS), strict=False):
+            bands.append(uplot.Band(series=(len(series), len(series) + 1), fill=f"{color}{BAND_OPACITY}"))
             series += [uplot.Series(label=f"{name} {end}", width=0, points={"show": False}) for end in ("at most", "at least")]
-        series.append(uplot.Series(label="now", stroke=CURSOR, width=1.5, points={"show": False}))
+        series.append(uplot.Series(label="now", stroke=CURSOR_COLOR, width=1.5, points={"show": False}))
         data = self._curves.at(frame)
         fonts: Any = {"font": "11px sans-serif", "labelFont": "12px sans-serif", "labelSize": 18}
         horizontal: Any = uplot.Axis(label=axis.title, size=34, labelGap=-2, **fonts)
@@ -359,7 +359,7 @@ class Slot:
                 scales=self._scales(),
                 axes=(horizontal, vertical),
                 legend=uplot.Legend(show=False),
-                height=HEIGHT,
+                height=PLOT_HEIGHT,
                 padding=(8, 14, 0, 0),
                 order=None if before is None else before.order,
             )
@@ -368,7 +368,7 @@ class Slot:
         self._ends = (axis.values[0], axis.values[-1])
         self.show(frame)
 
-    def take(self, quantity: Quantity | QuantityGroup, axis: Axis, frame: int, beside: Beside = ALONE) -> None:
+    def take(self, quantity: Quantity | QuantityGroup, axis: Axis, frame: int, beside: Beside = NOTHING_BESIDE) -> None:
         """Draw a quantity of another run. Where it is the one that is drawn, the plot stays and its data change."""
         drawn = self.quantity.title, self.quantity.curves, self._axis.title, self._beside.kind
         if (quantity.title, quantity.curves, axis.title, beside.kind) != drawn:
@@ -398,7 +398,7 @@ class Slot:
         low, high = self._curves.range
         decimals = int(np.clip(-np.floor(np.log10(high - low) - 0.5), 0, 3))
         letters = max(len(f"{end:,.{decimals}f}") for end in (low, high))
-        return float(np.clip(17.0 + LETTER * letters, *AXIS))
+        return float(np.clip(17.0 + DIGIT_WIDTH * letters, *AXIS_WIDTHS))
 
     def _scales(self) -> dict[str, Any]:
         ends = sorted((float(self._axis.values[0]), float(self._axis.values[-1])))
@@ -414,7 +414,7 @@ class Slot:
             f'<span style="color:light-dark({color},{dark});white-space:nowrap"><b>{html.escape(name)}</b> '
             f'<span data-mv="{html.escape(self._label)}:{k}">{value}{unit}</span></span>'
             for k, (name, color, dark, value) in enumerate(
-                zip(self.quantity.curves, cycle(COLORS), cycle(ON_DARK), values, strict=False)
+                zip(self.quantity.curves, cycle(CURVE_COLORS), cycle(ON_DARK), values, strict=False)
             )
         ]
         self._readout.content = (
@@ -465,8 +465,10 @@ class SharedSlot(Slot):
     ):
         super().__init__(server, tab, label, tuple(q.title for q in quantities), quantity, axis)
         with tab:
-            self.beside = self._gui.add_dropdown("with", (NOTHING,), hint="another curve of the same unit, or one to be taken away")
-            self.buttons = self._gui.add_button_group("Save", (*KINDS, REMOVE))
+            self.beside = self._gui.add_dropdown(
+                "with", (NOTHING_ELSE,), hint="another curve of the same unit, or one to be taken away"
+            )
+            self.buttons = self._gui.add_button_group("Save", (*PLOT_FORMATS, REMOVE_LABEL))
         self.offer(quantities)
 
     def offer(self, quantities: tuple[Quantity, ...]) -> None:
@@ -478,7 +480,7 @@ class SharedSlot(Slot):
         if self.choice.value != first:
             self.choice.value = first
         same = (q.title for q in quantities if q.unit == self.quantity.unit and q.title != first)
-        beside = (f"{len(others)} more" if others else NOTHING, *same)
+        beside = (f"{len(others)} more" if others else NOTHING_ELSE, *same)
         if tuple(self.beside.options) != beside:
             self.beside.options = beside
         if self.beside.value != beside[0]:

@@ -12,13 +12,13 @@ from mechviz.outputs.viewer.player import Player
 from mechviz.outputs.viewer.server import Callback, finite
 from mechviz.outputs.viewer.view_model import ViewModel
 from mechviz.outputs.viewer.viser_adapter import uuid_of
-from mechviz.outputs.viewer.world.camera import PRESETS, reset_to
+from mechviz.outputs.viewer.world.camera import VIEW_PRESETS, reset_to
 from mechviz.outputs.viewer.world.scene import Scene3D
 from mechviz.quantities.vectors import FAMILIES, FORCE_FAMILIES
 
-SIZES = {"Size of forces": FORCE_FAMILIES, "Size of velocities": ("velocity",), "Size of accelerations": ("acceleration",)}
-CAMERAS = "2D is straight on and hardly has a perspective: there dragging moves the picture; elsewhere it turns the view"
-HINT = "times the size at which the largest one is a third of the mechanism"
+SIZE_FAMILIES = {"Size of forces": FORCE_FAMILIES, "Size of velocities": ("velocity",), "Size of accelerations": ("acceleration",)}
+CAMERA_HINT = "2D is straight on and hardly has a perspective: there dragging moves the picture; elsewhere it turns the view"
+SIZE_HINT = "times the size at which the largest one is a third of the mechanism"
 
 
 class Switches:
@@ -43,9 +43,9 @@ class Switches:
         self.marks: dict[str, viser.GuiCheckboxHandle] = {}
         self.sizes: dict[str, Any] = {}
         with tab:
-            self.cameras = gui.add_button_group("Look from", tuple(p.label for p in PRESETS.values()), hint=CAMERAS)
+            self.cameras = gui.add_button_group("Look from", tuple(p.label for p in VIEW_PRESETS.values()), hint=CAMERA_HINT)
             self.cameras.on_click(callback("Moving the camera", lambda event: self._look(event)))
-            reset_to(server, uuid_of(self.cameras), PRESETS["front"].label)
+            reset_to(server, uuid_of(self.cameras), VIEW_PRESETS["front"].label)
             self.arrows = gui.add_folder("Arrows")
             with self.arrows:
                 for name in FAMILIES:
@@ -53,8 +53,8 @@ class Switches:
                     box = gui.add_checkbox(label, scene.arrows.is_on(name), hint=hint)
                     box.on_update(callback(f"Switching {label}", partial(self._switch, name)))
                     self.families[name] = box
-                for label, families in SIZES.items():
-                    size = gui.add_slider(label, 0.1, 5.0, 0.1, 1.0, hint=HINT)
+                for label, families in SIZE_FAMILIES.items():
+                    size = gui.add_slider(label, 0.1, 5.0, 0.1, 1.0, hint=SIZE_HINT)
                     size.on_update(callback("Changing the size of arrows", partial(self._enlarge, label, families)))
                     self.sizes[label] = size
             with gui.add_folder("Marks"):
@@ -82,14 +82,14 @@ class Switches:
         for name, box in self.families.items():
             if box.visible != (name in view_model.families):
                 box.visible = name in view_model.families
-        for label, families in SIZES.items():
+        for label, families in SIZE_FAMILIES.items():
             self.sizes[label].visible = bool(view_model.families & set(families))
         self.arrows.visible = bool(view_model.families)
         paths = self.marks["Paths"]
         paths.visible = bool(view_model.paths)
 
     def _look(self, event: Any) -> None:
-        chosen = next((key for key, preset in PRESETS.items() if preset.label == self.cameras.value), None)
+        chosen = next((key for key, preset in VIEW_PRESETS.items() if preset.label == self.cameras.value), None)
         if chosen is not None:
             self._scene.look(event.client, chosen)
 

@@ -25,9 +25,9 @@ from mechviz.scene.units import Units
 from mechviz.studies.synthesis.four_bars import MotionDesign, motion_choices, motion_solutions, poses_in
 from mechviz.studies.synthesis.paths import MOST_OFFERED, drawn_points, path_choices, path_in, path_solutions
 
-WANTED = (217, 119, 6)  # colour of the curve that was drawn
-SHEET = 3.0  # of the mechanism's size: side of the sheet that is drawn on
-CLEAR = 0.12  # its opacity
+DRAWN_COLOR = (217, 119, 6)  # colour of the curve that was drawn
+SHEET_SIZE = 3.0  # of the mechanism's size: side of the sheet that is drawn on
+SHEET_OPACITY = 0.12  # its opacity
 Release = Callable[[viser.ClientHandle], None]
 
 
@@ -66,7 +66,7 @@ def tell(node: viser.GuiHtmlHandle, content: str) -> None:
 
 
 # -- positions --------------------------------------------------------------------------------------------------------
-FEWEST, MOST = 2, 5
+FEWEST_POSITIONS, MOST_POSITIONS = 2, 5
 
 
 def moved(poses: Poses, k: int, place: complex, angle: float) -> Poses:
@@ -78,8 +78,10 @@ def moved(poses: Poses, k: int, place: complex, angle: float) -> Poses:
 
 def lengthened(poses: Poses) -> Poses:
     """Poses with one more, about as far behind the last as that is behind the one before. Raises `MechanismError` at the most."""
-    if len(poses.places) >= MOST:
-        raise MechanismError(Fault("positions", f"{MOST} positions leave no four-bar to choose.", "Take one away, or move one."))
+    if len(poses.places) >= MOST_POSITIONS:
+        raise MechanismError(
+            Fault("positions", f"{MOST_POSITIONS} positions leave no four-bar to choose.", "Take one away, or move one.")
+        )
     step = poses.places[-1] - poses.places[-2]
     turn = float(np.angle(poses.turns[-1] / poses.turns[-2]))
     place = poses.places[-1] + 0.8 * step * np.exp(0.5j * turn)  # not in line with the others: that leaves little to choose from
@@ -88,7 +90,7 @@ def lengthened(poses: Poses) -> Poses:
 
 def shortened(poses: Poses) -> Poses:
     """Poses without the last. Raises `MechanismError` where two are left."""
-    if len(poses.places) <= FEWEST:
+    if len(poses.places) <= FEWEST_POSITIONS:
         raise MechanismError(Fault("positions", "two positions are the fewest.", "Move them instead."))
     return Poses(poses.places[:-1], poses.angles[:-1])
 
@@ -257,11 +259,11 @@ class Drawing:
             self._sheet = None
         if self.on.value and self._sheet is None:
             self._under = view_model.size, view_model.z_top
-            half = 0.5 * SHEET * view_model.size
+            half = 0.5 * SHEET_SIZE * view_model.size
             (x, y), z = view_model.bounds[:, :2].mean(axis=0), view_model.z_top
             corners = np.array([[x - half, y - half, z], [x + half, y - half, z], [x + half, y + half, z], [x - half, y + half, z]])
             self._sheet = self._server.scene.add_mesh_simple(
-                "/path/sheet", corners, np.array([[0, 1, 2], [0, 2, 3]]), color=WANTED, opacity=CLEAR, side="double",
+                "/path/sheet", corners, np.array([[0, 1, 2], [0, 2, 3]]), color=DRAWN_COLOR, opacity=SHEET_OPACITY, side="double",
                 cast_shadow=False, receive_shadow=False,
             )  # fmt: skip
             self._sheet.on_drag("left")(self._callback("Drawing", self._drawn))
@@ -278,7 +280,7 @@ class Drawing:
         segments = np.stack([xyz[:-1], xyz[1:]], axis=1)
         if self._line is None:
             self._line = self._server.scene.add_line_segments(
-                "/path/wanted", segments, WANTED, thickness=2.5, thickness_units="screen"
+                "/path/wanted", segments, DRAWN_COLOR, thickness=2.5, thickness_units="screen"
             )
         else:
             self._line.points = segments

@@ -20,23 +20,23 @@ from mechviz.outputs.viewer.server import Callback, finite
 from mechviz.outputs.viewer.view_model import ViewModel
 from mechviz.quantities.catalogue import Health
 
-COLUMNS = 240
-WRONG = 0.5  # of the way from sound to bad, on a logarithmic scale
-STEPS = 20  # of shades from green to red
-STRIP_WIDTH, ROW, GAP, EVENTS = 1000.0, 11.0, 3.0, 15.0
-NAMES, BOX = 103, 55  # [px] left and right of the track of the slider above
-GOOD, FAIR, BAD = (46, 160, 96), (230, 168, 23), (208, 48, 48)
+STRIP_COLUMNS = 240
+WRONG_SHARE = 0.5  # of the way from sound to bad, on a logarithmic scale
+SHADE_COUNT = 20  # of shades from green to red
+STRIP_WIDTH, ROW_HEIGHT, ROW_GAP, EVENTS_HEIGHT = 1000.0, 11.0, 3.0, 15.0
+NAMES_WIDTH, BOX_WIDTH = 103, 55  # [px] left and right of the track of the slider above
+GOOD_COLOR, FAIR_COLOR, BAD_COLOR = (46, 160, 96), (230, 168, 23), (208, 48, 48)
 
 
 def shade(severity: float) -> str:
     """Green where all is well (0) over amber to red (1)."""
     part = min(max(severity, 0.0), 1.0) * 2.0
-    low, high = (GOOD, FAIR) if part <= 1.0 else (FAIR, BAD)
+    low, high = (GOOD_COLOR, FAIR_COLOR) if part <= 1.0 else (FAIR_COLOR, BAD_COLOR)
     part = part if part <= 1.0 else part - 1.0
     return "#" + "".join(f"{round(a + (b - a) * part):02x}" for a, b in zip(low, high, strict=True))
 
 
-def columns(severity: Real, count: int = COLUMNS) -> Real:
+def columns(severity: Real, count: int = STRIP_COLUMNS) -> Real:
     """The worst of each of ``count`` equal stretches of frames: a single bad frame is seen."""
     edges = np.linspace(0, len(severity), min(count, len(severity)) + 1).astype(int)
     return np.maximum.reduceat(severity, edges[:-1])
@@ -48,33 +48,35 @@ def health_svg(health: Sequence[Health], events: Sequence[Event], time: Real) ->
     The rows lie below the track of the timeline's slider, so that a place in them is a place of the slider.
     """
     start, length = float(time[0]), max(float(time[-1] - time[0]), 1e-300)
-    height = len(health) * (ROW + GAP) + EVENTS
+    height = len(health) * (ROW_HEIGHT + ROW_GAP) + EVENTS_HEIGHT
     rows, names = [], []
     for k, h in enumerate(health):
         said = in_words(h)
-        y = k * (ROW + GAP)
+        y = k * (ROW_HEIGHT + ROW_GAP)
         row = [f"<title>{escape(said)}</title>"]
-        steps = np.round(columns(h.severity) * STEPS).astype(int)
+        steps = np.round(columns(h.severity) * SHADE_COUNT).astype(int)
         starts = np.flatnonzero(np.diff(steps, prepend=-1))
         per = STRIP_WIDTH / len(steps)
         for first, after in zip(starts, [*starts[1:], len(steps)], strict=True):
-            left, wide, fill = per * first, per * (after - first), shade(steps[first] / STEPS)
-            row.append(f'<rect x="{left:.1f}" y="{y:g}" width="{wide + 0.4:.1f}" height="{ROW:g}" fill="{fill}"/>')
+            left, wide, fill = per * first, per * (after - first), shade(steps[first] / SHADE_COUNT)
+            row.append(f'<rect x="{left:.1f}" y="{y:g}" width="{wide + 0.4:.1f}" height="{ROW_HEIGHT:g}" fill="{fill}"/>')
         rows.append(f"<g>{''.join(row)}</g>")
-        names.append(f'<div title="{escape(said)}" style="height:{ROW + GAP:g}px;white-space:nowrap">{escape(h.name)}</div>')
-    base = len(health) * (ROW + GAP)
+        names.append(
+            f'<div title="{escape(said)}" style="height:{ROW_HEIGHT + ROW_GAP:g}px;white-space:nowrap">{escape(h.name)}</div>'
+        )
+    base = len(health) * (ROW_HEIGHT + ROW_GAP)
     for e in events:
         x = STRIP_WIDTH * float(np.clip((e.time - start) / length, 0.0, 1.0))
         color = "#d03030" if e.level == "WARN" else "#2563c9"
         said = escape(f"{e.time:.4g} s: {e.item}: {e.text}")
         rows.append(f'<g><title>{said}</title><path d="M{x:.1f},{base + 1:g} l9,12 h-18 z" fill="{color}"/></g>')
-    names.append(f'<div style="height:{EVENTS:g}px">{len(events)} event{"" if len(events) == 1 else "s"}</div>')
+    names.append(f'<div style="height:{EVENTS_HEIGHT:g}px">{len(events)} event{"" if len(events) == 1 else "s"}</div>')
     words = "Health of the run: " + "; ".join([*map(in_words, health), f"{len(events)} events"])
     return (
         '<div style="display:flex;font-size:0.74em;line-height:1.15;align-items:flex-start">'
-        f'<div style="flex:none;width:{NAMES}px;opacity:0.75;overflow:hidden">{"".join(names)}</div>'
+        f'<div style="flex:none;width:{NAMES_WIDTH}px;opacity:0.75;overflow:hidden">{"".join(names)}</div>'
         f'<svg class="mechviz-health" role="img" aria-label="{escape(words)}" viewBox="0 0 {STRIP_WIDTH:g} {height:g}" '
-        f'preserveAspectRatio="none" style="flex:1;min-width:0;height:{height:g}px;overflow:visible;margin-right:{BOX}px">'
+        f'preserveAspectRatio="none" style="flex:1;min-width:0;height:{height:g}px;overflow:visible;margin-right:{BOX_WIDTH}px">'
         f'{"".join(rows)}<line class="mechviz-now" x1="0" x2="0" y1="-2" y2="{height:g}" stroke="#c2255c" stroke-width="3.5"/>'
         "</svg></div>"
     )
@@ -84,14 +86,14 @@ def _health(view_model: ViewModel, svg: str) -> str:
     """A dot for the state of the run, and opens the strips; where something is wrong they are open."""
     worst = max((float(h.severity.max(initial=0.0)) for h in view_model.health), default=0.0)
     warned = any(e.level == "WARN" for e in view_model.events)
-    word = "health: something is wrong" if worst >= WRONG else "health: see the warnings" if warned else "health: all is well"
+    word = "health: something is wrong" if worst >= WRONG_SHARE else "health: see the warnings" if warned else "health: all is well"
     color, warnings = shade(max(worst, 0.5 if warned else 0.0)), words.warnings_html(h.warning() for h in view_model.health)
     return (
-        f'<div class="mechviz-strip" style="padding:0.1em 0.85em"><details{" open" if worst >= WRONG else ""}>'
+        f'<div class="mechviz-strip" style="padding:0.1em 0.85em"><details{" open" if worst >= WRONG_SHARE else ""}>'
         f'<summary title="{word}" aria-label="{word}" style="cursor:pointer;list-style:none;font-size:0.78em;white-space:nowrap">'
         f'<span style="display:inline-block;width:1em;height:1em;border-radius:50%;'
         f'margin-right:0.45em;background:{color}"></span>'
-        f"{word if worst >= WRONG else ''}</summary>{warnings}{svg}</details></div>"
+        f"{word if worst >= WRONG_SHARE else ''}</summary>{warnings}{svg}</details></div>"
     )
 
 
@@ -102,12 +104,12 @@ def in_words(h: Health) -> str:
     return f"{h.name}: at most {worst:.2g}{words.after(h.unit)}" + (f", {lost} frames without a finite value" if lost else "")
 
 
-WIDTH = 600  # [px]
+TIMELINE_WIDTH = 600  # [px]
 CYCLE_SECONDS = (32.0, 16.0, 8.0, 4.0, 2.0, 1.0)  # wall time of one cycle of the drive
 USUAL_CYCLE = 8.0
-START, BACK, PLAY, PAUSE, ON = "Start", "◂ Step", "Play", "Pause", "Step ▸"
-LOOP, ONCE = "Loop ✓", "Loop ✗"
-RATE = 12.0  # moves of the slider and changes of the numbers a second while playing: nobody reads faster
+START_LABEL, BACK_LABEL, PLAY_LABEL, PAUSE_LABEL, FORWARD_LABEL = "Start", "◂ Step", "Play", "Pause", "Step ▸"
+LOOP_LABEL, ONCE_LABEL = "Loop ✓", "Loop ✗"
+MOVES_A_SECOND = 12.0  # moves of the slider and changes of the numbers a second while playing: nobody reads faster
 NO_EVENT = "nothing happens"
 LONGEST_EVENT = 90
 
@@ -147,11 +149,11 @@ class Timeline:
             self._legend = gui.add_html("")
             self._place = gui.add_html("")
             self.slider = gui.add_slider("Frame", 0, max(view_model.frames - 1, 1), 1, 0)
-            self.buttons = gui.add_button_group("Playback", (START, BACK, PLAY, ON, LOOP))
+            self.buttons = gui.add_button_group("Playback", (START_LABEL, BACK_LABEL, PLAY_LABEL, FORWARD_LABEL, LOOP_LABEL))
             self.speed = gui.add_dropdown("Speed", ("",))
             self.events = gui.add_dropdown("Jump to event", (NO_EVENT,))
             self.strip = gui.add_html("")
-        panel.float(x=0, y=-1, width=WIDTH)
+        panel.float(x=0, y=-1, width=TIMELINE_WIDTH)
         panel.expand()  # also in the drawer of a phone
         self._view_model, self._svg = view_model, ""
         self._options: tuple[str, ...] = ()
@@ -216,11 +218,17 @@ class Timeline:
 
     def show(self, frame: int, playing: bool) -> None:
         """Bring the numbers, the slider, the buttons and the strip's cursor to a frame; while it plays now and then."""
-        options = (START, BACK, PAUSE if playing else PLAY, ON, LOOP if self._player.loop else ONCE)
+        options = (
+            START_LABEL,
+            BACK_LABEL,
+            PAUSE_LABEL if playing else PLAY_LABEL,
+            FORWARD_LABEL,
+            LOOP_LABEL if self._player.loop else ONCE_LABEL,
+        )
         if options != self._options:
             self.buttons.options = self._options = options
         now = time.perf_counter()
-        if playing and now - self._moved < 1.0 / RATE:
+        if playing and now - self._moved < 1.0 / MOVES_A_SECOND:
             return
         self._moved = now
         self._place.content = words.place_in_run(self._view_model, frame)
@@ -257,13 +265,13 @@ class Timeline:
 
     def _press(self, name: str) -> None:
         actions: dict[str, Callable[[], None]] = {
-            START: lambda: self._player.seek(0),
-            BACK: lambda: self._player.step(-1),
-            PLAY: self._player.play,
-            PAUSE: self._player.pause,
-            ON: lambda: self._player.step(1),
-            LOOP: lambda: self._player.set_loop(False),
-            ONCE: lambda: self._player.set_loop(True),
+            START_LABEL: lambda: self._player.seek(0),
+            BACK_LABEL: lambda: self._player.step(-1),
+            PLAY_LABEL: self._player.play,
+            PAUSE_LABEL: self._player.pause,
+            FORWARD_LABEL: lambda: self._player.step(1),
+            LOOP_LABEL: lambda: self._player.set_loop(False),
+            ONCE_LABEL: lambda: self._player.set_loop(True),
         }
         if name in actions:
             actions[name]()

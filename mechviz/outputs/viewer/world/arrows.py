@@ -16,10 +16,10 @@ from mechviz.picture.proportions import (
     ARC_RADIUS,
     ARC_TIP,
     ARC_WIDTH,
-    HEAD,
-    HEAD_RADIUS,
+    ARROW_HEAD_LENGTH,
+    ARROW_HEAD_RADIUS,
+    ARROW_SHAFT_RADIUS,
     LEAST_ARROW,
-    SHAFT,
     arc_corners,
     arc_faces,
 )
@@ -215,9 +215,9 @@ class ArrowNodes:
             f"/vectors/{family}",
             np.zeros((1, 2, 3)),
             _linear(self._color(family)),
-            shaft_radius=SHAFT * self._size,
-            head_radius=HEAD_RADIUS * self._size,
-            head_length=HEAD * self._size,
+            shaft_radius=ARROW_SHAFT_RADIUS * self._size,
+            head_radius=ARROW_HEAD_RADIUS * self._size,
+            head_length=ARROW_HEAD_LENGTH * self._size,
             visible=False,
         )
 

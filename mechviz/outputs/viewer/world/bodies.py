@@ -14,10 +14,10 @@ from mechviz.outputs.viewer.viser_adapter import Posed
 from mechviz.outputs.viewer.world.solids import link_path
 from mechviz.picture.nodes import Body, Lines, Mesh
 from mechviz.picture.proportions import STRUT_COLOR
-from mechviz.picture.surface_marks import INK, SHEET
+from mechviz.picture.surface_marks import SHEET_COLOR, STROKE_COLOR
 from mechviz.quantities.vectors import FAMILIES
 
-GROUPS = ("springs", "roller", "belt")
+BODY_GROUPS = ("springs", "roller", "belt")
 
 
 class BodyNodes:
@@ -26,7 +26,7 @@ class BodyNodes:
 
     def __init__(self, server: viser.ViserServer, view_model: ViewModel):
         self._server = server
-        self._on = dict.fromkeys(GROUPS, True)
+        self._on = dict.fromkeys(BODY_GROUPS, True)
         self._height: float | None = None
         self._bodies: dict[str, Body] = {}
         self._nodes: dict[str, viser.MeshHandle] = {}
@@ -40,7 +40,7 @@ class BodyNodes:
 
     def update(self, view_model: ViewModel) -> None:
         """Take the bodies of ``view_model``; a mesh is sent anew only where it is another."""
-        before, self._bodies = self._bodies, {body_path(body): body for body in view_model.picture.of(Body, *GROUPS)}
+        before, self._bodies = self._bodies, {body_path(body): body for body in view_model.picture.of(Body, *BODY_GROUPS)}
         for path in [p for p in self._nodes if p not in self._bodies or not _same(before[p].mesh, self._bodies[p].mesh)]:
             self._nodes.pop(path).remove()
         for path, body in self._bodies.items():
@@ -109,14 +109,14 @@ def _same(a: Mesh, b: Mesh) -> bool:
     return a.vertices is b.vertices or (a.vertices.shape == b.vertices.shape and np.array_equal(a.vertices, b.vertices))
 
 
-COLORS = {
+LINE_COLORS = {
     "springs": (STRUT_COLOR, (176, 188, 204)),
     "friction": (FAMILIES["friction"].color, FAMILIES["friction"].on_dark),
-    "ink": ((28, 44, 96), INK),
-    "sheet": ((150, 156, 168), SHEET),
+    "ink": ((28, 44, 96), STROKE_COLOR),
+    "sheet": ((150, 156, 168), SHEET_COLOR),
 }
 """Colours of groups on a light and on a dark page."""
-WIDTHS = {"springs": 3.0, "friction": 1.8, "ink": 3.0, "sheet": 1.5}  # [px]
+LINE_WIDTHS = {"springs": 3.0, "friction": 1.8, "ink": 3.0, "sheet": 1.5}  # [px]
 
 
 def segments(node: Lines, frame: int) -> Single:
@@ -130,7 +130,7 @@ class LineNodes:
 
     def __init__(self, server: viser.ViserServer, view_model: ViewModel):
         self._server = server
-        self._on, self._dark = dict.fromkeys(COLORS, True), False
+        self._on, self._dark = dict.fromkeys(LINE_COLORS, True), False
         self._nodes: dict[str, viser.LineSegmentsHandle] = {}
         self._lines: dict[str, Lines] = {}
         self.update(view_model)
@@ -141,10 +141,10 @@ class LineNodes:
         return frozenset(lines.group for lines in self._lines.values())
 
     def update(self, view_model: ViewModel) -> None:
-        self._lines = {_path(lines.key): lines for lines in view_model.picture.of(Lines, *COLORS)}
+        self._lines = {_path(lines.key): lines for lines in view_model.picture.of(Lines, *LINE_COLORS)}
         for path, lines in self._lines.items():
             if path not in self._nodes:
-                color, width = COLORS[lines.group][self._dark], WIDTHS[lines.group]
+                color, width = LINE_COLORS[lines.group][self._dark], LINE_WIDTHS[lines.group]
                 first = np.nan_to_num(segments(lines, 0))
                 self._nodes[path] = self._server.scene.add_line_segments(
                     path, first, color, thickness=width, thickness_units="screen", visible=self._on[lines.group]
@@ -163,7 +163,7 @@ class LineNodes:
         """Take the colours for a dark page or for a light one."""
         self._dark = dark
         for path, lines in self._lines.items():
-            self._nodes[path].colors = np.array(COLORS[lines.group][dark], np.uint8)
+            self._nodes[path].colors = np.array(LINE_COLORS[lines.group][dark], np.uint8)
 
     def show(self, frame: int) -> None:
         for path, lines in self._lines.items():

@@ -15,22 +15,22 @@ from mechviz.outputs.viewer.viser_adapter import run_script
 from mechviz.scene.units import Units
 
 FIELD_OF_VIEW = np.radians(18.0)  # little perspective: lengths can be compared, and yet plates have thickness
-FLAT = np.radians(1.5)  # viser has no orthographic camera; from this far away nothing is seen of perspective
-MARGIN = 0.05  # around the mechanism, of its extent
-WIDER = 1.22  # times the mechanism: more of the picture is not left for arrows
-STEPS = 16  # in which the room for arrows is made smaller, until the mechanism is large enough
-UPRIGHT = 1e-3  # seen from the top, y is still up: the camera stands so little in front of the mechanism
-SETTLING = 0.25  # [s] without a change before the view is fitted anew
-UNMOVED = 1e-2  # of the distance: a camera this near to a view that was set has not been moved by the user
-UNSHIFTED = 1e-3  # of the height that is seen: nor has one that looks at a place this near to that of the view
-FITS = 2e-3  # of the distance: a view this near to the best one is left alone (the pixels of a picture are rounded)
+FLAT_FIELD_OF_VIEW = np.radians(1.5)  # viser has no orthographic camera; from this far away nothing is seen of perspective
+VIEW_MARGIN = 0.05  # around the mechanism, of its extent
+WIDEST_VIEW = 1.22  # times the mechanism: more of the picture is not left for arrows
+ROOM_STEPS = 16  # in which the room for arrows is made smaller, until the mechanism is large enough
+TOP_VIEW_TILT = 1e-3  # seen from the top, y is still up: the camera stands so little in front of the mechanism
+SETTLING_TIME = 0.25  # [s] without a change before the view is fitted anew
+UNMOVED_DISTANCE = 1e-2  # of the distance: a camera this near to a view that was set has not been moved by the user
+UNSHIFTED_TARGET = 1e-3  # of the height that is seen: nor has one that looks at a place this near to that of the view
+FITTING_TOLERANCE = 2e-3  # of the distance: a view this near to the best one is left alone (the pixels of a picture are rounded)
 MOST_KNOWN = 50  # views that a browser has been given and may still report
 MOST_NEAR = 1e-3  # of the distance of a view: so near the wheel brings the camera (viser's own limit is 10 mm)
 USUAL_ASPECT = 0.9  # of the picture between the docked panels, until the browser has sent its own
 
 # In 2D dragging moves the mechanism in its plane and the wheel brings nearer what is below the pointer; elsewhere dragging turns.
 # viser has no call for that: the script looks for the hook that its page shows, and without it dragging turns as ever.
-DRAGGING = """
+DRAGGING_SCRIPT = """
 { const controls = (window.__viserMutable || {}).cameraControl, action = controls && controls.constructor.ACTION;
   if (action && action.TRUCK !== undefined) {
     const flat = FLAT;
@@ -42,7 +42,7 @@ DRAGGING = """
 
 # viser's own button "Reset View" brings the camera to where it first was, but leaves the angle of view and the dragging of 2D: it
 # is made to press our button of the first preset, which brings all of it back.
-RESET = """
+RESET_SCRIPT = """
 { const viser = window.__viserMutable;
   if (viser && viser.resetCameraPose && viser.sendMessage) {
     if (!window.mechvizReset) {
@@ -67,13 +67,13 @@ class Preset:
     ground: bool = False
 
 
-PRESETS: Mapping[str, Preset] = {
+VIEW_PRESETS: Mapping[str, Preset] = {
     "front": Preset("Front", (0.0, 0.0, 1.0)),
-    "flat": Preset("2D", (0.0, 0.0, 1.0), float(FLAT)),
+    "flat": Preset("2D", (0.0, 0.0, 1.0), float(FLAT_FIELD_OF_VIEW)),
     "angled": Preset("Angled", (-0.55, 0.45, 1.0), ground=True),
-    "isometric": Preset("Isometric", (-1.0, 1.0, 1.0), float(FLAT), ground=True),
-    "top": Preset("Top", (0.0, 1.0, UPRIGHT), float(FLAT), ground=True),
-    "side": Preset("Side", (1.0, 0.0, 0.0), float(FLAT), ground=True),
+    "isometric": Preset("Isometric", (-1.0, 1.0, 1.0), float(FLAT_FIELD_OF_VIEW), ground=True),
+    "top": Preset("Top", (0.0, 1.0, TOP_VIEW_TILT), float(FLAT_FIELD_OF_VIEW), ground=True),
+    "side": Preset("Side", (1.0, 0.0, 0.0), float(FLAT_FIELD_OF_VIEW), ground=True),
     "behind": Preset("Behind", (0.0, 0.0, -1.0)),
 }
 
@@ -96,14 +96,14 @@ class View:
         return float(2.0 * self.distance * np.tan(0.5 * self.fov))
 
 
-def fit_view(bounds: Real, aspect: float, preset: Preset = PRESETS["front"], core: Real | None = None) -> View:
+def fit_view(bounds: Real, aspect: float, preset: Preset = VIEW_PRESETS["front"], core: Real | None = None) -> View:
     """The view on a box ``bounds`` (2, 3) [m] for a picture of width over height ``aspect``; y is up in all of them.
 
     Of what reaches beyond the box ``core`` only so much is shown as leaves this large.
     """
     if core is not None:
-        most = WIDER * _view_on(core, aspect, preset).height
-        boxes = (core + part * (bounds - core) for part in np.linspace(1.0, 0.0, STEPS))
+        most = WIDEST_VIEW * _view_on(core, aspect, preset).height
+        boxes = (core + part * (bounds - core) for part in np.linspace(1.0, 0.0, ROOM_STEPS))
         views = (_view_on(box, aspect, preset) for box in boxes)
         return next(view for view in views if view.height <= most)
     return _view_on(bounds, aspect, preset)
@@ -117,7 +117,7 @@ def _view_on(bounds: Real, aspect: float, preset: Preset) -> View:
     up = np.cross(away, right)
     corners = np.array([[bounds[i, 0], bounds[j, 1], bounds[k, 2]] for i in (0, 1) for j in (0, 1) for k in (0, 1)], float)
     x, y, z = corners @ right, corners @ up, corners @ away
-    width, height = np.ptp(x) * (1 + 2 * MARGIN), np.ptp(y) * (1 + 2 * MARGIN)
+    width, height = np.ptp(x) * (1 + 2 * VIEW_MARGIN), np.ptp(y) * (1 + 2 * VIEW_MARGIN)
     visible = max(height, width / max(aspect, 0.1), 1e-6)  # height of the picture at the front of the box
     distance = visible / (2.0 * np.tan(preset.fov / 2.0))
     middle = np.array([x.min() + x.max(), y.min() + y.max()]) / 2.0
@@ -139,7 +139,7 @@ def set_first_view(server: viser.ViserServer, bounds: Real, core: Real) -> None:
 
 def reset_to(server: viser.ViserServer, uuid: str, label: str) -> None:
     """Let viser's "Reset View" press a button of a group of buttons, in every browser."""
-    run_script(server, RESET.replace("UUID", json.dumps(uuid)).replace("LABEL", json.dumps(label)), "reset")
+    run_script(server, RESET_SCRIPT.replace("UUID", json.dumps(uuid)).replace("LABEL", json.dumps(label)), "reset")
 
 
 class FittedCameras:
@@ -163,7 +163,7 @@ class FittedCameras:
         """From now on, fit the view of a browser that has just come."""
         if self._closed:
             return
-        self._stage.face(client, ground=PRESETS[self.preset(client)].ground)
+        self._stage.face(client, ground=VIEW_PRESETS[self.preset(client)].ground)
         # viser's default, and our first
         first = fit_view(self._bounds, USUAL_ASPECT, core=self._core)
         self._known[client.client_id] = [View(np.array([3.0, 3.0, 3.0]), np.zeros(3)), first]
@@ -178,7 +178,7 @@ class FittedCameras:
             nonlocal timer
             if timer is not None:
                 timer.cancel()
-            timer = loop.call_later(SETTLING, settle)
+            timer = loop.call_later(SETTLING_TIME, settle)
 
         client.camera.on_update(update)
 
@@ -205,28 +205,30 @@ class FittedCameras:
         return self._presets.get(client.client_id, "front")
 
     def look(self, client: viser.ClientHandle, preset: str) -> None:
-        """Bring a browser's camera to one of the ``PRESETS``, and follow its window again. In 2D it cannot be turned."""
+        """Bring a browser's camera to one of the ``VIEW_PRESETS``, and follow its window again. In 2D it cannot be turned."""
         self._presets[client.client_id] = preset
         camera = client.camera
         aspect = camera.image_width / camera.image_height if min(camera.image_height, camera.image_width) > 0 else USUAL_ASPECT
-        run_script(client, DRAGGING.replace("FLAT", json.dumps(preset == "flat")), "dragging")
-        self._stage.face(client, ground=PRESETS[preset].ground)
-        self._set(client, fit_view(self._bounds, aspect, PRESETS[preset], self._core))
+        run_script(client, DRAGGING_SCRIPT.replace("FLAT", json.dumps(preset == "flat")), "dragging")
+        self._stage.face(client, ground=VIEW_PRESETS[preset].ground)
+        self._set(client, fit_view(self._bounds, aspect, VIEW_PRESETS[preset], self._core))
 
     def _fit(self, client: viser.ClientHandle, camera: viser.CameraHandle) -> None:
         """Fit the view, unless the user has moved the camera or the view fits already."""
         if self._closed or camera.image_height <= 0 or camera.image_width <= 0:
             return
-        view = fit_view(self._bounds, camera.image_width / camera.image_height, PRESETS[self.preset(client)], self._core)
+        view = fit_view(self._bounds, camera.image_width / camera.image_height, VIEW_PRESETS[self.preset(client)], self._core)
         known = self._known.get(client.client_id, [])
-        near = UNMOVED * view.distance  # of one known position, and of one known target: viser may have set only one of the two
-        beside = UNSHIFTED * 2.0 * view.distance * np.tan(view.fov / 2.0)  # a 2D view is far away, yet looks at the same extent
+        # of one known position, and of one known target: viser may have set only one of the two
+        near = UNMOVED_DISTANCE * view.distance
+        # a 2D view is far away, yet looks at the same extent
+        beside = UNSHIFTED_TARGET * 2.0 * view.distance * np.tan(view.fov / 2.0)
         moved = not (
             any(np.linalg.norm(v.position - camera.position) < near for v in known)
             and any(np.linalg.norm(v.look_at - camera.look_at) < beside for v in known)
         )
         apart = float(np.linalg.norm(view.position - camera.position) + np.linalg.norm(view.look_at - camera.look_at))
-        if not moved and apart > FITS * view.distance:
+        if not moved and apart > FITTING_TOLERANCE * view.distance:
             self._set(client, view)
 
     def _set(self, client: viser.ClientHandle, view: View) -> None:
@@ -258,7 +260,7 @@ def move_to(client: viser.ClientHandle, view: View) -> None:
     client.flush()
 
 
-CELLS = {False: ((228, 231, 235), (208, 213, 219)), True: ((44, 48, 55), (62, 68, 78))}  # light, dark: of cells, of sections
+GRID_COLORS = {False: ((228, 231, 235), (208, 213, 219)), True: ((44, 48, 55), (62, 68, 78))}  # light, dark: of cells, of sections
 
 
 def grid_cell(size: float, units: Units) -> float:
@@ -297,7 +299,7 @@ class Stage:
         # Whole sections, so that the lines stand at round coordinates
         x, y, z = np.round(self._bounds.mean(axis=0) / section) * section
         place = (x, self._bounds[0, 1] - 0.002 * self._size, z) if ground else (x, y, self._bounds[0, 2] - 0.02 * self._size)
-        cells, sections = CELLS[self._dark]
+        cells, sections = GRID_COLORS[self._dark]
         self._grids[client.client_id] = client.scene.add_grid(
             "/grid",
             width=2.0 * extent,
@@ -330,4 +332,4 @@ class Stage:
         """Take the colours for a dark page or for a light one."""
         self._dark = dark
         for grid in self._grids.values():
-            grid.cell_color, grid.section_color = CELLS[dark]
+            grid.cell_color, grid.section_color = GRID_COLORS[dark]

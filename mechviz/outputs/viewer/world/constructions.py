@@ -21,36 +21,36 @@ from mechviz.outputs.viewer.words import scale
 from mechviz.outputs.viewer.world.bodies import segments
 from mechviz.outputs.viewer.world.labels import LabelPlaces, half_sizes, typeset
 from mechviz.outputs.viewer.world.solids import link_path
-from mechviz.picture.centres import CENTRES
+from mechviz.picture.centres import CENTRE_GROUPS
 from mechviz.picture.constructions import Drawing, rows_of
 from mechviz.picture.nodes import ArrowSet, Lines, Node, Points
-from mechviz.picture.overlays import DIAGRAMS, HIDDEN, INVERSION, WORDS
+from mechviz.picture.overlays import HIDDEN_DIAGRAMS, INVERSION_GROUP, INVERSION_TITLE, SECTION_DIAGRAMS
 
 Color = tuple[int, int, int]
 
-BARB = 0.035  # length of the lines of an arrow's head, in sizes of the mechanism; of short arrows a third of their length
+BARB_LENGTH = 0.035  # length of the lines of an arrow's head, in sizes of the mechanism; of short arrows a third of their length
 BARB_ANGLE = 0.36  # [rad]
-GAP = 0.22  # between the mechanism and what stands beside it, in its sizes
-LINE = 17.0  # [px] height of a line of the heading above a drawing
-LINES = 4  # of a heading: what is drawn, its scale, a legend in up to two rows
-SWATCH = 10.0  # [px] length of a line of the legend
-ROUNDS = 3  # in which the room of headings and the scale of the picture, each of which follows from the other, are found
+DRAWING_GAP = 0.22  # between the mechanism and what stands beside it, in its sizes
+HEADING_LINE = 17.0  # [px] height of a line of the heading above a drawing
+HEADING_LINES = 4  # of a heading: what is drawn, its scale, a legend in up to two rows
+SWATCH_LENGTH = 10.0  # [px] length of a line of the legend
+LAYOUT_ROUNDS = 3  # in which the room of headings and the scale of the picture, each of which follows from the other, are found
 LEAST_LABEL = 0.035  # a side shorter than this, in sizes of the mechanism, has no label: it would hide its neighbours
 LEAST_SCREEN = 400  # [px] in a picture less wide or high than this there is no room for legends
-SCREEN = (560, 520)  # [px] part of a window that the view takes, until a browser has sent its own
-NEAR = 0.045  # a point this near to another one, in sizes of the mechanism, leaves the label to that one
+USUAL_SCREEN = (560, 520)  # [px] part of a window that the view takes, until a browser has sent its own
+SAME_LABEL_DISTANCE = 0.045  # a point this near to another one, in sizes of the mechanism, leaves the label to that one
 
 
-ANCHORS = dict(zip(DIAGRAMS, ("bottom-left", "top-left", "bottom-right"), strict=True))
+DIAGRAM_ANCHORS = dict(zip(SECTION_DIAGRAMS, ("bottom-left", "top-left", "bottom-right"), strict=True))
 """Of the labels of diagrams whose largest ordinates may lie beside each other."""
-OVERLAYS = {
+OVERLAY_GROUPS = {
     "Polodes": ("polodes", "polode"),
     "Funicular polygon": ("funicular",),
     "Equivalent linkages": ("equivalent",),
-    WORDS: (INVERSION,),
+    INVERSION_TITLE: (INVERSION_GROUP,),
     "Substitute masses": ("substitutes",),
-    **{words: (group,) for group, (words, _) in CENTRES.items()},
-    **{diagram.title: (group,) for group, diagram in DIAGRAMS.items()},
+    **{words: (group,) for group, (words, _) in CENTRE_GROUPS.items()},
+    **{diagram.title: (group,) for group, diagram in SECTION_DIAGRAMS.items()},
 }
 """Groups of the picture by the words of their switch."""
 
@@ -145,7 +145,7 @@ class PlanNodes:
         self._dark = False
         self._lines_painted: list[tuple[viser.LineSegmentsHandle, Sequence[Color], bool]] = []
         self._balls_painted: list[tuple[viser.IcosphereHandle, Color]] = []
-        self.screen, self._per_pixel = SCREEN, 1.0
+        self.screen, self._per_pixel = USUAL_SCREEN, 1.0
         self.constructions: dict[str, Construction] = {}
         self.update(view_model)
 
@@ -175,10 +175,10 @@ class PlanNodes:
         self._lay_out(drawings)
         for name, drawing in drawings.items():
             self._add(drawing.title.split(":")[0], self._drawing(name, drawing, self.places[name]))
-        for words, groups in OVERLAYS.items():
+        for words, groups in OVERLAY_GROUPS.items():
             drawn = [node for node in view_model.picture.nodes if node.group in groups]
             if drawn:
-                self._on.setdefault(words, drawn[0].group not in HIDDEN)
+                self._on.setdefault(words, drawn[0].group not in HIDDEN_DIAGRAMS)
                 self._add(words, self._overlay(drawn))
 
     def __len__(self) -> int:
@@ -217,11 +217,11 @@ class PlanNodes:
         """Places beside the mechanism, with room for headings, whose letters are as large in every window."""
         box = self._view_model.bounds[:, :2]
         per_pixel = float(np.max(np.ptp(box, axis=0) / self.screen))
-        for _ in range(ROUNDS if drawings else 0):
-            heading = (LINES if self._large else 2) * LINE * per_pixel
+        for _ in range(LAYOUT_ROUNDS if drawings else 0):
+            heading = (HEADING_LINES if self._large else 2) * HEADING_LINE * per_pixel
             aspect = self.screen[0] / self.screen[1]
             rooms = [_room(d, self._titles(d), per_pixel) for d in drawings.values()]
-            shifts = placed(box, rooms, GAP * self._size, heading, aspect)
+            shifts = placed(box, rooms, DRAWING_GAP * self._size, heading, aspect)
             boxes = [room + np.array([z.real, z.imag]) for room, z in zip(rooms, shifts, strict=True)]
             low = np.min([b[0] for b in boxes], axis=0)
             self.bounds = np.array([low, np.max([b[1] for b in boxes], axis=0) + np.array([0.0, heading])])
@@ -281,7 +281,9 @@ class PlanNodes:
         nodes: list[viser.LineSegmentsHandle | viser.LabelHandle | viser.IcosphereHandle] = []
         arrows = None
         if strokes:
-            arrows = self._lines(path, self._space(arrow_lines(starts[:, 0], vectors[:, 0], heads, BARB * size)), shades, 2.0)
+            arrows = self._lines(
+                path, self._space(arrow_lines(starts[:, 0], vectors[:, 0], heads, BARB_LENGTH * size)), shades, 2.0
+            )
             nodes.append(arrows)
         words = [self._label(f"{path}/side {k}", i.label) for k, i in enumerate(strokes) if i.label]
         named = [k for k, i in enumerate(strokes) if i.label]
@@ -300,10 +302,10 @@ class PlanNodes:
 
         def set_frame(frame: int) -> None:
             if arrows is not None:
-                arrows.points = self._space(arrow_lines(starts[:, frame], vectors[:, frame], heads, BARB * size))
+                arrows.points = self._space(arrow_lines(starts[:, frame], vectors[:, frame], heads, BARB_LENGTH * size))
             start, vector = starts[named, frame], vectors[named, frame]
             start = np.where(np.abs(vector) >= LEAST_LABEL * size, start, np.nan)
-            marked = _apart(spots[:, frame], NEAR * size)
+            marked = _apart(spots[:, frame], SAME_LABEL_DISTANCE * size)
             for labels, places in zip((words, points), stand(start, vector, marked), strict=True):
                 self._stand(labels, places)
 
@@ -316,14 +318,14 @@ class PlanNodes:
         half sizes."""
         low, high = drawing.bounds + np.array([at.real, at.imag])
         per_pixel = self._per_pixel
-        middle, line, swatch = 0.5 * (low[0] + high[0]), LINE * per_pixel, SWATCH * per_pixel
+        middle, line, swatch = 0.5 * (low[0] + high[0]), HEADING_LINE * per_pixel, SWATCH_LENGTH * per_pixel
 
         def wide(words: Sequence[str], room: float = 0.0) -> float:
             return float(np.sum(2.0 * half_sizes(list(words), per_pixel)[:, 0] + room))
 
         legend = drawing.legend if self._large else []
         rows: list[list[tuple[str, Color]]] = [[]]
-        most = max(high[0] - low[0] + GAP * self._size, 0.55 * wide([words for words, _ in legend], 2.0 * swatch))
+        most = max(high[0] - low[0] + DRAWING_GAP * self._size, 0.55 * wide([words for words, _ in legend], 2.0 * swatch))
         for entry in legend:
             if rows[-1] and wide([words for words, _ in (*rows[-1], entry)], 2.0 * swatch) > most:
                 rows.append([])
@@ -385,7 +387,7 @@ class PlanNodes:
                     arrows = self._lines(path, _arrow_segments(node, 0, self._size), shades, 3.0)
                     named = [(k, self._label(f"{path}/arrow {k}", text, 1.0)) for k, text in enumerate(node.labels) if text]
                     nodes += [arrows, *(label for _, label in named)]
-                    shows.append(partial(_point, node, arrows, named, self._size, LINE * self._per_pixel))
+                    shows.append(partial(_point, node, arrows, named, self._size, HEADING_LINE * self._per_pixel))
                 case Points():
                     shades = [*node.colors] * (node.places.shape[1] // len(node.colors))
                     dots = []
@@ -394,7 +396,9 @@ class PlanNodes:
                             f"{path}/{k}", 0.6 * radius, color=self._shade(color), cast_shadow=False, receive_shadow=False
                         )
                         self._balls_painted.append((ball, color))
-                        dots.append((ball, self._label(f"{path}/{k} name", text, 0.9, ANCHORS.get(node.group, "bottom-left"))))
+                        dots.append(
+                            (ball, self._label(f"{path}/{k} name", text, 0.9, DIAGRAM_ANCHORS.get(node.group, "bottom-left")))
+                        )
                     nodes += [handle for joint in dots for handle in joint]
                     shows.append(partial(_dot, node, dots))
 
@@ -407,7 +411,7 @@ class PlanNodes:
 
 def _arrow_segments(node: ArrowSet, frame: int, size: float) -> Single:
     starts, vectors = (a[frame, :, 0] + 1j * a[frame, :, 1] for a in (node.origins, node.vectors))
-    flat = arrow_lines(starts, vectors, np.full(len(starts), True), BARB * size)
+    flat = arrow_lines(starts, vectors, np.full(len(starts), True), BARB_LENGTH * size)
     return np.stack([flat.real, flat.imag, np.full(flat.shape, node.height)], axis=-1).astype(np.float32)
 
 

@@ -112,7 +112,7 @@ class Pivots:
                 self._session.move(p, round(value / p.step) * p.step)
 
 
-NEAR = 0.02  # of the mechanism's size: a click this near to a named point means that point
+CLICK_DISTANCE = 0.02  # of the mechanism's size: a click this near to a named point means that point
 
 
 def traced_at(
@@ -127,7 +127,7 @@ def traced_at(
     x, y, _ = start + along * (height - start[2]) / along[2]
     px, py, angle = view_model.poses[link][frame]
     z = complex(x - px, y - py) * np.exp(-1j * angle)
-    return float(z.real), float(z.imag), NEAR * view_model.size
+    return float(z.real), float(z.imag), CLICK_DISTANCE * view_model.size
 
 
 def with_traced(draft: Draft, link: str, spot: tuple[float, float, float]) -> Draft:

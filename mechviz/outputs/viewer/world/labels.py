@@ -16,13 +16,14 @@ from mechcore.arrays import Complex, Flags, Real
 from mechcore.records import dataclass
 from mechviz.outputs.viewer.viser_adapter import run_script
 
-LETTER, LINE = 3.6, 8.0  # half width of a letter and half height of a label [px], with a little room around
-STEPS = (0.0, 1.0, 2.0, 3.2)  # heights of a label beyond the least distance that are tried
-ROUNDS, MOMENTS = 3, 12  # of choosing corners, and frames at which they are judged
-AROUND = 12  # directions that are tried around a point
-BELOW, LAST = 0xE000, 0x7FF  # where letters below the line stand in Unicode's private area, and the last one that has a place there
-SMALL = 0.74  # size of such a letter
-SCRIPT = Path(__file__).with_name("letters.js").read_text(encoding="utf-8")
+LETTER_HALF_WIDTH, LABEL_HALF_HEIGHT = 3.6, 8.0  # half width of a letter and half height of a label [px], with a little room around
+LABEL_STEPS = (0.0, 1.0, 2.0, 3.2)  # heights of a label beyond the least distance that are tried
+CORNER_ROUNDS, JUDGED_FRAMES = 3, 12  # of choosing corners, and frames at which they are judged
+LABEL_DIRECTIONS = 12  # directions that are tried around a point
+# Where letters below the line stand in Unicode's private area, and the last one that has a place there
+SUBSCRIPT_START, LAST_SUBSCRIPT = 0xE000, 0x7FF
+SUBSCRIPT_SIZE = 0.74  # size of such a letter
+LETTERS_SCRIPT = Path(__file__).with_name("letters.js").read_text(encoding="utf-8")
 
 
 def parted(label: str) -> tuple[str, str, str]:
@@ -34,22 +35,22 @@ def parted(label: str) -> tuple[str, str, str]:
 def typeset(label: str) -> str:
     """A label for the scene, in which `prepare` lets the page draw letters below the line."""
     letter, below, above = parted(label)
-    return letter + "".join(chr(BELOW + ord(c)) if ord(c) <= LAST else c for c in below) + above
+    return letter + "".join(chr(SUBSCRIPT_START + ord(c)) if ord(c) <= LAST_SUBSCRIPT else c for c in below) + above
 
 
 def prepare(server: viser.ViserServer) -> None:
     """Teach the pages letters below the line, and plates of labels that are dark on a dark page."""
-    run_script(server, SCRIPT, "letters")
+    run_script(server, LETTERS_SCRIPT, "letters")
 
 
 def half_sizes(texts: list[str], per_pixel: float) -> Real:
     """Half widths and heights (n, 2) [m] of labels; ``per_pixel``: metres of the drawing in a pixel of the screen."""
     parts = [parted(text) for text in texts]
-    letters = [max(len(letter) + SMALL * len(below + above), 1.0) for letter, below, above in parts]
-    return per_pixel * np.array([[LETTER * count + 2.0, LINE] for count in letters], float).reshape(-1, 2)
+    letters = [max(len(letter) + SUBSCRIPT_SIZE * len(below + above), 1.0) for letter, below, above in parts]
+    return per_pixel * np.array([[LETTER_HALF_WIDTH * count + 2.0, LABEL_HALF_HEIGHT] for count in letters], float).reshape(-1, 2)
 
 
-CORNERS = {(1, 1): "bottom-left", (-1, 1): "bottom-right", (1, -1): "top-left", (-1, -1): "top-right"}
+LABEL_ANCHORS = {(1, 1): "bottom-left", (-1, 1): "bottom-right", (1, -1): "top-left", (-1, -1): "top-right"}
 """By the side (x, y) of a point at which its label stands: the anchor of the label. The first that is free is taken."""
 
 
@@ -57,14 +58,14 @@ def corners(points: Complex, halves: Real, gap: float) -> list[tuple[int, int]]:
     """At which corner of its point each label stands for all of a motion, so that little lies over other labels and points.
 
     points: (n, F) [m]; halves: half widths and heights (n, 2) [m]; gap: from a point to its label [m]. Each label in turn takes
-    its best corner beside all others, `ROUNDS` times.
+    its best corner beside all others, `CORNER_ROUNDS` times.
     """
-    frames = np.linspace(0, points.shape[1] - 1, min(MOMENTS, points.shape[1])).astype(int)
-    points, sides = points[:, frames], np.array(list(CORNERS))
+    frames = np.linspace(0, points.shape[1] - 1, min(JUDGED_FRAMES, points.shape[1])).astype(int)
+    points, sides = points[:, frames], np.array(list(LABEL_ANCHORS))
     offsets = (sides * (gap + halves[:, None])) @ np.array([1.0, 1j])  # (n, 4): from a point to the middle of its label
     chosen, count = np.zeros(len(points), int), np.arange(len(points))
     with np.errstate(invalid="ignore"):
-        for _ in range(ROUNDS):
+        for _ in range(CORNER_ROUNDS):
             for k in count:
                 others = count != k
                 middles = points[k] + offsets[k][:, None, None]  # (4, 1, F)
@@ -72,7 +73,7 @@ def corners(points: Complex, halves: Real, gap: float) -> list[tuple[int, int]]:
                 covered = _overlap(away, (halves[k] + halves[others]).T[:, :, None]).sum(axis=(1, 2))
                 covered += 0.3 * _overlap(middles - points[others], halves[k]).sum(axis=(1, 2))
                 chosen[k] = np.argmin(covered)
-    return [tuple(CORNERS)[c] for c in chosen]
+    return [tuple(LABEL_ANCHORS)[c] for c in chosen]
 
 
 @dataclass(eq=False)
@@ -118,7 +119,7 @@ class LabelPlaces:
         return np.array(
             [
                 start + u * vector + toward * (reach + 2.0 * step * half[1]) * across
-                for step in STEPS
+                for step in LABEL_STEPS
                 for u in (0.5, 0.35, 0.65)
                 for toward in (1.0, -1.0)
             ]
@@ -128,9 +129,11 @@ class LabelPlaces:
         """Places around a point, the direction away from the drawing's centre first."""
         away = point - centre
         first = float(np.angle(away)) if away else 0.5 * np.pi
-        turns = [first + sign * k * 2.0 * np.pi / AROUND for k in range(AROUND // 2 + 1) for sign in (1.0, -1.0)]
+        turns = [
+            first + sign * k * 2.0 * np.pi / LABEL_DIRECTIONS for k in range(LABEL_DIRECTIONS // 2 + 1) for sign in (1.0, -1.0)
+        ]
         out = []
-        for step in STEPS:
+        for step in LABEL_STEPS:
             for turn in turns:
                 toward = complex(np.cos(turn), np.sin(turn))
                 out.append(

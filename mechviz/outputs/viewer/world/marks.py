@@ -15,17 +15,17 @@ from mechviz.outputs.viewer.playback import packed
 from mechviz.outputs.viewer.view_model import ViewModel
 from mechviz.outputs.viewer.viser_adapter import Posed, run_script
 from mechviz.outputs.viewer.world.arrows import ArrowNodes, arc_path, arrows_by_family
-from mechviz.outputs.viewer.world.labels import CORNERS, corners, half_sizes
+from mechviz.outputs.viewer.world.labels import LABEL_ANCHORS, corners, half_sizes
 from mechviz.outputs.viewer.world.solids import link_path
 from mechviz.picture.nodes import Arc, Points
 from mechviz.quantities.vectors import FAMILIES
 
-PATH = {False: (32, 78, 138), True: (122, 178, 242)}  # light, dark: colour of paths
-PICKED = (194, 37, 92)  # colour of the joint that is looked at
-DOT = 0.0085  # radius of a joint's dot, in sizes of the mechanism: small, and yet to be hit with the mouse
+PATH_COLORS = {False: (32, 78, 138), True: (122, 178, 242)}  # light, dark: colour of paths
+PICKED_COLOR = (194, 37, 92)  # colour of the joint that is looked at
+DOT_RADIUS = 0.0085  # radius of a joint's dot, in sizes of the mechanism: small, and yet to be hit with the mouse
 
-BESIDE = 0.018  # from a joint to its name, in sizes of the mechanism
-ACROSS = 600.0  # pixels that a mechanism takes on a usual screen: how large names are beside it
+NAME_DISTANCE = 0.018  # from a joint to its name, in sizes of the mechanism
+MECHANISM_PIXELS = 600.0  # pixels that a mechanism takes on a usual screen: how large names are beside it
 
 
 def path_segments(places: Real) -> Single:
@@ -54,10 +54,10 @@ class Paths:
                 continue
             if name not in self._lines:
                 self._lines[name] = self._server.scene.add_line_segments(
-                    _path(name), lines, PATH[self._dark], thickness=2.5, thickness_units="screen", visible=self._on
+                    _path(name), lines, PATH_COLORS[self._dark], thickness=2.5, thickness_units="screen", visible=self._on
                 )
                 self._dots[name] = self._server.scene.add_icosphere(
-                    dot_path(name), 0.009 * view_model.size, color=PATH[self._dark], cast_shadow=False, receive_shadow=False
+                    dot_path(name), 0.009 * view_model.size, color=PATH_COLORS[self._dark], cast_shadow=False, receive_shadow=False
                 )
             elif name not in self._places or not np.array_equal(self._places[name], xyz):
                 self._lines[name].points = lines
@@ -68,9 +68,9 @@ class Paths:
         """Take the colours for a dark page or for a light one."""
         self._dark = dark
         for line in self._lines.values():
-            line.colors = np.array(PATH[dark], np.uint8)
+            line.colors = np.array(PATH_COLORS[dark], np.uint8)
         for dot in self._dots.values():
-            dot.color = PATH[dark]
+            dot.color = PATH_COLORS[dark]
 
     def switch(self, on: bool) -> None:
         self._on = on
@@ -115,7 +115,9 @@ class Joints:
         if texts.keys() != self._corners.keys():  # else each name keeps its corner: none jumps about while a slider is dragged
             places = np.array([xyz[:, 0] + 1j * xyz[:, 1] for _, xyz in self._groups])
             sides = (
-                corners(places, half_sizes(list(texts.values()), view_model.size / ACROSS), BESIDE * view_model.size)
+                corners(
+                    places, half_sizes(list(texts.values()), view_model.size / MECHANISM_PIXELS), NAME_DISTANCE * view_model.size
+                )
                 if texts
                 else []
             )
@@ -124,7 +126,7 @@ class Joints:
                 self._labels.pop(key).remove()
                 self._dots.pop(key).remove()
         for key, text in texts.items():
-            anchor: Any = CORNERS[self._corners[key]]
+            anchor: Any = LABEL_ANCHORS[self._corners[key]]
             if key not in self._labels:
                 path = self._names[key] = joint_path(key)
                 self._labels[key] = self._server.scene.add_label(
@@ -144,7 +146,7 @@ class Joints:
         """Mark joints as those that are looked at."""
         self._picked = frozenset(names)
         for key in self._dots:
-            color = PICKED if self._picked & set(key) else (236, 239, 243)
+            color = PICKED_COLOR if self._picked & set(key) else (236, 239, 243)
             if tuple(self._dots[key].color) != color:
                 self._dots[key].color = color
 
@@ -165,12 +167,12 @@ class Joints:
 
     def _beside(self, key: tuple[str, ...]) -> Real:
         """From a joint to its name (3,) [m], at the joint's own height."""
-        return BESIDE * self._size * np.array([*self._corners[key], 0.0])
+        return NAME_DISTANCE * self._size * np.array([*self._corners[key], 0.0])
 
     def _add_dot(self, key: tuple[str, ...]) -> viser.IcosphereHandle:
-        color = PICKED if self._picked & set(key) else (236, 239, 243)
+        color = PICKED_COLOR if self._picked & set(key) else (236, 239, 243)
         dot = self._server.scene.add_icosphere(
-            f"{self._names[key]}/dot", DOT * self._size, color=color, cast_shadow=False, receive_shadow=False
+            f"{self._names[key]}/dot", DOT_RADIUS * self._size, color=color, cast_shadow=False, receive_shadow=False
         )
         clicked = self._clicked
         if clicked is not None:
@@ -250,10 +252,10 @@ def _path(name: str) -> str:
     return f"/paths/{name.replace('/', '_')}"
 
 
-SCRIPT = Path(__file__).with_name("hover.js").read_text(encoding="utf-8")
+HOVER_SCRIPT = Path(__file__).with_name("hover.js").read_text(encoding="utf-8")
 
 Name = tuple[str, str, tuple[str, ...]]
-KINDS = {"pin_slot": "pin in a slot"}
+KIND_WORDS = {"pin_slot": "pin in a slot"}
 
 
 def hover_names(view_model: ViewModel) -> dict[str, Name]:
@@ -283,11 +285,11 @@ def hover_names(view_model: ViewModel) -> dict[str, Name]:
 def _joint(view_model: ViewModel, name: str) -> str:
     """Words for a joint: ``revolute, crank and coupler``."""
     joint = view_model.numbers.joints[name]
-    return f"{KINDS.get(joint.kind, joint.kind)}, {' and '.join(joint.links)}"
+    return f"{KIND_WORDS.get(joint.kind, joint.kind)}, {' and '.join(joint.links)}"
 
 
 MOST_TOLD = 60_000  # arrows times frames of which values are told, some 2 MB
-NOTHING = 1e-9  # of the largest value of a node: rounding
+ROUNDING_SHARE = 1e-9  # of the largest value of a node: rounding
 
 
 def hover_values(view_model: ViewModel, arrows: ArrowNodes) -> dict[str, dict[str, Any]]:
@@ -306,7 +308,7 @@ def hover_values(view_model: ViewModel, arrows: ArrowNodes) -> dict[str, dict[st
             "unit": unit,
             "color": "rgb({},{},{})".format(*FAMILIES[each.family].on_dark),
             "count": each.values.shape[1],
-            "nothing": NOTHING * factor * largest,
+            "nothing": ROUNDING_SHARE * factor * largest,
             "values": packed(factor * each.values),
             "starts": packed(each.starts),
             "tips": packed(each.tips),
@@ -338,4 +340,4 @@ class HoverNames:
         said = f"{{ const hover = window.mechvizHover; {told} }}"
         if said != self._said:
             self._said = said
-            run_script(self._server, SCRIPT + said, "hover")
+            run_script(self._server, HOVER_SCRIPT + said, "hover")

@@ -23,10 +23,10 @@ from mechviz.outputs.viewer.world.marks import Joints, Masses, Paths, path_segme
 from mechviz.outputs.viewer.world.solids import SolidNodes, quaternions
 from mechviz.picture.nodes import Body
 
-NAMES = "Joint names"
+NAMES_SWITCH = "Joint names"
 SHOWN_FIRST = ("reaction", "applied", "inertia", "friction", "drive")
-BEYOND = 0.15  # of the size: so far arrows may widen the view beyond the solids, ...
-BEYOND_FIRST = 0.4  # ... and so far those of the frame that is shown first
+ARROW_ROOM = 0.15  # of the size: so far arrows may widen the view beyond the solids, ...
+FIRST_ARROW_ROOM = 0.4  # ... and so far those of the frame that is shown first
 FITS_STILL = 0.7  # a mechanism whose box has at least this part of the view's is left where it is
 
 
@@ -72,7 +72,7 @@ class Scene3D:
             **({"Springs and dampers": self._switch_springs} if "springs" in self._lines.groups | self._bodies.groups else {}),
             **({"Point masses": self._masses.switch} if len(self._masses) else {}),
             **{name: partial(self.plans.switch, name) for name in self.plans.constructions},
-            NAMES: self.joints.switch,
+            NAMES_SWITCH: self.joints.switch,
             "Grid": self.stage.switch,
         }
         self._screens: dict[int, tuple[int, int]] = {}
@@ -158,15 +158,15 @@ class Scene3D:
 
     def is_marked(self, name: str) -> bool:
         """Whether one of ``marks`` is shown at first."""
-        return self.current.picture.marks if name == NAMES else self.plans.is_on(name)
+        return self.current.picture.marks if name == NAMES_SWITCH else self.plans.is_on(name)
 
     def switch_mark(self, name: str, on: bool) -> None:
         """Show or hide one of ``marks``."""
         self.marks[name](on)
 
     def _box(self, view_model: ViewModel) -> Real:
-        box = _joined(view_model.bounds, self.arrows.reach(), BEYOND * view_model.size)
-        first = _joined(view_model.bounds, self.arrows.reach(view_model.opening), BEYOND_FIRST * view_model.size)
+        box = _joined(view_model.bounds, self.arrows.reach(), ARROW_ROOM * view_model.size)
+        first = _joined(view_model.bounds, self.arrows.reach(view_model.opening), FIRST_ARROW_ROOM * view_model.size)
         box = np.array([np.minimum(box[0], first[0]), np.maximum(box[1], first[1])])
         for spring in view_model.picture.of(Body, "springs"):
             low, high = spring.reach()

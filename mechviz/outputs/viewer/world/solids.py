@@ -16,7 +16,7 @@ from mechviz.outputs.viewer.viser_adapter import Posed
 from mechviz.picture.nodes import Body as BodyNode
 from mechviz.picture.proportions import about_z
 
-DARKER = 0.8  # the cut itself beside the rest of the part
+CUT_SHADE = 0.8  # the cut itself beside the rest of the part
 
 
 def shells(piece: Piece) -> Integers:
@@ -48,7 +48,7 @@ def sectioned(body: Body, height: float) -> Body:
         vertices[:, 2] = np.minimum(z, np.float32(height))
         faces = piece.faces[kept[piece.faces[:, 0]]]
         flat = (vertices[faces, 2] == np.float32(height)).all(axis=1)  # in the plane
-        red, green, blue = (int(DARKER * c) for c in piece.color)
+        red, green, blue = (int(CUT_SHADE * c) for c in piece.color)
         pieces += [_part(vertices, faces[~flat], piece.color), _part(vertices, faces[flat], (red, green, blue))]
     return body if body.whole else Body(tuple(piece for piece in pieces if len(piece.faces)))
 
@@ -59,8 +59,8 @@ def _part(vertices: Single, faces: NDArray[np.uint32], color: tuple[int, int, in
     return Piece(vertices[used], own.reshape(-1, 3).astype(np.uint32), color)
 
 
-HAIR = 2e-4  # of the mechanism's size
-MARK, MARKED = (194, 37, 92), 0.5  # colour of the link that is looked at, and how much of it
+HAIRLINE = 2e-4  # of the mechanism's size
+HIGHLIGHT_COLOR, HIGHLIGHT_SHARE = (194, 37, 92), 0.5  # colour of the link that is looked at, and how much of it
 
 
 def link_path(link: str) -> str:
@@ -143,7 +143,7 @@ class SolidNodes:
         """A body without what lies before the cut, a hair apart from those of other links: faces in one plane would flicker."""
         if self._height is None:
             return body
-        return sectioned(body, self._height - HAIR * self._size * list(self._nodes).index(link))
+        return sectioned(body, self._height - HAIRLINE * self._size * list(self._nodes).index(link))
 
     def pick(self, link: str) -> None:
         """Mark a link as the one that is looked at, by its colour; the others stay as they are."""
@@ -157,7 +157,7 @@ class SolidNodes:
     def _color_of(self, link: str, piece: Piece) -> tuple[int, int, int]:
         if link != self._picked:
             return piece.color
-        red, green, blue = (round(c + MARKED * (m - c)) for c, m in zip(piece.color, MARK, strict=True))
+        red, green, blue = (round(c + HIGHLIGHT_SHARE * (m - c)) for c, m in zip(piece.color, HIGHLIGHT_COLOR, strict=True))
         return red, green, blue
 
     def poses(self, frame: int) -> Iterator[Posed]:

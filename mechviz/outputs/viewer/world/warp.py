@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 Points = Mapping[str, tuple[float, float]]
-SHARPNESS = 2  # weights fall with this power of the squared distance: around a point the solid moves as a whole
+WEIGHT_POWER = 2  # weights fall with this power of the squared distance: around a point the solid moves as a whole
 
 
 def warped(xy: Real, before: Real, after: Real) -> Real:
@@ -44,7 +44,7 @@ def warped(xy: Real, before: Real, after: Real) -> Real:
             return np.column_stack([z.real, z.imag])
     square = ((xy[:, None] - before[None]) ** 2).sum(axis=-1)
     spread = float(np.ptp(before, axis=0).max()) or 1.0
-    weights = 1.0 / (square / spread**2 + 1e-12) ** SHARPNESS
+    weights = 1.0 / (square / spread**2 + 1e-12) ** WEIGHT_POWER
     weights /= weights.sum(axis=1, keepdims=True)
     return np.asarray(xy + weights @ moves)
 
@@ -63,9 +63,9 @@ def warped_body(body: Body, before: Points, after: Points) -> Body:
     return replace(body, pieces=tuple(pieces))
 
 
-SAMPLES = 720  # points of a profile
-HUB = 0.4  # of the least radius: what is nearer to the shaft stays as it is
-ONTO = 1.01  # of a radius: up to here a place belongs to the disc
+PROFILE_POINTS = 720  # points of a profile
+HUB_RADIUS = 0.4  # of the least radius: what is nearer to the shaft stays as it is
+DISC_EDGE = 1.01  # of a radius: up to here a place belongs to the disc
 
 
 def cam_profiles(motion: Motion) -> dict[str, tuple[str, Any]]:
@@ -85,7 +85,7 @@ def stretched_cams(
         if name not in after or link not in bodies:
             continue
         new = after[name][1]
-        profile_old, profile_new = (profile_points(placed, SAMPLES) for placed in (old, new))
+        profile_old, profile_new = (profile_points(placed, PROFILE_POINTS) for placed in (old, new))
         if old.own == new.own and old.mount == new.mount and np.array_equal(profile_old, profile_new):
             continue
         pieces = []
@@ -125,9 +125,9 @@ def stretched(z: Complex, before: Complex, after: Complex, *, wedge: bool = Fals
             return None
         radii.append(np.interp(phi[0] + np.mod(angle - phi[0], 2.0 * np.pi), phi, np.abs(profile), right=abs(profile[0])))
     old, new = radii
-    hub = HUB * float(min(np.abs(before).min(), np.abs(after).min()))
+    hub = HUB_RADIUS * float(min(np.abs(before).min(), np.abs(after).min()))
     r = np.abs(z)
     inside = np.clip((r - hub) / np.fmax(old - hub, 1e-12), 0.0, 1.0)
-    far = r > ONTO * old
+    far = r > DISC_EDGE * old
     shift = np.where(far & (not groove), 0.0, inside * (new - old))
     return np.asarray(z + shift * np.exp(1j * angle))
