@@ -24,7 +24,7 @@ from mechviz.runs import run_scene
 from mechviz.scene.scene import load
 from mechviz.studies.cost import machine, used
 from mechviz.studies.influences import influence_lines, influences
-from mechviz.studies.precision import Point, cheapest, keep, kept, ladder
+from mechviz.studies.precision import PrecisionPoint, cheapest, keep, kept, ladder
 from mechviz.studies.precision_diagram import diagram
 
 HERE = Path(__file__).resolve().parent
@@ -87,7 +87,7 @@ def targets() -> str:
     return "\n".join(lines)
 
 
-def ladders(quick: bool) -> dict[str, tuple[Point, ...]]:
+def ladders(quick: bool) -> dict[str, tuple[PrecisionPoint, ...]]:
     """The ladders that are drawn, measured or kept."""
     result = {}
     for name in ("crank-rocker", "andrews-squeezer"):
@@ -104,7 +104,7 @@ def ladders(quick: bool) -> dict[str, tuple[Point, ...]]:
     return result
 
 
-def cheapest_table(result: dict[str, tuple[Point, ...]]) -> str:
+def cheapest_table(result: dict[str, tuple[PrecisionPoint, ...]]) -> str:
     """The cheapest setting of every dial that reaches the target."""
     lines = ["| scene | dial | cheapest setting | error | time |", "|---|---|---|---|---|"]
     for name, points in result.items():
@@ -144,10 +144,10 @@ def effects_block() -> str:
 def hard_tables() -> dict[str, str]:
     """The suite as tables."""
     from mechviz.hard_cases import all_cases
-    from mechviz.hard_cases.case import FAMILIES
+    from mechviz.hard_cases.case import CASE_FAMILIES
 
     blocks = {}
-    for family in FAMILIES:
+    for family in CASE_FAMILIES:
         lines = ["| case | what happens there | expected | error | allowed |", "|---|---|---|---|---|"]
         for case in all_cases(family):
             outcome = case.run()

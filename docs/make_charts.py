@@ -18,11 +18,19 @@ from typer.testing import CliRunner
 import mechviz
 from mechcore.cams import Follower, Requirement, Translating, best_offset, least_base
 from mechcore.forces.cam_rating import placed_cams
-from mechcore.laws.boundary_conditions import Condition, measured_table
+from mechcore.laws.boundary_conditions import BoundaryCondition, measured_table
 from mechcore.laws.catalogue import RISES, rise
 from mechcore.laws.factors import peak
 from mechcore.laws.program import Segment, program
-from mechcore.laws.segment_laws import GivenAcceleration, GivenVelocity, LeastPeak, Polynomial, SegmentLaw, Spline, joined_table
+from mechcore.laws.segment_laws import (
+    BoundaryPolynomial,
+    GivenAcceleration,
+    GivenVelocity,
+    LeastPeak,
+    SegmentLaw,
+    Spline,
+    joined_table,
+)
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
 from mechcore.reduction.bodies import single_resultant
 from mechcore.reduction.inverse import rates_from_accelerations
@@ -139,9 +147,9 @@ def lift_table(path: Path) -> None:
 def segment_laws(path: Path) -> None:
     """Laws of a segment that stand in a scene as a table: one rise from rest to rest."""
     places, gains = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0), (0.0, 1.0, 1.0, -1.0, -1.0, 0.0)
-    through = (Condition(0.3, 0.35), Condition(0.7, 0.75))
+    through = (BoundaryCondition(0.3, 0.35), BoundaryCondition(0.7, 0.75))
     laws: Mapping[str, SegmentLaw] = {
-        "polynomial through two points": Polynomial(through),
+        "polynomial through two points": BoundaryPolynomial(through),
         "spline through the same": Spline(through),
         "given acceleration, scaled": GivenAcceleration(joined_table(places, gains), scaled=True),
         "given velocity": GivenVelocity(joined_table((0.0, 0.25, 0.75, 1.0), (0.0, 1.0, 1.0, 0.0))),

@@ -17,12 +17,12 @@ from mechviz.figures import save_chart
 from mechviz.files import OutputError, check_target, replacing
 from mechviz.outputs.exports.tables import plot_figure
 from mechviz.outputs.images.drawing import svg_of, write_svg
-from mechviz.outputs.images.pictures import VIEW_NAMES, Look, moment
+from mechviz.outputs.images.pictures import VIEW_NAMES, Look, instant_of
 from mechviz.outputs.images.pictures import shot as take
 from mechviz.outputs.page.page import make_page
 from mechviz.outputs.presentation import Presentation, presentation_in, presentation_of
 from mechviz.outputs.rerun.reader import Recording
-from mechviz.outputs.rerun.recorded import numbers_in
+from mechviz.outputs.rerun.recorded import recorded_numbers
 from mechviz.outputs.rerun.writer import RecordingSummary, write_recording
 from mechviz.progress import progress_bar
 from mechviz.quantities.catalogue import Axis, Catalogue, Quantity, QuantityGroup
@@ -103,7 +103,7 @@ class Result:
     @cached_property
     def catalogue(self) -> Catalogue:
         """All quantities, the axes of plots and the health of the solution."""
-        return self._source.catalogue if isinstance(self._source, Run) else Catalogue(numbers_in(self._source))
+        return self._source.catalogue if isinstance(self._source, Run) else Catalogue(recorded_numbers(self._source))
 
     @property
     def time(self) -> Real:
@@ -200,7 +200,7 @@ class Result:
             offered = "'front'" if drawing else ", ".join(VIEW_NAMES)
             raise OutputError(f"'{path}' cannot be taken from the view '{view}'.", f"There are: {offered}.")
         check_target(target)
-        place = moment(self.presentation, at=at, frame=frame, angle=None if angle is None else float(np.radians(angle)))
+        place = instant_of(self.presentation, at=at, frame=frame, angle=None if angle is None else float(np.radians(angle)))
         if drawing:
             return write_svg(self.presentation, target, time=place.time, width=size[0], height=size[1], dark=dark)
         return take(self.presentation, target, Look(*size, view, dark), place)

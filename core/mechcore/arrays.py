@@ -13,6 +13,7 @@ Integers = NDArray[np.int64]  # frames, and ticks of timelines
 Single = NDArray[np.float32]  # what is drawn
 Flags = NDArray[np.bool_]
 Values = NDArray[np.floating[Any]] | float  # numbers over frames, or one for all
+Vec2 = tuple[float, float]  # a plane vector that is stated
 Plane = NDArray[np.complexfloating[Any, Any]] | complex  # plane vectors over frames, or one for all
 
 

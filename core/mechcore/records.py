@@ -78,22 +78,22 @@ def _restore(this: object, state: dict[str, Any]) -> None:
 
 
 T = TypeVar("T")
-Place = tuple[Any, ...]
+NumberPlace = tuple[Any, ...]
 """Names of fields and numbers of entries, from outside inwards."""
 
 
-def numbers_in(thing: object, place: Place = ()) -> list[tuple[Place, float]]:
+def numbers_in(thing: object, place: NumberPlace = ()) -> list[tuple[NumberPlace, float]]:
     """The numbers of a dataclass or tuple, each with its place; those that other objects keep to themselves left out."""
     return [(at, number) for at, number, kept in _numbers(thing, place, False) if not kept]
 
 
-def kept_numbers(thing: object, place: Place = ()) -> list[tuple[Place, float]]:
+def kept_numbers(thing: object, place: NumberPlace = ()) -> list[tuple[NumberPlace, float]]:
     """The numbers that `numbers_in` leaves out: of objects such as tables that make something of them once and for all, so that
     other numbers in their places would change nothing."""
     return [(at, number) for at, number, kept in _numbers(thing, place, False) if kept]
 
 
-def _numbers(thing: object, place: Place, kept: bool) -> Iterator[tuple[Place, float, bool]]:
+def _numbers(thing: object, place: NumberPlace, kept: bool) -> Iterator[tuple[NumberPlace, float, bool]]:
     if isinstance(thing, float):
         yield place, thing, kept
     elif isinstance(thing, tuple):
@@ -107,14 +107,14 @@ def _numbers(thing: object, place: Place, kept: bool) -> Iterator[tuple[Place, f
                 yield from _numbers(getattr(thing, f.name), (*place, f.name), kept)
 
 
-def with_numbers(thing: T, numbers: Mapping[Place, Any]) -> T:
+def with_numbers(thing: T, numbers: Mapping[NumberPlace, Any]) -> T:
     """A dataclass or tuple with something else in place of some numbers: arrays of designs, or traced numbers; unchecked."""
     if not numbers:
         return thing
     if () in numbers:
         same: T = numbers[()]
         return same
-    below: dict[Any, dict[Place, Any]] = {}
+    below: dict[Any, dict[NumberPlace, Any]] = {}
     for (first, *rest), number in numbers.items():
         below.setdefault(first, {})[tuple(rest)] = number
     changed: Any

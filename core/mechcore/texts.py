@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from math import pi
 from typing import Literal, Protocol
 
-Kind = Literal[
+QuantityKind = Literal[
     "length",
     "angle",
     "linear speed",
@@ -31,7 +31,7 @@ class UnitSystem(Protocol):
     """Units in which quantities are shown."""
 
     def show(self, value: float, kind: str, digits: int) -> str:
-        """A quantity in SI units of a kind (see `Kind`) as number, with so many digits, and unit."""
+        """A quantity in SI units of a kind (see `QuantityKind`) as number, with so many digits, and unit."""
 
 
 def shown(number: float, symbol: str, digits: int) -> str:
@@ -66,7 +66,7 @@ _MARK = "\x1f"  # separates units of text; no name of a scene holds it
 _QUANTITY = re.compile(f"{_MARK}([^{_MARK}]*){_MARK}([^{_MARK}]*){_MARK}([^{_MARK}]*){_MARK}")
 
 
-def as_quantity(value: float, kind: Kind, digits: int = 6) -> str:
+def as_quantity(value: float, kind: QuantityKind, digits: int = 6) -> str:
     """A quantity [SI] as a part of a text that becomes a `Text`, with so many digits."""
     return f"{_MARK}{kind}{_MARK}{float(value)!r}{_MARK}{digits}{_MARK}"
 

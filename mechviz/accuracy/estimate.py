@@ -36,8 +36,8 @@ from mechcore.motion.motion import Motion
 from mechcore.numerics.interpolation import between, differentiate
 from mechcore.records import dataclass
 from mechviz.accuracy.quantities import (
+    CheckedQuantity,
     Passage,
-    Quantity,
     each_quantity,
     pace_of_rest,
     passages_of,
@@ -225,7 +225,7 @@ def _difference_errors(run: Run) -> tuple[float, float]:
     return out[0], out[1]
 
 
-def interpolation_error(every: Iterable[Quantity], time: Real, order: int, passages: Sequence[Passage] = ()) -> Real:
+def interpolation_error(every: Iterable[CheckedQuantity], time: Real, order: int, passages: Sequence[Passage] = ()) -> Real:
     """Estimated error of the interpolation from each frame to the next (F,), the largest of all quantities; ``passages`` of
     singular positions between the frames. See the module."""
     frames = len(time)
@@ -262,7 +262,7 @@ def _largest_around(x: Real, reach: int) -> Real:
     return np.array(np.lib.stride_tricks.sliding_window_view(np.pad(x, reach), 2 * reach + 1).max(axis=1))
 
 
-def _left_out(q: Quantity, time: Real, order: int, step: int) -> Real:
+def _left_out(q: CheckedQuantity, time: Real, order: int, step: int) -> Real:
     """Relative errors at the frames half way between every ``step``-th frame, interpolated from those."""
     frames = len(time)
     last = (frames - 1) // step * step

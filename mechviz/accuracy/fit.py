@@ -22,7 +22,7 @@ from mechcore.motion.motion import Motion
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
 from mechcore.records import dataclass
 from mechviz.accuracy.estimate import integration_error
-from mechviz.accuracy.quantities import Quantity, errors_between, quantities
+from mechviz.accuracy.quantities import CheckedQuantity, errors_between, quantities
 from mechviz.scene.limits import check_frames
 
 if TYPE_CHECKING:
@@ -30,9 +30,9 @@ if TYPE_CHECKING:
     from mechviz.runs import Run
     from mechviz.scene.scene import Scene
 
-Provider = Callable[[Real], list[Quantity]]
+Provider = Callable[[Real], list[CheckedQuantity]]
 
-FEWEST_FRAMES, MOST = 16, 200_000  # frames a cycle
+FEWEST_FRAMES, MOST_FRAMES_FITTED = 16, 200_000  # frames a cycle
 MOST_FRAMES = 1_000_000  # of a run
 MOST_POSES = 2_000_000  # frames of all links: a gigabyte
 FIT_ROUNDS = 7
@@ -65,7 +65,7 @@ def provider(scene: Scene, accuracy: Accuracy, simulation: Simulation | None = N
     with_forces = bool(scene.mechanism.effects or scene.mechanism.loads)
     if simulation is not None:
 
-        def simulated_at(t: Real) -> list[Quantity]:
+        def simulated_at(t: Real) -> list[CheckedQuantity]:
             motion = simulation.view(t)
             return quantities(motion, simulation.forces(motion) if with_forces else None)
 
@@ -73,7 +73,7 @@ def provider(scene: Scene, accuracy: Accuracy, simulation: Simulation | None = N
     exact = accuracy if accuracy.differentiation == "exact" else replace(accuracy, differentiation="exact")
     compiled = compile_mechanism(scene.mechanism, exact)
 
-    def at(t: Real) -> list[Quantity]:
+    def at(t: Real) -> list[CheckedQuantity]:
         motion = solve_motion(compiled, t)
         return quantities(motion, solve_forces(motion) if with_forces else None)
 
@@ -102,7 +102,7 @@ def achieved(at: Provider, end: float, frames: int, order: int) -> Fit:
     return Fit(frames, float(np.max(worst[~bad], initial=0.0)), jumps, there=there, left_out=float(np.mean(bad)))
 
 
-def _rows(q: Quantity, rows: Index | slice) -> Quantity:
+def _rows(q: CheckedQuantity, rows: Index | slice) -> CheckedQuantity:
     return replace(
         q,
         values=q.values[rows],
@@ -139,7 +139,7 @@ def fit_frames(scene: Scene, accuracy: Accuracy, simulation: Simulation | None =
     frames, best, crowded = 48 * parts, None, None
     links = len(scene.mechanism.links)
     check_frames(links, frames)
-    most = min(MOST * parts, MOST_FRAMES, MOST_POSES // links)
+    most = min(MOST_FRAMES_FITTED * parts, MOST_FRAMES, MOST_POSES // links)
     low, high = FEWEST_FRAMES * parts, most
     last: Fit | None = None
     for _ in range(FIT_ROUNDS):
@@ -241,13 +241,13 @@ def fixed_settings(run: Run) -> Accuracy:
     )
 
 
-def rounding(every: Sequence[Quantity]) -> float:
+def rounding(every: Sequence[CheckedQuantity]) -> float:
     """The largest relative error that rounding to float32 makes of quantities."""
     sizes = [float(np.abs(q.values[np.isfinite(q.values)]).max(initial=0.0)) / q.scale for q in every]
     return SINGLE_ROUNDING * max(sizes, default=0.0)
 
 
-def _digits(every: Sequence[Quantity], target: float, *, balanced: bool) -> Literal["float64", "float32"]:
+def _digits(every: Sequence[CheckedQuantity], target: float, *, balanced: bool) -> Literal["float64", "float32"]:
     """float32 where its rounding is a tenth of the target at most. Not where there are forces: readers of recordings check
     that every link is in balance to 1e-8, which float32 is not."""
     return "float32" if not balanced and rounding(every) <= DIGITS_SHARE * target else "float64"
@@ -262,7 +262,7 @@ def plain_stride(motion: Motion) -> int:
     return max(1, int(frames_a_cycle / PICTURES_A_CYCLE))
 
 
-def _pictures(every: Sequence[Quantity], motion: Motion, target: float, thin: int) -> int:
+def _pictures(every: Sequence[CheckedQuantity], motion: Motion, target: float, thin: int) -> int:
     """Every so many recorded frames have pictures: as few as joined by straight lines stay within the target, the last one among
     them; not fewer than without a target, as viewers hold the last picture while the mechanism moves on."""
     time = motion.time
@@ -276,7 +276,7 @@ def _pictures(every: Sequence[Quantity], motion: Motion, target: float, thin: in
     return best
 
 
-def _joined(every: Sequence[Quantity], time: Real, step: int, last: int, target: float) -> bool:
+def _joined(every: Sequence[CheckedQuantity], time: Real, step: int, last: int, target: float) -> bool:
     """Whether straight lines between every ``step``-th frame are within the target at all frames in between, up to ``last``."""
     nodes, frames = np.arange(0, last + 1, step), np.arange(last + 1)
     for q in every:
@@ -353,7 +353,7 @@ def _frames(run: Run, target: float) -> str:
     remedy = "Ask for a larger error."
     if run.accuracy.interpolation < 5:
         remedy = 'Choose interpolation = "quintic", or ask for a larger error.'
-    most = f"{MOST} a cycle, {MOST_FRAMES} in all, {MOST_POSES} of all links"
+    most = f"{MOST_FRAMES_FITTED} a cycle, {MOST_FRAMES} in all, {MOST_POSES} of all links"
     return f"{warning}; about {fit.needed} frames would be needed, and no more than {most} are computed{_besides(fit)}. {remedy}"
 
 

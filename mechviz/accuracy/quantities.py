@@ -22,7 +22,7 @@ from mechcore.numerics.interpolation import between
 from mechcore.records import dataclass
 from mechviz.quantities.items import joints_of, links_of
 
-KINDS = ("position", "velocity", "acceleration", "reaction")
+QUANTITY_KINDS = ("position", "velocity", "acceleration", "reaction")
 """Of the quantities; efforts of drives count as reactions."""
 
 LEAST_SCALE = 1e-6  # of the largest of its kind: what never grows beyond that is compared with it
@@ -30,7 +30,7 @@ STILL_TRAVEL = 1e-9  # of the mechanism's size, or radians: a motion that never 
 
 
 @dataclass(frozen=True, eq=False)
-class Quantity:
+class CheckedQuantity:
     """``values`` (F, n) with first and second derivatives by time where they are known; ``scale``: what errors are relative to."""
 
     name: str
@@ -46,7 +46,7 @@ class Quantity:
         return between(time, self.values, t, order, self.rate, self.second)
 
 
-def quantities(motion: Motion, forces: Forces | None) -> list[Quantity]:
+def quantities(motion: Motion, forces: Forces | None) -> list[CheckedQuantity]:
     """Poses, velocities, accelerations of all moving links, places of traced points; reactions and efforts where there are forces.
 
     Lengths are relative to the mechanism's size, angles to a radian, all else to its own peak; frames without a value are left out
@@ -57,7 +57,7 @@ def quantities(motion: Motion, forces: Forces | None) -> list[Quantity]:
     return list(each_quantity(motion, forces))
 
 
-def each_quantity(motion: Motion, forces: Forces | None) -> Iterator[Quantity]:
+def each_quantity(motion: Motion, forces: Forces | None) -> Iterator[CheckedQuantity]:
     """The same one after the other: of a long run of many bodies they take much memory together."""
     yield from _kinematics(motion)
     yield from _points(motion)
@@ -65,7 +65,7 @@ def each_quantity(motion: Motion, forces: Forces | None) -> Iterator[Quantity]:
         yield from reactions(motion, forces)
 
 
-def _kinematics(motion: Motion) -> Iterator[Quantity]:
+def _kinematics(motion: Motion) -> Iterator[CheckedQuantity]:
     moving, parts = links_of(motion)[1:], {"place": slice(0, 2), "angle": slice(2, 3)}
     peaks = {what: [0.0, 0.0] for what in parts}
     for k in moving:
@@ -78,12 +78,12 @@ def _kinematics(motion: Motion) -> Iterator[Quantity]:
         for what, part in parts.items():
             unit, (fast, strong) = motion.model.length_scale if what == "place" else 1.0, peaks[what]
             x, v, a = (rows[:, part] for rows in every)
-            yield Quantity(f"{what} of {k}", "position", x, unit, v, a, turns=what == "angle")
+            yield CheckedQuantity(f"{what} of {k}", "position", x, unit, v, a, turns=what == "angle")
             if fast:
-                yield Quantity(f"velocity of {k} ({what})", "velocity", v, max(_peak(v), LEAST_SCALE * fast, unit * pace), a)
+                yield CheckedQuantity(f"velocity of {k} ({what})", "velocity", v, max(_peak(v), LEAST_SCALE * fast, unit * pace), a)
             if strong:
                 scale = max(_peak(a), LEAST_SCALE * strong, LEAST_SCALE * fast**2 / unit, unit * pace * pace)
-                yield Quantity(f"acceleration of {k} ({what})", "acceleration", a, scale)
+                yield CheckedQuantity(f"acceleration of {k} ({what})", "acceleration", a, scale)
 
 
 def stands_still(motion: Motion) -> bool:
@@ -99,14 +99,14 @@ def pace_of_rest(motion: Motion) -> float:
     return 1.0 / (float(np.ptp(motion.time)) or 1.0)
 
 
-def _points(motion: Motion) -> Iterator[Quantity]:
+def _points(motion: Motion) -> Iterator[CheckedQuantity]:
     """Places of traced points: on a link that turns evenly they still go along an arc."""
     for link, point in motion.mechanism.traced:
         x, v, a = (np.asarray(motion.point(link, point, d)) for d in (0, 1, 2))
-        yield Quantity(f"point {point} of {link}", "position", x, motion.model.length_scale, v, a)
+        yield CheckedQuantity(f"point {point} of {link}", "position", x, motion.model.length_scale, v, a)
 
 
-def reactions(motion: Motion, forces: Forces) -> Iterator[Quantity]:
+def reactions(motion: Motion, forces: Forces) -> Iterator[CheckedQuantity]:
     """Those of the reactions and of the drives' efforts."""
     names = [j.name for j in joints_of(motion)]
     peaks = [(_peak(r[:, :2]), _peak(r[:, 2:])) for r in map(forces.reaction, names)]
@@ -115,13 +115,13 @@ def reactions(motion: Motion, forces: Forces) -> Iterator[Quantity]:
     for name, (force, couple) in zip(names, peaks, strict=True):
         r = forces.reaction(name)
         if largest:
-            yield Quantity(f"reaction {name}", "reaction", r[:, :2], max(force, LEAST_SCALE * largest))
+            yield CheckedQuantity(f"reaction {name}", "reaction", r[:, :2], max(force, LEAST_SCALE * largest))
         if couple > LEAST_SCALE * moment:
-            yield Quantity(f"couple {name}", "reaction", r[:, 2:], couple)
+            yield CheckedQuantity(f"couple {name}", "reaction", r[:, 2:], couple)
     for drive in motion.mechanism.drives:
         effort = forces.effort(drive.joint)[:, None]
         if (peak := _peak(effort)) > 0.0:
-            yield Quantity(f"effort {drive.joint}", "reaction", effort, peak)
+            yield CheckedQuantity(f"effort {drive.joint}", "reaction", effort, peak)
 
 
 def _peak(values: Real) -> float:
@@ -129,7 +129,7 @@ def _peak(values: Real) -> float:
     return float(np.abs(values[np.isfinite(values)]).max(initial=0.0))
 
 
-def errors_between(coarse: list[Quantity], time: Real, fine: list[Quantity], t: Real, order: int) -> dict[str, Real]:
+def errors_between(coarse: list[CheckedQuantity], time: Real, fine: list[CheckedQuantity], t: Real, order: int) -> dict[str, Real]:
     """Relative errors (n,) of what is interpolated from frames at ``time`` at the times ``t`` of a finer run, by quantity."""
     out = {}
     for a, b in zip(coarse, fine, strict=True):
@@ -171,7 +171,7 @@ def _passages(rows: NDArray[np.intp], part: Motion) -> Iterator[Passage]:
             yield Passage(int(rows[k]), float(d[k] / (d[k] - d[k + 1])))
 
 
-def size_at(passage: Passage, q: Quantity) -> float:
+def size_at(passage: Passage, q: CheckedQuantity) -> float:
     """How large a quantity gets at a singular position, `NEAREST_POLE` to it, relative to its scale; 0 where it has no pole there.
 
     At a pole it jumps from one side to the other by more than it changes before and after, and the other way.

@@ -12,7 +12,7 @@ from typing import ClassVar
 import numpy as np
 
 from mechcore.arrays import Complex, Real
-from mechviz.automata.pen_motion import place
+from mechviz.automata.pen_motion import place_words
 
 PIVOTS, SHEET = 0.35, 1.65
 
@@ -67,12 +67,12 @@ class Rods(PenLinkage):
     def links(self) -> list[str]:
         rod, far = complex(self.rod * self.size), complex((self.rod + self.beyond) * self.size)
         return [
-            f'"left rod" = {{ points = {{ D = [0, 0], F = {place(rod)}, P = {place(far)} }} }}',
-            f'"right rod" = {{ points = {{ E = [0, 0], F = {place(rod)} }} }}',
+            f'"left rod" = {{ points = {{ D = [0, 0], F = {place_words(rod)}, P = {place_words(far)} }} }}',
+            f'"right rod" = {{ points = {{ E = [0, 0], F = {place_words(rod)} }} }}',
         ]
 
 
-class Slides(PenLinkage):
+class CrossSlides(PenLinkage):
     """A slide across on the frame, and on it one along the sheet with the pen."""
 
     pen = "pen slide"
@@ -98,12 +98,12 @@ class Slides(PenLinkage):
         )  # the levers' pins in the middle of the drawing
         held = low.real + self.sheet - 1j * self.stem * self.size
         return [
-            f'"cross slide" = {{ points = {{ S = [0, 0], T = {place(held - rail)}, E = {place(high - rail)} }} }}',
-            f'"pen slide" = {{ points = {{ T = [0, 0], P = {place(self.sheet - held)}, D = {place(low - held)} }} }}',
+            f'"cross slide" = {{ points = {{ S = [0, 0], T = {place_words(held - rail)}, E = {place_words(high - rail)} }} }}',
+            f'"pen slide" = {{ points = {{ T = [0, 0], P = {place_words(self.sheet - held)}, D = {place_words(low - held)} }} }}',
         ]
 
     def frame_points(self) -> str:
-        return f", S = {place(self.rail * self.size)}"
+        return f", S = {place_words(self.rail * self.size)}"
 
 
 def _lever_angles(pen: Complex, pivot: complex, lever: float, rod: float, side: float) -> Real:

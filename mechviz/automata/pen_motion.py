@@ -265,7 +265,7 @@ def quoted(words: str) -> str:
     return '"' + words.replace("\\", "\\\\").replace('"', '\\"') + '"'
 
 
-def place(z: complex) -> str:
+def place_words(z: complex) -> str:
     """A point in millimetres."""
     return f"[{1e3 * z.real:.9g}, {1e3 * z.imag:.9g}]"
 
@@ -294,8 +294,8 @@ def plotter_scene(motion: PenMotion, period: float, *, title: str, name: str) ->
         f"frames = {2 * len(motion.places)}",
         "",
         "[links]",
-        f"frame = {{ points = {{ O = {place(1j * below)}, L = {place(high.real + 0.3 * size + 1j * low.imag)} }} }}",
-        f"carriage = {{ points = {{ X = [0, 0], Q = {place(-1j * below)} }} }}",
+        f"frame = {{ points = {{ O = {place_words(1j * below)}, L = {place_words(high.real + 0.3 * size + 1j * low.imag)} }} }}",
+        f"carriage = {{ points = {{ X = [0, 0], Q = {place_words(-1j * below)} }} }}",
         "pen = { points = { P = [0, 0] } }",
         "lifter = { points = { L = [0, 0] } }",
         "",

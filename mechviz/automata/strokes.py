@@ -109,7 +109,7 @@ def on_sheet(strokes: Sequence[Complex], width: float) -> list[Complex]:
     return [(stroke - 0.5 * (low + high)) * (width / size) for stroke in strokes]
 
 
-def in_order(strokes: Sequence[Complex], near: float) -> list[Complex]:
+def ordered_strokes(strokes: Sequence[Complex], near: float) -> list[Complex]:
     """The strokes in an order, and each in a direction, with short ways between them: the nearest next, then improved by turning
     parts of the order round (2-opt). Strokes whose ends are not farther apart than ``near`` are joined."""
     rest, ordered = list(strokes), []

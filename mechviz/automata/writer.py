@@ -25,7 +25,7 @@ from mechcore.laws.segment_laws import Dwell, NormalisedLaw
 from mechcore.records import dataclass
 from mechcore.texts import as_angle, as_length
 from mechviz.automata.pen_linkages import PIVOTS, PenLinkage, Rods
-from mechviz.automata.pen_motion import PEN_DOWN, PenMotion, csv_table, place, plan_motion, quoted
+from mechviz.automata.pen_motion import PEN_DOWN, PenMotion, csv_table, place_words, plan_motion, quoted
 from mechviz.runs import run_scene
 from mechviz.scene.folder import SceneFolder
 from mechviz.scene.scene import Scene, loads
@@ -253,7 +253,7 @@ class _Machine:
     def scene(self, title: str, name: str, speed: float, limit: float) -> Scene:
         """The scene, with the tables of its cams in its folder."""
         size, (left, right, up) = self.linkage.size, self.levers
-        out = [place(complex(length)) for length in self.linkage.levers]
+        out = [place_words(complex(length)) for length in self.linkage.levers]
         sides = zip(("left", "right"), self.tables, strict=True)
         files = {f"{name}-{side}.csv": csv_table("angle [deg],lift [deg]", 360.0, table) for side, table in sides}
         wire = up.pivot + 2.0 * up.of.arm * cmath.exp(1j * (up.heading + 0.5 * math.pi))
@@ -262,7 +262,7 @@ class _Machine:
         heads = [cmath.rect(lever.of.arm, lever.heading - start) for lever, start in zip(self.levers, starts, strict=True)]
         frames = 2 * len(self.tables[0])  # accelerations between the rows of the tables are seen
         speed_text = quoted(f"{30.0 / math.pi * speed:.12g} rpm")
-        pivots = ", ".join(f"{pin} = {place(lever.pivot)}" for pin, lever in zip("ABC", self.levers, strict=True))
+        pivots = ", ".join(f"{pin} = {place_words(lever.pivot)}" for pin, lever in zip("ABC", self.levers, strict=True))
         lines = [
             f"title = {quoted(title)}",
             f"teaches = {quoted(_TEACHES % self.linkage.words)}",
@@ -273,13 +273,13 @@ class _Machine:
             f"frames = {frames}",
             "",
             "[links]",
-            f"frame = {{ points = {{ O = {place(self.axis)}, {pivots}{self.linkage.frame_points()} }} }}",
+            f"frame = {{ points = {{ O = {place_words(self.axis)}, {pivots}{self.linkage.frame_points()} }} }}",
             "cams = { points = { O = [0, 0] } }",
-            f"crank = {{ points = {{ O = [0, 0], H = {place(complex(grip))} }}, plane = {1e3 * _FRONT * size:.6g} }}",
-            f'"left lever" = {{ points = {{ A = [0, 0], D = {out[0]}, R = {place(heads[0])} }} }}',
-            f'"right lever" = {{ points = {{ B = [0, 0], E = {out[1]}, R = {place(heads[1])} }} }}',
+            f"crank = {{ points = {{ O = [0, 0], H = {place_words(complex(grip))} }}, plane = {1e3 * _FRONT * size:.6g} }}",
+            f'"left lever" = {{ points = {{ A = [0, 0], D = {out[0]}, R = {place_words(heads[0])} }} }}',
+            f'"right lever" = {{ points = {{ B = [0, 0], E = {out[1]}, R = {place_words(heads[1])} }} }}',
             *self.linkage.links(),
-            f"lifter = {{ points = {{ C = [0, 0], R = {place(heads[2])}, W = {place(wire - up.pivot)} }} }}",
+            f"lifter = {{ points = {{ C = [0, 0], R = {place_words(heads[2])}, W = {place_words(wire - up.pivot)} }} }}",
             "",
             "[joints]",
             f'O = {{ revolute = ["frame", "cams"], drive = {{ speed = {speed_text} }} }}',

@@ -17,13 +17,13 @@ from mechviz.commands.shared.messages import check_targets, fail, interruptible
 from mechviz.commands.shared.solving import QuickOpt
 from mechviz.figures import check_ending, save_chart
 from mechviz.hard_cases import all_cases
-from mechviz.hard_cases.case import FAMILIES, as_data, summary, table
+from mechviz.hard_cases.case import CASE_FAMILIES, as_data, case_table, summary
 from mechviz.outputs.rerun.precision import write_rrd
 from mechviz.outputs.rerun.writer import write_recording
 from mechviz.progress import progress_bar
 from mechviz.studies.cost import machine, used
 from mechviz.studies.influences import influence_lines, influences
-from mechviz.studies.precision import Point, cheapest, keep, kept, ladder, pareto
+from mechviz.studies.precision import PrecisionPoint, cheapest, keep, kept, ladder, pareto
 from mechviz.studies.precision_diagram import diagram, settings_of
 
 
@@ -78,11 +78,11 @@ def accuracy(
                 print(rrd)
 
 
-def summary_lines(points: Sequence[Point]) -> list[str]:
+def summary_lines(points: Sequence[PrecisionPoint]) -> list[str]:
     """By dial: the setting of the scene, the least error with its price, and the quickest setting; --all has the rest."""
     lines = ["", f"  {'dial':<22} {'now':>26}   {'most exact':>36}   {'quickest':>36}"]
 
-    def words(p: Point | None, named: bool) -> str:
+    def words(p: PrecisionPoint | None, named: bool) -> str:
         if p is None:
             return "-"
         return f"{f'{p.method} {p.value}: ' if named else ''}{p.error:.1e} in {p.price}"
@@ -95,7 +95,7 @@ def summary_lines(points: Sequence[Point]) -> list[str]:
     return [*lines, "", "every setting: --all; one dial: --dial NAME; the cheapest for an error: --target ERROR"]
 
 
-def table_lines(points: Sequence[Point], target: float | None) -> list[str]:
+def table_lines(points: Sequence[PrecisionPoint], target: float | None) -> list[str]:
     """The points by dial and method: setting, error, time with its spread, marks."""
     lines = []
     for setting in dict.fromkeys(p.setting for p in points):
@@ -114,7 +114,7 @@ def table_lines(points: Sequence[Point], target: float | None) -> list[str]:
     return lines
 
 
-def _answer(points: Sequence[Point], target: float | None) -> list[str]:
+def _answer(points: Sequence[PrecisionPoint], target: float | None) -> list[str]:
     """The cheapest setting of every dial that reaches the target, in words."""
     if target is None:
         return []
@@ -149,7 +149,7 @@ def effects(
 
 
 def hard(
-    only: Annotated[str | None, typer.Option("--only", metavar="FAMILY", help=f"one family: {', '.join(FAMILIES)}")] = None,
+    only: Annotated[str | None, typer.Option("--only", metavar="FAMILY", help=f"one family: {', '.join(CASE_FAMILIES)}")] = None,
     json: Annotated[bool, typer.Option("--json", help="the outcomes as JSON, every check with its error and bound")] = False,
 ) -> None:
     """Run the suite of hard cases: what happens there, what is expected, what is found; exit code 1 where one fails.
@@ -157,8 +157,8 @@ def hard(
     Singular positions, benchmarks at which other programs fail, undercut cams, jams, stick-slip, impacts, chaos, careless input.
     Each expectation is computed apart from the program: a closed form, a balance, another method.
     """
-    if only is not None and only not in FAMILIES:
-        fail(f"--only: '{only}' is no family. Choose from {', '.join(FAMILIES)}.")
+    if only is not None and only not in CASE_FAMILIES:
+        fail(f"--only: '{only}' is no family. Choose from {', '.join(CASE_FAMILIES)}.")
     cases = all_cases(only)
     results = []
     with clear_errors("hard"):
@@ -169,7 +169,7 @@ def hard(
         if json:
             print(json_text.dumps(as_data(results), indent=2, ensure_ascii=False))
         else:
-            print(table(results, shutil.get_terminal_size((160, 40)).columns))
+            print(case_table(results, shutil.get_terminal_size((160, 40)).columns))
             print(summary(results))
     if not all(outcome.passed for _, outcome in results):
         raise typer.Exit(1)

@@ -9,12 +9,12 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from mechviz.automata.pen_linkages import Rods, Slides
+from mechviz.automata.pen_linkages import CrossSlides, Rods
 from mechviz.automata.pen_motion import plotter_scene
-from mechviz.automata.strokes import in_order, on_sheet, svg_strokes, text_strokes
+from mechviz.automata.strokes import on_sheet, ordered_strokes, svg_strokes, text_strokes
 from mechviz.automata.walking import walk_of, walking_scene
 from mechviz.automata.writer import design_writer
-from mechviz.commands.shared.loading import SceneArg, SetOpt, clear_errors, load_scene, quantity, quantity_of
+from mechviz.commands.shared.loading import SceneArg, SetOpt, clear_errors, load_scene, quantity, quantity_option
 from mechviz.commands.shared.messages import check_targets, fail, interruptible, say
 from mechviz.files import check_target, replacing
 from mechviz.progress import progress_bar
@@ -71,12 +71,12 @@ def draw(
         with interruptible("matplotlib.path"), progress_bar("drawing") as bar:
             bar.stage("reading strokes")
             raw = text_strokes(text, font) if text is not None else svg_strokes(str(picture), font)
-            strokes = in_order(on_sheet(raw, width), 0.5 * off)
+            strokes = ordered_strokes(on_sheet(raw, width), 0.5 * off)
             stem = (output or program or Path("writer")).stem
             title = f"A machine that writes “{name}”" if text is not None else f"A machine that draws “{name}”"
             writer = design_writer(
                 strokes, off, title=title, name=stem, speed=rate, pressure_limit=limit,
-                linkage=Slides if slides else Rods, levers=output is not None, progress=bar.stage,
+                linkage=CrossSlides if slides else Rods, levers=output is not None, progress=bar.stage,
             )  # fmt: skip
         motion = writer.motion
         points, ink = sum(map(len, strokes)), sum(float(np.abs(np.diff(s)).sum()) for s in strokes)
@@ -131,7 +131,7 @@ def walk(
             check_targets(scene, output)
         loaded = load_scene(scene, values)
         feet = [_foot(loaded, text) for text in foot]
-        gait = walk_of(loaded, feet, quantity_of(loaded, touch, "touch", "length") or 0.0)
+        gait = walk_of(loaded, feet, quantity_option(loaded, touch, "touch", "length") or 0.0)
         duration = float(gait.time[-1] - gait.time[0])
         print(f"a cycle of {duration:.4g} s leads {1e3 * gait.advance:.4g} mm: {1e3 * gait.advance / duration:.4g} mm/s")
         print(f"the body goes up and down by {1e3 * gait.bounce:.3g} mm")

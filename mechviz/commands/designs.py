@@ -14,7 +14,7 @@ import typer
 
 from mechcore.arrays import Real
 from mechviz.commands.shared.loading import SceneArg, SetOpt, clear_errors, load_scene
-from mechviz.commands.shared.messages import aligned, check_targets, fail, interruptible, say
+from mechviz.commands.shared.messages import aligned_rows, check_targets, fail, interruptible, say
 from mechviz.commands.shared.solving import CyclesOpt, DaskOpt, DesignExecutorOpt, FramesOpt, JobsOpt, checked, solve, workers
 from mechviz.figures import check_ending, save_chart
 from mechviz.files import OutputError, replacing
@@ -22,14 +22,14 @@ from mechviz.progress import progress_bar
 from mechviz.quantities.catalogue import Axis
 from mechviz.scene.scene import dump
 from mechviz.studies.designs.evaluate import study_of
-from mechviz.studies.designs.figures import Kind, read_study, study_chart
+from mechviz.studies.designs.figures import FigureKind, read_study, study_chart
 from mechviz.studies.designs.measures import parse_measure
 from mechviz.studies.designs.optimise import Search, front_chart
 from mechviz.studies.designs.optimise import optimise as find_best
 from mechviz.studies.designs.problem import LIMIT_ROUNDING, problem_of
 from mechviz.studies.designs.sampling import grid, parse_sample, parse_variation, sampled
 from mechviz.studies.designs.sensitivity import sensitivities, tornado
-from mechviz.studies.designs.sweep import Store, Table, about_study, columns_of, csv_lines, run_study
+from mechviz.studies.designs.sweep import DesignTable, Store, about_study, csv_lines, measure_columns, run_study
 from mechviz.studies.designs.tolerance import Distribution, Tolerances, parse_limits, tolerance_chart, toleranced, tolerances
 from mechviz.studies.designs.variables import variables_of
 
@@ -100,11 +100,11 @@ def sweep(
         say(f"Computed by {study.computed_by}.")
 
 
-def _summary(table: Table) -> Iterator[str]:
+def _summary(table: DesignTable) -> Iterator[str]:
     """How many designs there are, and between which values each number lies."""
     ok = table.feasible
     yield f"{int(ok.sum())} of {len(ok)} designs have values." + ("" if ok.all() else " The others say why in the column 'reason'.")
-    for title, values in zip(columns_of(table.study), table.results.values, strict=True):
+    for title, values in zip(measure_columns(table.study), table.results.values, strict=True):
         if values.ndim == 1 and ok.any():
             for word, k in (("least", int(np.nanargmin(values))), ("greatest", int(np.nanargmax(values)))):
                 where = ", ".join(f"{v.title} = {x:.6g}" for v, x in zip(table.study.variations, table.designs[k], strict=True))
@@ -116,7 +116,7 @@ def study(
     output: Annotated[Path, typer.Option("--output", "-o", help="chart to write (.svg, .png or .pdf)")],
     of: Annotated[str | None, typer.Option("--of", metavar="QUANTITY", help="the result to draw [default: the first]")] = None,
     kind: Annotated[
-        Kind,
+        FigureKind,
         typer.Option("--kind", help="auto: the response to one parameter, contours of two, parallel coordinates of more"),
     ] = "auto",
 ) -> None:
@@ -174,7 +174,7 @@ def sensitivity(
             for one in results:
                 value = f" = {one.number:.6g} {one.quantity.unit}" if one.measure.reducer else ""
                 print(f"{one.measure.text}{value}")
-                print("\n".join(f"  {line}" for line in aligned(one.rows())))
+                print("\n".join(f"  {line}" for line in aligned_rows(one.rows())))
             if plot is not None:
                 save_chart(tornado(results[0], loaded.title), plot)
                 print(plot)
@@ -242,9 +242,9 @@ def tolerance(
             for one in results:
                 where = "" if one.at is None else f", widest at: {axis.label} = {axis.values[one.at]:.5g} {axis.unit}"
                 print(f"{one.measure.text}{where}")
-                print("\n".join(f"  {line}" for line in [*aligned(one.lines()), *aligned(one.rows())]))
+                print("\n".join(f"  {line}" for line in [*aligned_rows(one.lines()), *aligned_rows(one.rows())]))
                 if one.curve:
-                    print("\n".join(f"  {line}" for line in aligned(one.band(axis))))
+                    print("\n".join(f"  {line}" for line in aligned_rows(one.band(axis))))
                 if not one.exact:
                     say(f"note: {one.measure.text} has no exact derivatives here: contributions are fitted to the samples.")
             if plot is not None:
@@ -304,7 +304,7 @@ def optimise(
 
                 search = Search(problem, seed, population or 0, generations, pool, report)
                 best = find_best(search, points=points)
-            print("\n".join(aligned(best.lines())))
+            print("\n".join(aligned_rows(best.lines())))
             say(f"{search.evaluations} designs were looked at, computed by {problem.study.computed_by}.")
             if search.refused:
                 say(f"note: no steps along derivatives were taken: {search.refused}")

@@ -12,7 +12,7 @@ from typing import Annotated, Any
 import typer
 
 from mechviz.commands.recording import open_recording
-from mechviz.commands.shared.loading import ReachableOpt, SetOpt, SourceArg, clear_errors, load_scene, quantity, quantity_of
+from mechviz.commands.shared.loading import ReachableOpt, SetOpt, SourceArg, clear_errors, load_scene, quantity, quantity_option
 from mechviz.commands.shared.messages import check_targets, fail, interruptible, say
 from mechviz.commands.shared.solving import (
     AccuracyOpt,
@@ -33,7 +33,7 @@ from mechviz.outputs.exports.solids import export_3mf, export_kit, export_stl
 from mechviz.outputs.exports.tables import even_times, export_csv, export_parquet
 from mechviz.outputs.images.browser import find_chromium
 from mechviz.outputs.images.drawing import write_svg
-from mechviz.outputs.images.pictures import VIEW_NAMES, Look, find_ffmpeg, moment
+from mechviz.outputs.images.pictures import VIEW_NAMES, Look, find_ffmpeg, instant_of
 from mechviz.outputs.images.pictures import film as make
 from mechviz.outputs.images.pictures import shot as take
 from mechviz.outputs.page.pack import MOST_FRAMES
@@ -41,7 +41,7 @@ from mechviz.outputs.page.page import make_page
 from mechviz.outputs.presentation import Presentation, presentation_in, presentation_of
 from mechviz.outputs.rerun.reader import is_recording
 from mechviz.progress import progress_bar
-from mechviz.quantities.vectors import FAMILIES
+from mechviz.quantities.vectors import VECTOR_FAMILIES
 from mechviz.scene.units import QuantityError, Units
 
 
@@ -113,7 +113,7 @@ def export(
                 say(f"note: efforts of drives are not in {written}: {missing}.")
             if not profiles and all(target is None for target in (csv, parquet, stl, glb, threemf, kit)):
                 return
-        step = quantity_of(loaded, every, "every", "time")
+        step = quantity_option(loaded, every, "every", "time")
         sizes = [_size(text, option) for text, option in ((thickness, "thickness"), (clearance, "clearance"), (washer, "washer"))]
         run = solve(loaded, frames, cycles, accuracy, executor)
         check_trust(run, keep)
@@ -160,9 +160,9 @@ def _families(text: str | None) -> tuple[str, ...]:
     if text is None:
         return ARROW_FAMILIES
     names = tuple(name.strip() for name in text.split(",") if name.strip() not in ("", "none"))
-    unknown = [name for name in names if name not in FAMILIES]
+    unknown = [name for name in names if name not in VECTOR_FAMILIES]
     if unknown:
-        fail(f"--arrows {unknown[0]}: there are no such arrows. There are: {', '.join(FAMILIES)}.")
+        fail(f"--arrows {unknown[0]}: there are no such arrows. There are: {', '.join(VECTOR_FAMILIES)}.")
     return names
 
 
@@ -241,7 +241,7 @@ def shot(
         check_targets(source, output)
         anywhere = at is None and frame is None and angle is None  # else the frames on both sides of it have to be there
         shown = _presentation(source, values, frames, cycles, keep, MOST_FRAMES if anywhere else None)
-        place = moment(shown, frame=frame, **when)
+        place = instant_of(shown, frame=frame, **when)
         with interruptible("pyarrow"), progress_bar("drawing") as bar:
             if drawing:
                 sides = {"width": look.width, "height": look.height}

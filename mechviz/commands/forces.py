@@ -14,7 +14,7 @@ from mechcore.effects.plan import make_plan
 from mechcore.forces.powers import flywheel
 from mechcore.spec.mechanism import CamDrawn
 from mechcore.texts import Text
-from mechviz.commands.shared.loading import ReachableOpt, SceneArg, SetOpt, clear_errors, load_scene, quantity, quantity_of
+from mechviz.commands.shared.loading import ReachableOpt, SceneArg, SetOpt, clear_errors, load_scene, quantity, quantity_option
 from mechviz.commands.shared.messages import check_targets, fail, interruptible
 from mechviz.commands.shared.solving import (
     AccuracyOpt,
@@ -112,7 +112,7 @@ def _moment_of(run: Run, text: str | None) -> float:
     if text is None:
         return float(run.motion.time[0])
     seconds = quantity(run.scene.units, text, "at", "time") if text.rstrip().endswith(("s", "min")) else None
-    angle = None if seconds is not None else quantity_of(run.scene, text, "at", "angle")
+    angle = None if seconds is not None else quantity_option(run.scene, text, "at", "angle")
     moment = time_at(run.catalogue, at=seconds, angle=angle)
     assert moment is not None
     return moment
@@ -165,18 +165,18 @@ def cams(
         if method == "exact" and (step is not None or lines is not None):
             fail("--step and --lines are for --method graphical.")
         loaded = load_scene(scene, values)
-        least = quantity_of(loaded, margin, "margin", "force")
+        least = quantity_option(loaded, margin, "margin", "force")
         if least is not None and not 0.0 <= least <= LARGEST_VALUE:
             fail(f"--margin {margin}: a contact force is wanted, from zero to {LARGEST_VALUE:g} N.")
         if not size and (pressure_angle is not None or curvature is not None):
             fail("--pressure-angle and --curvature are for --size.")
-        steepest = quantity_of(loaded, pressure_angle, "pressure-angle", "angle")
+        steepest = quantity_option(loaded, pressure_angle, "pressure-angle", "angle")
         if steepest is not None and not 0.0 < steepest < 0.5 * math.pi:
             fail(f"--pressure-angle {pressure_angle}: an angle above zero and below a right one is wanted.")
-        sharpest = quantity_of(loaded, curvature, "curvature", "length")
+        sharpest = quantity_option(loaded, curvature, "curvature", "length")
         if sharpest is not None and not 0.0 < sharpest <= LARGEST_VALUE:
             fail(f"--curvature {curvature}: a positive length is wanted.")
-        angle = quantity_of(loaded, step, "step", "angle")
+        angle = quantity_option(loaded, step, "step", "angle")
         whole = None if angle is None else whole_step(angle)
         if angle is not None and whole is None:
             fail(f"--step {step}: {Text(' '.join(step_fault(angle)), loaded.units)}")

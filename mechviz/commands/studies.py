@@ -9,7 +9,7 @@ import typer
 
 from mechcore.constructions.equations import contour_graph
 from mechcore.motion.solve import compile_mechanism
-from mechviz.commands.shared.loading import SceneArg, SetOpt, clear_errors, load_scene, quantity_of
+from mechviz.commands.shared.loading import SceneArg, SetOpt, clear_errors, load_scene, quantity_option
 from mechviz.commands.shared.messages import check_targets, fail, interruptible, say
 from mechviz.commands.shared.solving import solve
 from mechviz.outputs.rerun.writer import write_recording
@@ -37,7 +37,7 @@ def balance(
         check_targets("", output, plot)  # the scene itself may be given its counterweights
         loaded = load_scene(scene, values)
         stated = ((radius, "radius"), (rocker_radius, "rocker-radius"))
-        first, second = (quantity_of(loaded, text, name, "length") for text, name in stated)
+        first, second = (quantity_option(loaded, text, name, "length") for text, name in stated)
         balanced = balance_scene(loaded, radius=first, rocker_radius=second, fraction=fraction)
         print("\n".join(balanced.lines()))
         with interruptible(*(["matplotlib.figure"] if plot is not None else [])):

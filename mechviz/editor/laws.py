@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from mechcore.arrays import Real
-from mechcore.laws.boundary_conditions import Condition, measured_table, polynomial_law
+from mechcore.laws.boundary_conditions import BoundaryCondition, measured_table, polynomial_law
 from mechcore.laws.catalogue import RISES
 from mechcore.laws.curve import MotionCurve, Side
 from mechcore.laws.segment_laws import joined_table
@@ -63,7 +63,7 @@ class _Segment:
     def jerk(self) -> float:
         """That of the polynomial of the fifth degree at its end."""
         ends = ((0.0, self.curve(np.zeros(1), 2)), (self.over, self.curve(np.array([self.over]), 2, "left")))
-        conditions = [Condition(at, float(v), k) for at, state in ends for k, v in enumerate(state[:, 0])]
+        conditions = [BoundaryCondition(at, float(v), k) for at, state in ends for k, v in enumerate(state[:, 0])]
         return self.derivative(float(polynomial_law(conditions).limits(3)[0][-1, 3]), 3)
 
     def state(self, at: float, orders: int, side: Side = "right") -> list[float]:

@@ -20,12 +20,12 @@ from mechviz.editor.laws import LAW_OPTIONS, law_changes
 from mechviz.scene.annotations import Leaf, Place, leaves
 from mechviz.scene.document import SceneDocument, value_at
 from mechviz.scene.expressions import is_plain, parse_expression
-from mechviz.scene.fields import Quantity, Table
+from mechviz.scene.fields import DocumentTable, QuantityMark
 from mechviz.scene.kinds.joints.cam_documents import SOLIDS
 from mechviz.scene.kinds.segments import LawDocument, SegmentTable
 from mechviz.scene.kinds.settings import ParameterDocument
 from mechviz.scene.scene import Scene
-from mechviz.scene.units import DERIVATIVES, KINDS, QuantityError, Units, split, symbol_of, unit_factor, unit_of
+from mechviz.scene.units import DERIVATIVES, UNIT_KINDS, QuantityError, Units, split, symbol_of, unit_factor, unit_of
 
 LONGEST_LIST = 4  # of longer ones not every value has a slider: a text has them all
 HIDDEN = {"units", "parameters", "run", "along", "bulges", "watch", "mesh_unit"}  # texts, directions, and what says how to compute
@@ -70,7 +70,7 @@ class Parameter:
     @property
     def key(self) -> str:
         """One text for the place: ``links.crank.points.B[0]``."""
-        return key_of(self.path)
+        return place_key(self.path)
 
     def written(self, value: float) -> float | int | str:
         """Text in the file for a shown value."""
@@ -94,14 +94,14 @@ class Choice:
 
     @property
     def key(self) -> str:
-        return key_of(self.path)
+        return place_key(self.path)
 
     def changes(self, scene: Scene, option: str) -> dict[Place, Any]:
         """What to change in a scene for another option."""
         return law_changes(scene, self.path, option) if self.path[-1] == "law" else {self.path: option}
 
 
-def key_of(path: Place) -> str:
+def place_key(path: Place) -> str:
     """A place in the document as a text."""
     return "".join(f"[{p}]" if isinstance(p, int) else f".{p}" for p in path).lstrip(".")
 
@@ -137,7 +137,7 @@ def marked_series(document: SceneDocument) -> Iterator[tuple[Place, str, str, li
             if len(members) > LONGEST_LIST and stem not in members and document.joints.keys().isdisjoint(members):
                 label = f"{link} {members[0]} to {members[-1]}"
                 home: Place = ("links", link, "points")
-                yield (*home, stem, 0), f"{key_of(home)}.{stem}", label, [(*home, name) for name in members]
+                yield (*home, stem, 0), f"{place_key(home)}.{stem}", label, [(*home, name) for name in members]
 
 
 def _law_tables(document: SceneDocument) -> Iterator[tuple[Place, LawDocument]]:
@@ -161,20 +161,20 @@ def _spots(document: SceneDocument) -> Iterator[Leaf]:
             yield leaf
 
 
-def _shown(table: Table) -> Iterator[str]:
+def _shown(table: DocumentTable) -> Iterator[str]:
     """The keys of a table in which values are edited."""
     for key in type(table).model_fields:
         value = getattr(table, key)
         if isinstance(table, SegmentTable) and key == "law" and not (table.to is None and value is None):
             yield key
-        table_of_values = isinstance(value, list) and len(value) > LONGEST_LIST and not isinstance(value[0], Table)
+        table_of_values = isinstance(value, list) and len(value) > LONGEST_LIST and not isinstance(value[0], DocumentTable)
         stated = key in table.model_fields_set or (key == "gravity" and isinstance(table, SceneDocument) and key in table.effects)
         if value is not None and key not in (*HIDDEN, "law") and not table_of_values and stated:
             yield key
 
 
 def _editable(leaf: Leaf) -> bool:
-    quantity = leaf.mark(Quantity)
+    quantity = leaf.mark(QuantityMark)
     if quantity is not None and quantity.word and leaf.value == quantity.word:
         return False
     return is_number(leaf.value) or quantity is not None or bool(_options(leaf))
@@ -214,7 +214,7 @@ def _named(scene: Scene) -> Iterator[Parameter]:
 
 # -- one value --------------------------------------------------------------------------------------------------------
 def _parameter(scene: Scene, spot: Leaf) -> Parameter | None:
-    document, path, value, quantity = scene.document, spot.path, spot.value, spot.mark(Quantity)
+    document, path, value, quantity = scene.document, spot.path, spot.value, spot.mark(QuantityMark)
     along = False
     if path[0] == "links" and len(path) == 5 and path[2] == "points":
         skip, along = _of_point(document, path)
@@ -229,7 +229,7 @@ def _parameter(scene: Scene, spot: Leaf) -> Parameter | None:
             text, suffix = split(value)
             kind, number, unit = _kind_of_unit(quantity, suffix), float(text), symbol_of(suffix)
         else:
-            kind = scene.kinds.get(key_of(path), quantity.kinds[0])
+            kind = scene.kinds.get(place_key(path), quantity.kinds[0])
             number, unit = float(value), _bare_unit(units, kind)
     least: str = quantity.least if quantity is not None else ""
     sign = 1.0
@@ -281,7 +281,7 @@ def _zero(value: float | str) -> bool:
     return (float(split(value)[0]) if isinstance(value, str) else float(value)) == 0.0
 
 
-def _kind_of_unit(quantity: Quantity, unit: str) -> str:
+def _kind_of_unit(quantity: QuantityMark, unit: str) -> str:
     for kind in quantity.kinds:
         try:
             unit_factor(unit, kind)
@@ -292,7 +292,7 @@ def _kind_of_unit(quantity: Quantity, unit: str) -> str:
 
 
 def _bare_unit(units: Units, kind: str) -> str:
-    return symbol_of(BARE.get(kind, KINDS[kind].bare).format(**vars(units)))
+    return symbol_of(BARE.get(kind, UNIT_KINDS[kind].bare).format(**vars(units)))
 
 
 # -- ranges -----------------------------------------------------------------------------------------------------------
@@ -317,7 +317,7 @@ def _range(document: SceneDocument, path: Place, value: float, kind: str, least:
 
 def _usual_derivative(scene: Scene, path: Place, kind: str) -> float:
     """The largest size that a derivative at an end of segments has anywhere in them, as a bare number of the scene."""
-    joined = scene.curves.get(key_of(path[:-3]))
+    joined = scene.curves.get(place_key(path[:-3]))
     if joined is None or path[-2] != "to":
         return 0.0
     samples = joined.curve(np.linspace(joined.curve.start, joined.curve.end, CURVE_SAMPLES), int(path[-1]))[-1]

@@ -24,7 +24,7 @@ from mechcore.laws.timed import ConstantSpeed
 from mechcore.motion.solve import compile_mechanism, solve_motion
 from mechcore.spec.loads import Spring
 from mechcore.spec.mechanism import CamJoint, Drive, Link, Mechanism, Prismatic, Revolute
-from mechviz.hard_cases.case import Case, Outcome, compare, judged, moved, refused
+from mechviz.hard_cases.case import Case, Outcome, compare, judged, motion_outcome, refused
 
 STROKE, UP = 0.02, 2.0
 LIFT = program([Segment(UP, STROKE, "cycloidal"), Segment(1.0), Segment(1.6, 0.0, "cycloidal"), Segment(TURN - 4.6)])
@@ -199,7 +199,8 @@ def _joint(face: object, **more: object) -> Mechanism:
         joints=(
             Revolute(name="O", links=("frame", "cam"), points=("O", "O")),
             Prismatic(name="S", links=("frame", "follower"), points=("G", "T"), along=(0.0, 1.0)),
-            CamJoint(name="K", links=("cam", "follower"), guide="S", point="T", face=face, **{"lift": LIFT, "base": 0.04, **more}),  # type: ignore[arg-type]  # what each case varies
+            # what each case varies
+            CamJoint(name="K", links=("cam", "follower"), guide="S", point="T", face=face, **{"lift": LIFT, "base": 0.04, **more}),  # type: ignore[arg-type]
         ),
         drives=(Drive(joint="O", law=ConstantSpeed(0.3, 20.0)),),
         loads=(Spring(name="spring", links=("frame", "follower"), points=("H", "E"), stiffness=4e3, free_length=0.2),),
@@ -225,7 +226,7 @@ def _loses_contact() -> Outcome:
         judged("an event says so", len(said) > 0),
         judged("on the law", np.abs(geometry.rows(motion).lift - s).max() < 1e-12),
     ]
-    return moved(motion, f"{along.min():.5g} N at least", checks, forces, [e.text.split(":")[0] for e in said])
+    return motion_outcome(motion, f"{along.min():.5g} N at least", checks, forces, [e.text.split(":")[0] for e in said])
 
 
 def _knife_on_a_square() -> Outcome:

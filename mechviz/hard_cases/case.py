@@ -16,8 +16,8 @@ from mechcore.forces.kinetostatics import Forces
 from mechcore.motion.motion import Motion
 from mechcore.records import dataclass
 
-Family = Literal["linkages", "cams", "friction", "dynamics", "input"]
-FAMILIES: tuple[Family, ...] = ("linkages", "cams", "friction", "dynamics", "input")
+CaseFamily = Literal["linkages", "cams", "friction", "dynamics", "input"]
+CASE_FAMILIES: tuple[CaseFamily, ...] = ("linkages", "cams", "friction", "dynamics", "input")
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ class Case:
     there."""
 
     name: str
-    family: Family
+    family: CaseFamily
     happens: str
     expected: str
     compute: Callable[[], Outcome] = field(repr=False)
@@ -89,7 +89,7 @@ def judged(name: str, holds: Any) -> Check:
     return Check(name, 0.0 if bool(np.all(holds)) else 1.0, 0.5)
 
 
-def moved(
+def motion_outcome(
     motion: Motion, summary: str, checks: Iterable[Check], forces: Forces | None = None, events: Iterable[str] = ()
 ) -> Outcome:
     """The outcome of a motion: its loops have to close to rounding beside whatever else is checked."""
@@ -122,7 +122,7 @@ def _number(value: float | None) -> str:
     return "" if value is None else "0" if value == 0.0 else f"{value:.1e}"
 
 
-def table(results: Sequence[tuple[Case, Outcome]], width: int = 160) -> str:
+def case_table(results: Sequence[tuple[Case, Outcome]], width: int = 160) -> str:
     """One row a case: what happens there, what is expected, what was found, the check nearest to its bound, residual, condition,
     events, pass or fail."""
     from rich import box
@@ -132,7 +132,7 @@ def table(results: Sequence[tuple[Case, Outcome]], width: int = 160) -> str:
 
     out = io.StringIO()
     console = Console(file=out, width=max(width, 150), color_system=None, highlight=False)
-    for family in FAMILIES:
+    for family in CASE_FAMILIES:
         rows = [(c, o) for c, o in results if c.family == family]
         if not rows:
             continue

@@ -13,7 +13,7 @@ from mechcore.motion.at_once import indeterminate
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
 from mechcore.spec.loads import Force
 from mechcore.spec.mechanism import Drive, Gear, Link, Mechanism, Prismatic, Revolute
-from mechviz.hard_cases.case import Case, Outcome, compare, judged, moved, refused
+from mechviz.hard_cases.case import Case, Outcome, compare, judged, motion_outcome, refused
 from mechviz.hard_cases.mechanisms import at, four_bar, load_at, pin, slider_crank
 
 
@@ -45,7 +45,7 @@ def _redundant() -> Outcome:
         compare("weight of the bar", up, 4.0 * 9.81, 1e-11),
         judged("all joints named", set(loose) == set("ABDEGH")),
     ]
-    return moved(forces.motion, f"indeterminate: {', '.join(loose)}", checks, forces, ["reactions not determined"])
+    return motion_outcome(forces.motion, f"indeterminate: {', '.join(loose)}", checks, forces, ["reactions not determined"])
 
 
 def _contradiction() -> Outcome:
@@ -60,7 +60,7 @@ def _few_frames() -> Outcome:
     m = four_bar(0.5, 2.0, 2.2, 2.1, start=1.0)
     motion = solve_motion(compile_mechanism(m), default_times(m, 12, 10))
     turns = [(motion.pose(k)[-1, 2] - motion.pose(k)[0, 2]) / TURN for k in ("coupler", "rocker")]
-    return moved(motion, f"{turns[0]:.10g} and {turns[1]:.10g} turns", [compare("ten turns each", turns, 10.0, 1e-9)])
+    return motion_outcome(motion, f"{turns[0]:.10g} and {turns[1]:.10g} turns", [compare("ten turns each", turns, 10.0, 1e-9)])
 
 
 def _geared_turns() -> Outcome:
@@ -77,7 +77,9 @@ def _geared_turns() -> Outcome:
     )
     motion = solve_motion(compile_mechanism(m), default_times(m, 1080, 3))
     turned = (motion.pose("pinion")[-1, 2] - motion.pose("pinion")[0, 2]) / TURN
-    return moved(motion, f"the pinion turns {turned:.10g} times", [compare("two thirds of three turns, back", turned, -2.0, 1e-9)])
+    return motion_outcome(
+        motion, f"the pinion turns {turned:.10g} times", [compare("two thirds of three turns, back", turned, -2.0, 1e-9)]
+    )
 
 
 def _loop_of_slides() -> Outcome:
@@ -95,7 +97,9 @@ def _loop_of_slides() -> Outcome:
     q = motion.coordinate("1")[:, 0]
     where = motion.pose("b")[:, :2]
     want = np.outer(q / np.hypot(1.0, 0.2), [1.0, 1.0])  # on the third guide, above the block a
-    return moved(motion, f"b goes to {where[-1, 0]:.6g}, {where[-1, 1]:.6g} m", [compare("place of b", where, want, 1e-14)])
+    return motion_outcome(
+        motion, f"b goes to {where[-1, 0]:.6g}, {where[-1, 1]:.6g} m", [compare("place of b", where, want, 1e-14)]
+    )
 
 
 def _scaled(scale: float, shift: float, bound: float) -> Outcome:
@@ -114,7 +118,7 @@ def _scaled(scale: float, shift: float, bound: float) -> Outcome:
         compare("way of D", d / scale, base.point("coupler", "D"), bound),
         judged("four changes", len(motion.singular_points) == 4),
     ]
-    return moved(motion, f"as at its own scale, to {max(c.error for c in checks):.1e}", checks)
+    return motion_outcome(motion, f"as at its own scale, to {max(c.error for c in checks):.1e}", checks)
 
 
 def _p1() -> Outcome:
@@ -140,7 +144,7 @@ def _p1() -> Outcome:
     for order, (name, w) in enumerate(zip(("position", "velocity", "acceleration"), want, strict=True)):
         got = motion.point("coupler", "P", order) @ [1.0, 1j]
         checks.append(compare(f"{name} of the coupler point", np.abs(got - w) / np.abs(w).max(), 0.0, 1e-13))
-    return moved(motion, f"largest relative error {max(x.error for x in checks):.1e}", checks)
+    return motion_outcome(motion, f"largest relative error {max(x.error for x in checks):.1e}", checks)
 
 
 def _p2() -> Outcome:
@@ -186,7 +190,7 @@ def _p2() -> Outcome:
         ]
     )
     checks = [compare("reactions", got[:, :7], want[:, :7], 1e-13), compare("driving torque", got[:, 7], want[:, 7], 1e-12)]
-    return moved(forces.motion, f"largest relative error {max(x.error for x in checks):.1e}", checks, forces)
+    return motion_outcome(forces.motion, f"largest relative error {max(x.error for x in checks):.1e}", checks, forces)
 
 
 CASES = (

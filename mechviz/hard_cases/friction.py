@@ -18,7 +18,7 @@ from mechcore.laws.timed import ConstantSpeed, Free
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
 from mechcore.spec.loads import Factor, Force
 from mechcore.spec.mechanism import Drive, Friction, Link, Mechanism, Prismatic, Revolute, Rolling
-from mechviz.hard_cases.case import Case, Check, Outcome, compare, judged, moved, refused
+from mechviz.hard_cases.case import Case, Check, Outcome, compare, judged, motion_outcome, refused
 from mechviz.hard_cases.mechanisms import bearing, block, gears, incline, load_at, pendulum, pin, sleeve, slider_crank
 from mechviz.scene.scene import load
 
@@ -41,7 +41,9 @@ def _before_the_jam() -> Outcome:
     part = 1.0 - 1e-9
     forces = load_at(sleeve(part * 0.08 / 0.4, 0.08, 0.2), [0.0], 0.1)
     effort = float(forces.effort("H")[0])
-    return moved(forces.motion, f"effort {effort:.6g} N for 30 N", [compare("effort", effort, 30.0 / (1.0 - part), 1e-6)], forces)
+    return motion_outcome(
+        forces.motion, f"effort {effort:.6g} N for 30 N", [compare("effort", effort, 30.0 / (1.0 - part), 1e-6)], forces
+    )
 
 
 def _beyond_the_jam() -> Outcome:
@@ -53,7 +55,9 @@ def _beyond_the_jam() -> Outcome:
         judged("no number where there is none", np.isnan(forces.effort("H"))),
         compare("share of the coefficients", friction.reached[0], 1.0 / (1.0 + 1e-9), 1e-9),
     ]
-    return moved(forces.motion, f"jams; {friction.reached[0]:.12g} of the coefficient still moves", checks, events=["jams"])
+    return motion_outcome(
+        forces.motion, f"jams; {friction.reached[0]:.12g} of the coefficient still moves", checks, events=["jams"]
+    )
 
 
 def _jam_between_frames() -> Outcome:
@@ -63,7 +67,7 @@ def _jam_between_frames() -> Outcome:
     forces = solve_forces(solve_motion(compile_mechanism(m), default_times(m, 37)))
     jam = next(e for e in friction_events(forces) if e.text.startswith("jams"))
     speed = 0.04  # the cart's, from 40 mm
-    return moved(
+    return motion_outcome(
         forces.motion, f"jams at {jam.time:.9g} s", [compare("time", jam.time, (0.2 - 0.04) / speed, 1e-6)], events=[jam.text]
     )
 
@@ -78,7 +82,7 @@ def _self_locking() -> Outcome:
         checks.append(compare("hold", down.effort("H")[0] / weight, np.tan(alpha - rho), 1e-10, scale=1.0))
         states.append(bool(friction_in(up).self_locking[0]))
     checks.append(judged("locks below, slides above", states == [True, False]))
-    return moved(up.motion, "locks below arctan mu, slides above", checks, up)
+    return motion_outcome(up.motion, "locks below arctan mu, slides above", checks, up)
 
 
 def _reversal() -> Outcome:
@@ -92,7 +96,7 @@ def _reversal() -> Outcome:
         judged("zero at rest", x[1] == 0.0),
         compare("alike on both sides", x[0], -x[2], 1e-3),
     ]
-    return moved(forces.motion, f"{x[0]:.4g}, {x[1]:.4g}, {x[2]:.4g} N", checks, forces, ["at rest"])
+    return motion_outcome(forces.motion, f"{x[0]:.4g}, {x[1]:.4g}, {x[2]:.4g} N", checks, forces, ["at rest"])
 
 
 def _two_ends() -> Outcome:
@@ -101,7 +105,7 @@ def _two_ends() -> Outcome:
     for e in (0.0, 0.04 - 1e-9, 0.04 + 1e-9, 0.1):
         forces = load_at(bearing(e, Friction(coefficient=mu, length=b)), [0.0], 2.0)
         checks.append(compare(f"e = {e:g}", forces.effort("S")[0], mu * 100.0 * max(1.0, 2.0 * e / b), 1e-13))
-    return moved(forces.motion, f"{forces.effort('S')[0]:.6g} N at e = 0.1 m", checks, forces)
+    return motion_outcome(forces.motion, f"{forces.effort('S')[0]:.6g} N at e = 0.1 m", checks, forces)
 
 
 def _one_pin() -> Outcome:
@@ -134,7 +138,7 @@ def _gears() -> Outcome:
         f = 40.0 / (r2 * np.cos(pressure) - sense * (arm + lever))
         checks.append(compare("tooth force", np.hypot(*forces.reaction("G")[:, :2].T), f, 1e-12))
         checks.append(compare("torque", forces.effort("A"), sense * f * r1 * np.cos(pressure) + f * (arm + lever), 1e-12))
-    return moved(forces.motion, f"tooth force {f:.6g} N", checks, forces)
+    return motion_outcome(forces.motion, f"tooth force {f:.6g} N", checks, forces)
 
 
 def _rolling() -> Outcome:
@@ -147,7 +151,7 @@ def _rolling() -> Outcome:
         effects=("gravity", "friction"),
     )
     forces = load_at(m, [0.0, 0.5], -2.0)
-    return moved(
+    return motion_outcome(
         forces.motion,
         f"{forces.effort('R')[0]:.6g} N",
         [compare("pull", forces.effort("R"), -40.0 * G * 0.004 / 0.3, 1e-13)],
@@ -176,7 +180,7 @@ def _small_coefficients() -> Outcome:
     lost = np.zeros(60)
     for p in ("O", "B", "C"):
         lost += 1e-11 * np.hypot(*without.reaction(p)[:, :2].T) * np.abs(without.motion.coordinate(p)[:, 1])
-    return moved(
+    return motion_outcome(
         forces.motion,
         f"{-friction_in(forces).power.max():.3g} W at least",
         [compare("loss", -friction_in(forces).power, lost, 1e-8)],

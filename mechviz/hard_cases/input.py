@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
-from mechviz.hard_cases.case import Case, Check, Outcome, compare, judged, moved, refused
+from mechviz.hard_cases.case import Case, Check, Outcome, compare, judged, motion_outcome, refused
 from mechviz.scene.faults import SceneError
 from mechviz.scene.scene import Scene, loads
 
@@ -92,7 +92,7 @@ def _units() -> Outcome:
     checks = []
     for other in (inches, mixed):
         checks += _same(base, _solved(Scene.build(**other)), ("coupler", "rocker"), 1e-14)
-    return moved(base, "the same to the last digit", checks)
+    return motion_outcome(base, "the same to the last digit", checks)
 
 
 def seven_slips() -> dict[str, Any]:
@@ -143,7 +143,7 @@ def _strange_names() -> Outcome:
         text = text.replace(f'"{old}"', json.dumps(new))
     base, other = _solved(Scene.build(**BASE)), _solved(loads(Scene.build(**json.loads(text)).to_toml()))
     checks = [compare(new, other.pose(new), base.pose(old), 1e-15) for old, new in names.items()]
-    return moved(other, ", ".join(names.values()), checks)
+    return motion_outcome(other, ", ".join(names.values()), checks)
 
 
 def _order() -> Outcome:
@@ -154,7 +154,7 @@ def _order() -> Outcome:
     data["joints"] = dict(reversed(data["joints"].items()))
     data["joints"]["B"]["revolute"].reverse()
     data["joints"]["D"]["revolute"].reverse()
-    return moved(base, "the same motion", _same(base, _solved(Scene.build(**data)), ("crank", "coupler", "rocker"), 1e-14))
+    return motion_outcome(base, "the same motion", _same(base, _solved(Scene.build(**data)), ("crank", "coupler", "rocker"), 1e-14))
 
 
 def _not_toml() -> Outcome:
@@ -178,7 +178,7 @@ def _tiny_and_huge() -> Outcome:
         data: dict[str, Any] = json.loads(json.dumps(BASE))
         data["units"]["length"] = unit
         checks.append(compare(unit, _solved(Scene.build(**data)).pose("rocker")[:, 2], base.pose("rocker")[:, 2], 1e-14))
-    return moved(base, "the same angles in nanometres and in megametres", checks)
+    return motion_outcome(base, "the same angles in nanometres and in megametres", checks)
 
 
 def _too_short() -> Outcome:

@@ -12,7 +12,7 @@ from mechcore.laws.timed import ConstantSpeed, Oscillation, zones
 from mechcore.motion.reach import reachable_ranges
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
 from mechcore.spec.mechanism import Drive, Link, Mechanism, Revolute
-from mechviz.hard_cases.case import Case, Check, Outcome, compare, judged, moved, refused
+from mechviz.hard_cases.case import Case, Check, Outcome, compare, judged, motion_outcome, refused
 from mechviz.hard_cases.mechanisms import at, chain, four_bar, slider_crank
 from mechviz.scene.scene import load
 
@@ -24,7 +24,7 @@ def _branch(mode: str) -> Outcome:
     want = np.ones_like(t) if mode == "left" else (0.01 - 0.09) / (0.1 - 0.06 * np.cos(t + 0.5))
     got = motion.velocity("rocker")[:, 2]
     ratio = f"rocker turns {got.min():.4g} to {got.max():.4g} times as fast as the crank"
-    return moved(
+    return motion_outcome(
         motion,
         ratio,
         [compare("speed of the rocker", got, want, 1e-10), judged("2000 changes", len(motion.singular_points) == 2000)],
@@ -38,7 +38,7 @@ def _kite() -> Outcome:
     half = 0.5 * (t + 0.5)
     d = (2.0 * np.cos(half) + np.sqrt(9.0 - 4.0 * np.sin(half) ** 2)) * np.exp(1j * half)
     got = motion.point("coupler", "D") @ [1.0, 1j]
-    return moved(motion, "100 turns, all the way round D", [compare("way of D", np.abs(got - d), 0.0, 1e-9)])
+    return motion_outcome(motion, "100 turns, all the way round D", [compare("way of D", np.abs(got - d), 0.0, 1e-9)])
 
 
 def _flat_margin() -> Outcome:
@@ -52,7 +52,7 @@ def _flat_margin() -> Outcome:
         want = complex(float(b + along), float((r2 * r2 - along * along).sqrt()))
     got = complex(*motion.point("coupler", "D")[0])
     limit = 3.0 * 8e-16 * float(motion.condition[0])
-    return moved(motion, f"D stands {got.imag:.6g} off the line", [compare("place of D", abs(got - want), 0.0, limit)])
+    return motion_outcome(motion, f"D stands {got.imag:.6g} off the line", [compare("place of D", abs(got - want), 0.0, limit)])
 
 
 def _dead_points() -> Outcome:
@@ -67,7 +67,7 @@ def _dead_points() -> Outcome:
         compare("piston", motion.coordinate("S")[:, 0], s, 1e-12),
         judged("six dead points", [c.dead for c in motion.singular_points] == [True] * 6),
     ]
-    return moved(motion, f"the crank turns {abs(angle[-1] - angle[0]) / TURN:.12g} times", checks)
+    return motion_outcome(motion, f"the crank turns {abs(angle[-1] - angle[0]) / TURN:.12g} times", checks)
 
 
 def _beyond() -> Outcome:
@@ -91,7 +91,9 @@ def _sliver() -> Outcome:
 
 def _from_a_change_point() -> Outcome:
     motion = solve_motion(compile_mechanism(four_bar(0.3, 0.1, 0.3, 0.1)), np.linspace(0.0, 2 * TURN, 721))
-    return moved(motion, "stays a parallelogram", [compare("speed of the rocker", motion.velocity("rocker")[:, 2], 1.0, 1e-9)])
+    return motion_outcome(
+        motion, "stays a parallelogram", [compare("speed of the rocker", motion.velocity("rocker")[:, 2], 1.0, 1e-9)]
+    )
 
 
 def _stops_on_it() -> Outcome:
@@ -103,7 +105,7 @@ def _stops_on_it() -> Outcome:
         compare("rocker follows the crank", motion.pose("rocker")[:, 2], motion.pose("crank")[:, 2], 1e-9),
         judged("accelerations are finite", np.isfinite(motion.acceleration("coupler"))),
     ]
-    return moved(motion, f"ends at {np.degrees(motion.pose('crank')[-1, 2]):.9g}°, flat", checks)
+    return motion_outcome(motion, f"ends at {np.degrees(motion.pose('crank')[-1, 2]):.9g}°, flat", checks)
 
 
 def _coupled() -> Outcome:
@@ -135,7 +137,7 @@ def _coupled() -> Outcome:
         whole = TURN * np.round(angle / TURN)
         angle = -whole - 2.0 * np.arctan((d + 1.0) / (d - 1.0) * np.tan(0.5 * (angle - whole)))
         checks.append(compare(f"speed of crank {i + 1}", motion.velocity(f"c{i + 1}")[:, 2], speed, 1e-9))
-    return moved(motion, f"the last crank up to {np.abs(speed).max():.4g} times as fast", checks)
+    return motion_outcome(motion, f"the last crank up to {np.abs(speed).max():.4g} times as fast", checks)
 
 
 def _long_chain() -> Outcome:
@@ -144,7 +146,7 @@ def _long_chain() -> Outcome:
         compare("last upright", motion.velocity("upright100")[:, 2], 1.0, 1e-10),
         compare("last bar stays level", motion.velocity("bar99")[:, 2], 0.0, 1e-10),
     ]
-    return moved(motion, "100 parallelograms flat at once", checks)
+    return motion_outcome(motion, "100 parallelograms flat at once", checks)
 
 
 def _triad() -> Outcome:
@@ -163,7 +165,7 @@ def _triad() -> Outcome:
         compare("speeds are the slopes of positions", around.velocity("plate")[2::5], slope, 1e-8),
         judged("no jump", np.abs(np.diff(motion.pose("plate")[:, 2])).max() < 0.1),
     ]
-    return moved(motion, "ten turns on one branch", checks)
+    return motion_outcome(motion, "ten turns on one branch", checks)
 
 
 def _double_rocker() -> Outcome:
@@ -176,7 +178,7 @@ def _double_rocker() -> Outcome:
         compare("dead points at 1, 3, 5, 7 s", times if len(times) == 4 else [np.nan] * 4, [1.0, 3.0, 5.0, 7.0], 1e-6),
         judged("the rocker swings on", np.abs(motion.velocity("rocker")[180:220, 2]).min() > 0.5),
     ]
-    return moved(motion, f"{len(times)} dead points passed", checks)
+    return motion_outcome(motion, f"{len(times)} dead points passed", checks)
 
 
 def _narrower_limit() -> Outcome:
@@ -184,7 +186,9 @@ def _narrower_limit() -> Outcome:
     low, high = reachable_ranges(compile_mechanism(m))[0]
     edge = float(np.arccos((0.81 + 1.0 - 1.69) / 1.8))
     motion = at(m, np.linspace(low + 1e-9, high - 1e-9, 301))
-    return moved(motion, f"{np.degrees(low):.7g}° to {np.degrees(high):.7g}°", [compare("limits", [-low, high], edge, 1e-9)])
+    return motion_outcome(
+        motion, f"{np.degrees(low):.7g}° to {np.degrees(high):.7g}°", [compare("limits", [-low, high], edge, 1e-9)]
+    )
 
 
 CASES = (

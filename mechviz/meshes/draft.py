@@ -7,16 +7,16 @@ from typing import TYPE_CHECKING
 
 from shapely.geometry import Polygon
 
+from mechcore.arrays import Vec2
 from mechcore.records import dataclass
-from mechcore.spec.mechanism import Vec2
 from mechviz.meshes.extrude import Profile
 
 if TYPE_CHECKING:
-    from mechviz.meshes.model import Model
+    from mechviz.meshes.model import ScaledMechanism
 
 
 @dataclass(frozen=True, eq=False)
-class Piece:
+class PlacedPart:
     """A part of one link on the layer of its group."""
 
     link: str
@@ -41,10 +41,10 @@ class Neck:
 
 
 @dataclass
-class Draft:
+class SolidsDraft:
     """All pieces of a mechanism and the names of their groups."""
 
-    pieces: list[Piece] = field(default_factory=list)
+    pieces: list[PlacedPart] = field(default_factory=list)
     necks: list[Neck] = field(default_factory=list)
     fixed_blocks: list[tuple[Vec2, str]] = field(default_factory=list)  # blocks that stand on the ground: centre, group
     groups: dict[str, str] = field(default_factory=dict)  # moving link -> the group that its plate belongs to
@@ -60,7 +60,7 @@ class Draft:
         for k, reached in self.through.items():
             self.through[k] = {new if group == old else group for group in reached}
 
-    def reached(self, model: Model, axle: int) -> tuple[str, ...]:
+    def reached(self, model: ScaledMechanism, axle: int) -> tuple[str, ...]:
         """Groups that the pin of an axle passes."""
         own = {self.groups[name] for name in model.axles[axle].centres if name != model.frame}
         return tuple(sorted(own | self.through.get(axle, set())))
@@ -70,7 +70,7 @@ class Draft:
         return sorted({piece.group for piece in self.pieces})
 
 
-def joined(model: Model, draft: Draft, a: str, b: str) -> bool:
+def share_a_pin(model: ScaledMechanism, draft: SolidsDraft, a: str, b: str) -> bool:
     """Whether a pin goes through links of both groups, which therefore need layers of their own."""
     ours = {name for name, group in draft.groups.items() if group == a}
     theirs = {name for name, group in draft.groups.items() if group == b}

@@ -16,7 +16,7 @@ from shapely.geometry import LinearRing, Point, Polygon
 from mechcore.arrays import Integers, Real
 from mechcore.records import dataclass
 from mechviz.meshes.outline import ShapeError, clean
-from mechviz.meshes.shading import Color
+from mechviz.meshes.shading import SolidColor
 
 Profile = tuple[tuple[float, float], ...]
 Ring = tuple[Real, Integers]
@@ -311,6 +311,6 @@ class Part:
     link: str
     kind: str  # "plate", "wheel", "block", "rail", "belt", "barrel", "rod", "neck", "pin", "key" or "pedestal"
     shell: Shell
-    color: Color | None  # None: the colour of the link
+    color: SolidColor | None  # None: the colour of the link
     space: tuple[Prism, ...]
     mates: frozenset[str] = frozenset()  # joints in which it meshes: it does not clash with what is in the same joint

@@ -8,12 +8,12 @@ from functools import cached_property
 import numpy as np
 import shapely
 
-from mechcore.arrays import Integers, Real
+from mechcore.arrays import Integers, Real, Vec2
 from mechcore.joints.registry import build_joints
 from mechcore.records import dataclass
-from mechcore.spec.mechanism import Mechanism, Vec2
+from mechcore.spec.mechanism import Mechanism
 from mechviz.meshes.extrude import Part
-from mechviz.meshes.model import Model
+from mechviz.meshes.model import ScaledMechanism
 
 _NEAR_POINT = 0.25  # of half a plate's width: parts this near to a point carry it
 _FLAT_KINDS = ("plate", "wheel", "block")  # kinds of parts that a spring may act on in their own plane
@@ -106,7 +106,7 @@ class Heights:
 
 
 def find_heights(
-    mechanism: Mechanism, model: Model, parts: Sequence[Part], poses: Mapping[str, Real] | None, top: float
+    mechanism: Mechanism, model: ScaledMechanism, parts: Sequence[Part], poses: Mapping[str, Real] | None, top: float
 ) -> Heights:
     """The heights of a mechanism's joints and parts; ``top`` [m] is before everything."""
     near = _NEAR_POINT * model.proportions.r

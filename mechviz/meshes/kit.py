@@ -12,13 +12,13 @@ from shapely import affinity
 from shapely.geometry import MultiPoint, Point, Polygon, box
 from shapely.ops import unary_union
 
-from mechcore.arrays import Real
+from mechcore.arrays import Real, Vec2
 from mechcore.cams import Roller
 from mechcore.records import dataclass
-from mechcore.spec.mechanism import Mechanism, Vec2
-from mechviz.meshes.draft import Draft
+from mechcore.spec.mechanism import Mechanism
+from mechviz.meshes.draft import SolidsDraft
 from mechviz.meshes.layers import Levels, stack_pieces
-from mechviz.meshes.model import Axle, Model, build_model
+from mechviz.meshes.model import Axle, ScaledMechanism, scale_mechanism
 from mechviz.meshes.outline import disc, largest, polygons
 from mechviz.meshes.shapes import draft_pieces
 from mechviz.meshes.solids import shaped
@@ -53,7 +53,7 @@ def kit_of(
     links differ too much in size.
     """
     with shaped(mechanism):
-        model = build_model(mechanism, poses, PART_SIDES)
+        model = scale_mechanism(mechanism, poses, PART_SIDES)
         draft = draft_pieces(model)
         levels = stack_pieces(model, draft)
         return _Kit(model, draft, levels, thickness, clearance, washer).parts()
@@ -75,8 +75,8 @@ class _Roller:
 
 @dataclass(frozen=True, eq=False)
 class _Kit:
-    model: Model
-    draft: Draft
+    model: ScaledMechanism
+    draft: SolidsDraft
     levels: Levels
     thickness: float
     clearance: float

@@ -41,7 +41,7 @@ class Post:
 
 
 @dataclass(frozen=True)
-class Order:
+class LayerOrder:
     """Layer of every group, counted from the back; for every post whether it reaches to the front, not the back."""
 
     layers: tuple[int, ...]
@@ -49,7 +49,7 @@ class Order:
     clashes: int
 
 
-def order_layers(conflicts: Sequence[int], posts: Sequence[Post], behind: Mapping[int, float] = MappingProxyType({})) -> Order:
+def order_layers(conflicts: Sequence[int], posts: Sequence[Post], behind: Mapping[int, float] = MappingProxyType({})) -> LayerOrder:
     """The best order found: fewest clashes first, then few pedestals in front, few layers and short pins.
 
     `conflicts[i]` is the bit mask of the groups that must not share a layer with group i; `behind` names groups that would
@@ -57,12 +57,12 @@ def order_layers(conflicts: Sequence[int], posts: Sequence[Post], behind: Mappin
     """
     n = len(conflicts)
     if n == 0:
-        return Order((), tuple(False for _ in posts), 0)
+        return LayerOrder((), tuple(False for _ in posts), 0)
     costs = Costs(conflicts, posts, behind, COST_WEIGHTS)
     layers = np.zeros((1, 1), np.int16) if n == 1 else _best_order(costs, conflicts, posts)
     best = layers[[int(np.argmin(costs(layers)))]]
     clashes, _, front = costs.counted(best)
-    return Order(tuple(best[0].tolist()), tuple(front[:, 0].tolist()), int(clashes[0]))
+    return LayerOrder(tuple(best[0].tolist()), tuple(front[:, 0].tolist()), int(clashes[0]))
 
 
 def _best_order(costs: Costs, conflicts: Sequence[int], posts: Sequence[Post]) -> Layers:
@@ -71,7 +71,7 @@ def _best_order(costs: Costs, conflicts: Sequence[int], posts: Sequence[Post]) -
     rng = random.Random(0)
     starts = 14 if n <= _FEW_GROUPS else 5 if n <= 20 else 3 if n <= _MANY_GROUPS else 2
     ranks = [natural_ranks(conflicts, posts), *(rng.sample(range(n), n) for _ in range(starts - 1))]
-    layers = packed(greedy(costs, np.array(ranks)))
+    layers = without_empty_layers(greedy(costs, np.array(ranks)))
     return improve(costs, layers) if n <= _MANY_GROUPS else improve_many(costs, layers)
 
 
@@ -118,7 +118,7 @@ def improve(costs: Costs, layers: Layers) -> Layers:
     open_ = np.ones(len(current), bool)
     while open_.any():
         which = np.flatnonzero(open_)
-        trials = packed(_moved(current[which]).reshape(-1, n)).reshape(len(which), -1, n)
+        trials = without_empty_layers(_moved(current[which]).reshape(-1, n)).reshape(len(which), -1, n)
         prices = costs(trials.reshape(-1, n)).reshape(len(which), -1)
         # few groups: the best step; many groups: the first step down will do
         step = prices.argmin(axis=1) if n <= _FEW_GROUPS else (prices < cost[which, None] - _LEAST_GAIN).argmax(axis=1)
@@ -252,7 +252,7 @@ class Costs:
         return np.add.reduceat(flags, self._starts, axis=0, dtype=np.int64)
 
 
-def packed(layers: Layers) -> Layers:
+def without_empty_layers(layers: Layers) -> Layers:
     """The same orders (T, n) without empty layers."""
     most = int(layers.max()) + 1
     used = np.zeros((len(layers), most), np.int16)
@@ -271,7 +271,7 @@ def improve_many(costs: Costs, layers: Layers) -> Layers:
 
 def _improved(costs: Costs, order: Layers) -> Layers:
     """One order (n,): another layer, a new one between two, a swap, for as long as that helps."""
-    current = packed(order[None])
+    current = without_empty_layers(order[None])
     cost = float(costs(current)[0])
     start = 0
     while True:
@@ -279,7 +279,7 @@ def _improved(costs: Costs, order: Layers) -> Layers:
         chunks = list(_chunks(current[0]))
         for k in range(len(chunks)):  # on from where the last step was found: what is behind it has been tried
             chunk = (start + k) % len(chunks)
-            trials = packed(_applied(current[0], chunks[chunk]))
+            trials = without_empty_layers(_applied(current[0], chunks[chunk]))
             prices = costs(trials)
             best = int(np.argmin(prices))
             if prices[best] < cost - 1e-9:

@@ -13,10 +13,10 @@ from shapely.geometry import Polygon
 
 from mechcore.arrays import Flags, Integers, Real
 from mechcore.records import dataclass
-from mechviz.meshes.draft import Draft, Neck, Piece
+from mechviz.meshes.draft import Neck, PlacedPart, SolidsDraft
 from mechviz.meshes.kinds.wheels_drawn import webs
 from mechviz.meshes.layer_order import Post, order_layers
-from mechviz.meshes.model import Model, Proportions
+from mechviz.meshes.model import Proportions, ScaledMechanism
 from mechviz.meshes.outline import ShapeError, disc
 
 _FIRST_PLACES = 3  # places at which a question is tried before all others
@@ -227,7 +227,7 @@ class _Reach:
     ground: bool
 
 
-def stack_pieces(model: Model, draft: Draft) -> Levels:
+def stack_pieces(model: ScaledMechanism, draft: SolidsDraft) -> Levels:
     """Find the order of layers in which the fewest pieces and pins meet during the motion."""
     names = draft.group_names
     number = {name: k for k, name in enumerate(names)}
@@ -254,7 +254,7 @@ def stack_pieces(model: Model, draft: Draft) -> Levels:
     )
 
 
-def _in_planes(model: Model, draft: Draft, layer: dict[str, int]) -> dict[str, int]:
+def _in_planes(model: ScaledMechanism, draft: SolidsDraft, layer: dict[str, int]) -> dict[str, int]:
     """Layers of groups so that links of a plane lie together, as far in front of the first plane as is stated at least."""
     plane = dict.fromkeys(layer, 0.0)
     for piece in draft.pieces:
@@ -270,7 +270,7 @@ def _in_planes(model: Model, draft: Draft, layer: dict[str, int]) -> dict[str, i
     return planes
 
 
-def _axle_reach(model: Model, draft: Draft, number: int) -> _Reach:
+def _axle_reach(model: ScaledMechanism, draft: SolidsDraft, number: int) -> _Reach:
     axle = model.axles[number]
     ground = model.frame in axle.centres
     link = model.frame if ground else axle.owner
@@ -283,7 +283,7 @@ def _neck_reach(neck: Neck) -> _Reach:
 
 
 def _meetings(
-    model: Model, draft: Draft, reaches: list[_Reach], number: Mapping[str, int]
+    model: ScaledMechanism, draft: SolidsDraft, reaches: list[_Reach], number: Mapping[str, int]
 ) -> tuple[list[int], list[int], list[tuple[int, ...]]]:
     """Bit masks: for every group those that it meets at some frame (or is joined to by a joint), for every pin or neck those that
     would run into it; and for every pin or neck the others that it meets: those of one link never move apart."""
@@ -337,13 +337,13 @@ def _meetings(
     return conflicts, hits, [tuple(sorted(n)) for n in near]
 
 
-def _grown(model: Model, pieces: Sequence[Piece]) -> list[Polygon]:
+def _grown(model: ScaledMechanism, pieces: Sequence[PlacedPart]) -> list[Polygon]:
     """Pieces without their holes, a little larger than they are: what crosses a hole would be in the way of its edge."""
     r = model.proportions.r
     whole = shapely.polygons(shapely.get_exterior_ring([piece.outline for piece in pieces]))
     return list(shapely.simplify(shapely.buffer(whole, 0.08 * r, quad_segs=2), 0.01 * r))
 
 
-def poses_of(model: Model, link: str) -> Real:
+def poses_of(model: ScaledMechanism, link: str) -> Real:
     """Poses (F, 3) of a link; at rest at the origin if the motion is not known."""
     return model.poses[link] if model.frames else np.zeros((1, 3))

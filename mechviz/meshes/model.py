@@ -8,12 +8,12 @@ from dataclasses import field, replace
 import numpy as np
 from shapely.geometry import Point, Polygon
 
-from mechcore.arrays import Real
+from mechcore.arrays import Real, Vec2
 from mechcore.joints.base import Builder, LoopJoint
 from mechcore.joints.registry import build_joints
 from mechcore.records import dataclass
 from mechcore.spec.loads import Force
-from mechcore.spec.mechanism import CamJoint, Link, Mechanism, PinSlot, Prismatic, Rolling, Screw, Vec2
+from mechcore.spec.mechanism import CamJoint, Link, Mechanism, PinSlot, Prismatic, Rolling, Screw
 from mechviz.meshes.kinds.cam_profiles import CamDrawing, InverseDrawing, cam_extents, find_cams, find_inverse
 from mechviz.meshes.kinds.fittings import Telescope, find_telescopes
 from mechviz.meshes.kinds.spatial_cams import SpatialDrawing, find_spatial
@@ -132,7 +132,7 @@ class Weldment:
 
 
 @dataclass(frozen=True)
-class Model:
+class ScaledMechanism:
     """A mechanism in units of its size."""
 
     frame: str
@@ -168,9 +168,9 @@ class Model:
         return [axle.centres[link] for axle in self.axles if link in axle.centres]
 
 
-def build_model(
+def scale_mechanism(
     mechanism: Mechanism, poses: Mapping[str, Real] | None, segments: int, profile: int = 1080, *, spindle: bool = False
-) -> Model:
+) -> ScaledMechanism:
     """Scale a mechanism and its poses (F, 3) [m, m, rad] to size 1 and find its axles, guides and wheels.
 
     ``segments``: sides of a full circle; ``profile``: points of a cam's profile; ``spindle``: the ground's guides are rods.
@@ -201,7 +201,7 @@ def build_model(
     guides = [j for j in others if j.name not in {t.joint for t in telescopes}]
     slots = [joint for joint in mechanism.joints if isinstance(joint, PinSlot)]
     ends = {joint.name: (joint.ends[0] / size, joint.ends[1] / size) for joint in slots if joint.ends is not None}
-    return Model(
+    return ScaledMechanism(
         frame=mechanism.frame,
         links=tuple(link.name for link in links),
         size=size,
@@ -234,7 +234,7 @@ def _figure(corners: Real, bevel: float) -> Polygon:
     return blunt[0] if len(blunt) == 1 and not blunt[0].interiors else whole
 
 
-def largest_circle(model: Model) -> float:
+def largest_circle(model: ScaledMechanism) -> float:
     """Radius of the largest round shape, in sizes of the mechanism: wheels, the rims of grooved cams, rounded ends of links."""
     radii = [model.proportions.r, *(w.radius for w in model.wheels.wheels)]
     for cam in model.cams:
@@ -295,12 +295,12 @@ def _size(mechanism: Mechanism, parts: Builder, poses: Mapping[str, Real]) -> fl
         xy = np.array(kept, float)
         extents.append(float(np.ptp(xy, axis=0).max()))
         if poses:
-            clouds.append(place(xy, poses[link.name]).reshape(-1, 2))
+            clouds.append(world_points(xy, poses[link.name]).reshape(-1, 2))
     size = float(np.ptp(np.vstack(clouds), axis=0).max()) if clouds else 1.5 * max(extents)
     return size if np.isfinite(size) and size > 0.0 else 0.01
 
 
-def place(xy: Real, pose: Real) -> Real:
+def world_points(xy: Real, pose: Real) -> Real:
     """Points (n, 2) of a link in the world at its poses (F, 3) -> (F, n, 2)."""
     c, s = np.cos(pose[:, 2, None]), np.sin(pose[:, 2, None])
     x = pose[:, 0, None] + c * xy[:, 0] - s * xy[:, 1]
@@ -308,7 +308,7 @@ def place(xy: Real, pose: Real) -> Real:
     return np.stack([x, y], axis=-1)
 
 
-Points = Mapping[str, Mapping[str, Vec2]]  # link -> name of a point -> point, in the link's frame
+PointsByLink = Mapping[str, Mapping[str, Vec2]]  # link -> name of a point -> point, in the link's frame
 Marks = Mapping[str, tuple[Vec2, ...]]  # link -> points of its outline that carry no pin
 Cluster = tuple[dict[str, Vec2], str]  # link -> centre, and the owner of the pin
 
@@ -336,7 +336,7 @@ def _clusters(mechanism: Mechanism, joints: Sequence[LoopJoint]) -> list[Cluster
     return groups
 
 
-def _marks(mechanism: Mechanism, points: Points, clusters: list[Cluster]) -> Marks:
+def _marks(mechanism: Mechanism, points: PointsByLink, clusters: list[Cluster]) -> Marks:
     """Points that belong to a link's outline without a pin: all named points, except those that only place a guide."""
     lines = [joint for joint in mechanism.joints if isinstance(joint, Prismatic | PinSlot | Rolling)]
     guides = {(link, p) for joint in lines for link, p in zip(joint.links, joint.points, strict=True)}
@@ -393,11 +393,11 @@ def _play(axle: Axle, poses: Mapping[str, Real]) -> dict[str, float]:
     """How far an axle's pin goes from the axis in links whose joints with it have clearance, over the run."""
     if axle.owner not in poses:
         return {}
-    pin = place(np.array([axle.centres[axle.owner]]), poses[axle.owner])[:, 0]
+    pin = world_points(np.array([axle.centres[axle.owner]]), poses[axle.owner])[:, 0]
     play = {}
     for link, centre in axle.centres.items():
         if link != axle.owner and link in poses:
-            away = float(np.hypot(*(place(np.array([centre]), poses[link])[:, 0] - pin).T).max())
+            away = float(np.hypot(*(world_points(np.array([centre]), poses[link])[:, 0] - pin).T).max())
             if away > _SAME_AXLE:
                 play[link] = away
     return play

@@ -11,7 +11,7 @@ from shapely.geometry import MultiPolygon, Point, Polygon, box
 from shapely.geometry.polygon import orient
 from shapely.ops import unary_union
 
-from mechcore.spec.mechanism import Vec2
+from mechcore.arrays import Vec2
 
 Disc = tuple[Vec2, float]  # centre and radius
 

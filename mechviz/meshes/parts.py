@@ -12,13 +12,13 @@ import numpy as np
 from shapely.geometry import Point, Polygon, box
 from shapely.ops import unary_union
 
+from mechcore.arrays import Vec2
 from mechcore.records import dataclass
-from mechcore.spec.mechanism import Vec2
-from mechviz.meshes.draft import Draft, Neck, Piece
+from mechviz.meshes.draft import Neck, PlacedPart, SolidsDraft
 from mechviz.meshes.extrude import Groove, Part, Prism, Profile, Shell, Turned, plate, revolve
 from mechviz.meshes.kinds.spatial_cams import turrets_reach
 from mechviz.meshes.layers import Levels
-from mechviz.meshes.model import Axle, Model
+from mechviz.meshes.model import Axle, ScaledMechanism
 from mechviz.meshes.outline import (
     clean,
     disc,
@@ -37,7 +37,7 @@ _GROOVE_EXTENT = (0.2, 0.8)  # from where to where a groove reaches, from the bo
 _OUTER_BOSS = 0.33  # height of a boss that faces no other link, in heights of one that does
 
 
-def make_parts(model: Model, draft: Draft, levels: Levels) -> list[Part]:
+def make_parts(model: ScaledMechanism, draft: SolidsDraft, levels: Levels) -> list[Part]:
     """All parts of a mechanism."""
     parts: list[Part] = []
     for piece in draft.pieces:
@@ -59,7 +59,7 @@ def make_parts(model: Model, draft: Draft, levels: Levels) -> list[Part]:
     return parts
 
 
-def _flat_parts(model: Model, draft: Draft, levels: Levels, piece: Piece) -> list[Part]:
+def _flat_parts(model: ScaledMechanism, draft: SolidsDraft, levels: Levels, piece: PlacedPart) -> list[Part]:
     """A plate, block or rail with its holes and bosses, and the keys in them."""
     size = model.proportions
     layer = levels.layer[piece.group]
@@ -118,7 +118,7 @@ def _flat_parts(model: Model, draft: Draft, levels: Levels, piece: Piece) -> lis
     return [Part(piece.link, piece.kind, shell, color, space, piece.mates), *keys]
 
 
-def _key(axle: Axle, z: tuple[float, float], model: Model) -> Part:
+def _key(axle: Axle, z: tuple[float, float], model: ScaledMechanism) -> Part:
     """The key of a shaft between two heights."""
     assert axle.key is not None
     shape = key_outline(axle.centres[axle.owner], axle.pin, axle.key, model.segments)
@@ -131,7 +131,7 @@ def _block_heights(levels: Levels, layer: int) -> tuple[float, float]:
     return low - over, high + over
 
 
-def _round_part(levels: Levels, piece: Piece, model: Model) -> Part:
+def _round_part(levels: Levels, piece: PlacedPart, model: ScaledMechanism) -> Part:
     """A barrel or rod along its line, in the middle of its layer."""
     low, high = levels.plate(levels.layer[piece.group])
     middle, radius = 0.5 * (low + high), max(radius for radius, _ in piece.profile)
@@ -140,7 +140,7 @@ def _round_part(levels: Levels, piece: Piece, model: Model) -> Part:
     return Part(piece.link, piece.kind, shell, PIN_COLOR if piece.kind == "rod" else None, space, piece.mates)
 
 
-def _nut(levels: Levels, piece: Piece, model: Model) -> Part:
+def _nut(levels: Levels, piece: PlacedPart, model: ScaledMechanism) -> Part:
     """The block of a screw, with the bore for its spindle."""
     low, high = _block_heights(levels, levels.layer[piece.group])
     (x, y), (c, s) = piece.line
@@ -154,7 +154,7 @@ def _nut(levels: Levels, piece: Piece, model: Model) -> Part:
     return Part(piece.link, piece.kind, _laid(shell, piece, 0.5 * (low + high)), None, space, piece.mates)
 
 
-def _laid(upright: Shell, piece: Piece, middle: float) -> Shell:
+def _laid(upright: Shell, piece: PlacedPart, middle: float) -> Shell:
     """A solid that stands on the plane at the origin, laid along the line of a piece at a height."""
     (x, y), (c, s) = piece.line
     # z becomes the line's direction, x what is across it, y upright: a rotation, so that faces stay outside
@@ -162,7 +162,7 @@ def _laid(upright: Shell, piece: Piece, middle: float) -> Shell:
     return Shell(vertices, upright.faces)
 
 
-def _hubs(draft: Draft, levels: Levels, piece: Piece, centre: Point) -> set[int]:
+def _hubs(draft: SolidsDraft, levels: Levels, piece: PlacedPart, centre: Point) -> set[int]:
     """On which sides, 1 above and -1 below, a hub about an axis joins a piece to another one of its link."""
     sides = set()
     for neck in draft.necks:
@@ -172,7 +172,7 @@ def _hubs(draft: Draft, levels: Levels, piece: Piece, centre: Point) -> set[int]
     return sides
 
 
-def _boss_heights(model: Model, levels: Levels, axle_number: int, layer: int) -> tuple[float, float]:
+def _boss_heights(model: ScaledMechanism, levels: Levels, axle_number: int, layer: int) -> tuple[float, float]:
     """Heights of the bosses above and below a plate: full towards another link of the axle, low under a pin head."""
     axle, boss = model.axles[axle_number], model.proportions.boss
     reached = levels.axle_layers[axle_number]
@@ -195,7 +195,9 @@ def _boss(radius: float, hole: float, face: float, height: float, bevel: float) 
     return ((radius, face), (radius, end - sign * chamfer), (radius - chamfer, end), (hole, end))
 
 
-def _drilled_marks(model: Model, piece: Piece, shape: Polygon, turned: Sequence[Turned], low: float, high: float) -> list[Turned]:
+def _drilled_marks(
+    model: ScaledMechanism, piece: PlacedPart, shape: Polygon, turned: Sequence[Turned], low: float, high: float
+) -> list[Turned]:
     """Small holes that show named points which carry no pin."""
     if piece.kind != "plate" or piece.link == model.frame:
         return []
@@ -209,7 +211,7 @@ def _drilled_marks(model: Model, piece: Piece, shape: Polygon, turned: Sequence[
     return marks
 
 
-def _necks(model: Model, draft: Draft, levels: Levels) -> list[Part]:
+def _necks(model: ScaledMechanism, draft: SolidsDraft, levels: Levels) -> list[Part]:
     """Necks that join plates to blocks on other layers, from face to face; of necks within each other the longest."""
     parts = []
     size = model.proportions
@@ -238,7 +240,7 @@ def _necks(model: Model, draft: Draft, levels: Levels) -> list[Part]:
     return parts
 
 
-def _pins(model: Model, draft: Draft, levels: Levels, axle_number: int) -> list[Part]:
+def _pins(model: ScaledMechanism, draft: SolidsDraft, levels: Levels, axle_number: int) -> list[Part]:
     """The pin of an axle; of a nut one on each side where other links are: it does not reach into the bore."""
     axle, reached = model.axles[axle_number], levels.axle_layers[axle_number] or (0,)
     nut = next((levels.of(link) for link in axle.centres if model.spindles(link)), None)
@@ -248,7 +250,9 @@ def _pins(model: Model, draft: Draft, levels: Levels, axle_number: int) -> list[
     return [_pin(model, draft, levels, axle_number, side, nut) for side in sides if len(side) > 1]
 
 
-def _pin(model: Model, draft: Draft, levels: Levels, axle_number: int, reached: tuple[int, ...], nut: int | None = None) -> Part:
+def _pin(
+    model: ScaledMechanism, draft: SolidsDraft, levels: Levels, axle_number: int, reached: tuple[int, ...], nut: int | None = None
+) -> Part:
     """The pin of an axle: through all its links, with spacers over layers between them and heads at its free ends; on the first or
     last layer, where a ``nut`` is, up to its face."""
     axle, size = model.axles[axle_number], model.proportions
@@ -283,7 +287,7 @@ def _pin(model: Model, draft: Draft, levels: Levels, axle_number: int, reached: 
     return Part(axle.owner, "pin", shell, PIN_COLOR, space)
 
 
-def _bushed(draft: Draft, levels: Levels, axle: Axle, low: int, high: int) -> bool:
+def _bushed(draft: SolidsDraft, levels: Levels, axle: Axle, low: int, high: int) -> bool:
     """Whether a hub of a link on the axle reaches around its pin from one layer to another: there is no room for a spacer."""
     for neck in draft.necks:
         at = axle.centres.get(neck.link)
@@ -326,7 +330,7 @@ class _Stand:
         return Turned(self.centre, top=((radius, high), (radius, end - chamfer), (radius - chamfer, end), (0.0, end)))
 
 
-def _stands(model: Model, draft: Draft, levels: Levels) -> list[_Stand]:
+def _stands(model: ScaledMechanism, draft: SolidsDraft, levels: Levels) -> list[_Stand]:
     stands = []
     for axle, layers, front in zip(model.axles, levels.axle_layers, levels.axle_front, strict=True):
         if model.frame in axle.centres:
@@ -337,7 +341,7 @@ def _stands(model: Model, draft: Draft, levels: Levels) -> list[_Stand]:
     return stands
 
 
-def _pedestals(model: Model, draft: Draft, levels: Levels) -> list[Part]:
+def _pedestals(model: ScaledMechanism, draft: SolidsDraft, levels: Levels) -> list[Part]:
     """Feet of the ground pivots with their columns: behind all layers, or in front where a column would be hit."""
     size = model.proportions
     stands = _stands(model, draft, levels)

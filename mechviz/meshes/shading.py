@@ -8,15 +8,15 @@ import numpy as np
 
 from mechcore.arrays import Index, Integers, Real
 
-Color = tuple[int, int, int, int]  # red, green, blue, alpha, each 0-255
+SolidColor = tuple[int, int, int, int]  # red, green, blue, alpha, each 0-255
 
-FRAME_COLOR: Color = (112, 119, 128, 255)
-PIN_COLOR: Color = (196, 200, 206, 255)
-BELT_COLOR: Color = (62, 64, 69, 255)
+FRAME_COLOR: SolidColor = (112, 119, 128, 255)
+PIN_COLOR: SolidColor = (196, 200, 206, 255)
+BELT_COLOR: SolidColor = (62, 64, 69, 255)
 
 # Ten muted hues. Neighbours in the list differ in lightness as well as in hue, so that they stay apart for colour-blind
 # viewers and in print; none is a saturated red or green, which force arrows use.
-_LINK_COLORS: tuple[Color, ...] = (
+_LINK_COLORS: tuple[SolidColor, ...] = (
     (68, 114, 166, 255),  # blue
     (232, 163, 82, 255),  # amber
     (86, 160, 140, 255),  # teal
@@ -30,7 +30,7 @@ _LINK_COLORS: tuple[Color, ...] = (
 )
 
 
-def link_colors(names: tuple[str, ...], frame: str, stated: Mapping[str, tuple[int, int, int]]) -> dict[str, Color]:
+def link_colors(names: tuple[str, ...], frame: str, stated: Mapping[str, tuple[int, int, int]]) -> dict[str, SolidColor]:
     """Colour of every link: the ``stated`` one, else by its place in the scene; the frame is grey and uses up no colour."""
     moving = [name for name in names if name != frame]
     colors = {name: _LINK_COLORS[k % len(_LINK_COLORS)] for k, name in enumerate(moving)}

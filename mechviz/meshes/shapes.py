@@ -14,10 +14,9 @@ import numpy as np
 from shapely.geometry import Point, Polygon
 from shapely.ops import unary_union
 
-from mechcore.arrays import Real
-from mechcore.spec.mechanism import Vec2
+from mechcore.arrays import Real, Vec2
 from mechviz.meshes import outline
-from mechviz.meshes.draft import Draft, Neck, Piece, joined
+from mechviz.meshes.draft import Neck, PlacedPart, SolidsDraft, share_a_pin
 from mechviz.meshes.extrude import Profile
 from mechviz.meshes.kinds.cam_profiles import draw_inverse
 from mechviz.meshes.kinds.cams import draw_cams, group_cams
@@ -31,16 +30,16 @@ from mechviz.meshes.kinds.fittings import (
     slot_of,
 )
 from mechviz.meshes.kinds.wheels_drawn import draw_wheels, group_wheels, rail_ends
-from mechviz.meshes.model import Guide, Model
+from mechviz.meshes.model import Guide, ScaledMechanism
 
 _NUT_BORE = 1.06  # radius of a nut's bore, in radii of its spindle
 _LEAST_LEAD, _THREAD_ROOT = 0.3, 0.82  # of a thread, in radii of its spindle: the least lead that can be seen, its root
 
 
-def draft_pieces(model: Model) -> Draft:
+def draft_pieces(model: ScaledMechanism) -> SolidsDraft:
     """Choose the form of every guide and draw all pieces."""
     model = replace(model, guides=tuple(_on_material(model, guide) for guide in model.guides))
-    draft = Draft(groups={name: name for name in model.links if name != model.frame})
+    draft = SolidsDraft(groups={name: name for name in model.links if name != model.frame})
     plain = group_cams(model, draft, group_wheels(model, draft))
     group_telescopes(model, draft)
     group_slots(model, draft)
@@ -61,7 +60,7 @@ def draft_pieces(model: Model) -> Draft:
     draw_telescopes(model, draft)
     draw_slots(model, draft)
     for name, shape in plates.items():
-        draft.pieces.append(Piece(name, shape, draft.groups[name], "plate"))
+        draft.pieces.append(PlacedPart(name, shape, draft.groups[name], "plate"))
     for name in sorted(
         model.figures.keys() - plates.keys()
     ):  # of a stem of a follower, which has its plate from there, a wheel, a block
@@ -69,16 +68,16 @@ def draft_pieces(model: Model) -> Draft:
     return draft
 
 
-def _draw_figure(draft: Draft, link: str, figure: Polygon) -> None:
+def _draw_figure(draft: SolidsDraft, link: str, figure: Polygon) -> None:
     """A figure as a part of the plate that a link has, else as one of its own."""
     for k, piece in enumerate(draft.pieces):
         if piece.link == link and piece.kind == "plate":
             draft.pieces[k] = replace(piece, outline=outline.largest(unary_union([piece.outline, figure])))
             return
-    draft.pieces.append(Piece(link, figure, draft.groups[link], "plate"))
+    draft.pieces.append(PlacedPart(link, figure, draft.groups[link], "plate"))
 
 
-def _form(model: Model, guide: Guide) -> str:
+def _form(model: ScaledMechanism, guide: Guide) -> str:
     """How a guide is drawn: "rails" beside a block, a "slot" in the rail's plate, or a "saddle" around a bar, or a spindle."""
     if guide.rail == model.frame:
         return "saddle" if model.spindle and guide.joint not in model.leads else "rails"
@@ -92,7 +91,7 @@ def _form(model: Model, guide: Guide) -> str:
     return "slot"
 
 
-def _on_material(model: Model, guide: Guide) -> Guide:
+def _on_material(model: ScaledMechanism, guide: Guide) -> Guide:
     """The guide with its block moved along the guide line, off the slots of its own link.
 
     A block may sit anywhere along its line. The middle of a yoke's slot is a handy point for equations, but there is
@@ -119,7 +118,7 @@ def _on_material(model: Model, guide: Guide) -> Guide:
     return guide
 
 
-def _homes(model: Model, draft: Draft, forms: Mapping[str, str]) -> dict[str, str]:
+def _homes(model: ScaledMechanism, draft: SolidsDraft, forms: Mapping[str, str]) -> dict[str, str]:
     """Blocks without a plate of their own -> the joint in whose rail they lie; merges their groups with the rail's."""
     homes: dict[str, str] = {}
     for guide in model.guides:
@@ -130,13 +129,13 @@ def _homes(model: Model, draft: Draft, forms: Mapping[str, str]) -> dict[str, st
             homes[block] = guide.joint
             continue
         old, new = draft.groups[block], draft.groups[rail]
-        if old != new and not joined(model, draft, old, new):
+        if old != new and not share_a_pin(model, draft, old, new):
             homes[block] = guide.joint
             draft.merge(old, new)
     return homes
 
 
-def _draw_guide(model: Model, draft: Draft, guide: Guide, form: str, *, at_home: bool) -> None:
+def _draw_guide(model: ScaledMechanism, draft: SolidsDraft, guide: Guide, form: str, *, at_home: bool) -> None:
     """The block (or jaws) of a guide and, on the frame, its rails."""
     r = model.proportions.r
     if form == "rails":
@@ -144,24 +143,26 @@ def _draw_guide(model: Model, draft: Draft, guide: Guide, form: str, *, at_home:
         block = _block(model, guide, half_width=1.25 * r, whole=at_home)
         screw = guide.joint in model.leads
         line, bore = (guide.block_point, guide.block_along), _NUT_BORE * _spindle_radius(model) if screw else 0.0
-        draft.pieces.append(Piece(guide.block, block, group, "block", frozenset(model.spindles(guide.block)), line=line, bore=bore))
+        draft.pieces.append(
+            PlacedPart(guide.block, block, group, "block", frozenset(model.spindles(guide.block)), line=line, bore=bore)
+        )
         low, high = _span(model, guide, whole=at_home)
         if screw:
             _draw_spindle(model, draft, guide, group, (low, high))
         strips = outline.guide_rails(guide.origin, guide.along, low, high, 1.25 * r, r)
-        draft.pieces += [Piece(model.frame, strip, group, "rail") for strip in strips]
+        draft.pieces += [PlacedPart(model.frame, strip, group, "rail") for strip in strips]
     elif guide.block == model.frame:
         group = draft.groups[guide.rail]
         if form == "saddle":
             strips = outline.guide_rails(guide.block_point, guide.block_along, -1.6 * r, 1.6 * r, r, r)
-            draft.pieces += [Piece(model.frame, strip, group, "rail") for strip in strips]
+            draft.pieces += [PlacedPart(model.frame, strip, group, "rail") for strip in strips]
         else:
-            draft.pieces.append(Piece(model.frame, _block(model, guide, _die(model), whole=False), group, "block"))
+            draft.pieces.append(PlacedPart(model.frame, _block(model, guide, _die(model), whole=False), group, "block"))
             draft.fixed_blocks.append((guide.block_point, group))
         return
     elif form == "slot":
         group = draft.groups[guide.rail]
-        draft.pieces.append(Piece(guide.block, _block(model, guide, _die(model), whole=at_home), group, "block"))
+        draft.pieces.append(PlacedPart(guide.block, _block(model, guide, _die(model), whole=at_home), group, "block"))
     else:
         group = f"rails of {guide.joint}" if guide.rail == model.frame else draft.groups[guide.rail]
         if guide.rail == model.frame:
@@ -170,7 +171,7 @@ def _draw_guide(model: Model, draft: Draft, guide: Guide, form: str, *, at_home:
             return  # jaws would run into the plate: the block only lies on it
         for side in (1.0, -1.0):
             jaw = _beside(guide.block_point, guide.block_along, side * 1.35 * r, 2.0 * model.proportions.block, 0.5 * r)
-            draft.pieces.append(Piece(guide.block, jaw, group, "block"))
+            draft.pieces.append(PlacedPart(guide.block, jaw, group, "block"))
             # narrower than the jaw: no two parts share a corner, not even where the jaw is too fine for a bevel
             neck = _beside(guide.block_point, guide.block_along, side * 1.35 * r, 1.96 * model.proportions.block, 0.46 * r)
             draft.necks.append(Neck(guide.block, neck, (draft.groups[guide.block], group)))
@@ -180,7 +181,7 @@ def _draw_guide(model: Model, draft: Draft, guide: Guide, form: str, *, at_home:
         draft.necks.append(Neck(guide.block, neck, (draft.groups[guide.block], group)))
 
 
-def _draw_rod(model: Model, draft: Draft, guide: Guide, group: str) -> None:
+def _draw_rod(model: ScaledMechanism, draft: SolidsDraft, guide: Guide, group: str) -> None:
     """A spindle of the ground between the jaws of its block, from the guide's own point on."""
     size = model.proportions
     low, high = _span(model, guide, whole=False)
@@ -188,10 +189,10 @@ def _draw_rod(model: Model, draft: Draft, guide: Guide, group: str) -> None:
     radius = min(0.5 * size.t, 0.55 * size.r)
     bar = outline.rectangle(_along(guide.origin, guide.along, 0.5 * (low + high)), guide.along, high - low, 2.0 * radius, 0.0)
     profile = ((0.0, low), (radius, low), (radius, high), (0.0, high))
-    draft.pieces.append(Piece(model.frame, bar, group, "rod", profile=profile, line=(guide.origin, guide.along)))
+    draft.pieces.append(PlacedPart(model.frame, bar, group, "rod", profile=profile, line=(guide.origin, guide.along)))
 
 
-def _draw_spindle(model: Model, draft: Draft, guide: Guide, group: str, span: tuple[float, float]) -> None:
+def _draw_spindle(model: ScaledMechanism, draft: SolidsDraft, guide: Guide, group: str, span: tuple[float, float]) -> None:
     """The threaded rod of a screw through its nut, from the guide's own point on, in its bearing."""
     size = model.proportions
     low, high = min(span[0], -1.5 * size.r), max(span[1], 1.5 * size.r)
@@ -201,16 +202,16 @@ def _draw_spindle(model: Model, draft: Draft, guide: Guide, group: str, span: tu
     profile = ((0.0, low), *turns, (0.0, high))
     line = (guide.origin, guide.along)
     mates = frozenset([guide.joint])
-    draft.pieces.append(Piece(model.frame, bar, group, "rod", mates, profile=profile, line=line))
+    draft.pieces.append(PlacedPart(model.frame, bar, group, "rod", mates, profile=profile, line=line))
     shaft = outline.disc((0.0, 0.0), 0.3 * radius, model.segments)  # within the rod: the turning link itself
     draft.groups[_spindle_of(guide.joint)] = group
-    draft.pieces.append(Piece(_spindle_of(guide.joint), shaft, group, "block", mates))
+    draft.pieces.append(PlacedPart(_spindle_of(guide.joint), shaft, group, "block", mates))
     if span[0] > 0.8 * size.r:  # room before the nut
         bearing = outline.rectangle(guide.origin, guide.along, 0.7 * size.r, 1.9 * size.r, 0.15 * size.r)
-        draft.pieces.append(Piece(model.frame, bearing, group, "block", mates))
+        draft.pieces.append(PlacedPart(model.frame, bearing, group, "block", mates))
 
 
-def _spindle_radius(model: Model) -> float:
+def _spindle_radius(model: ScaledMechanism) -> float:
     """Radius of a screw's spindle: there is room for its nut around it, on its layer."""
     return min(0.41 * model.proportions.t, 0.5 * model.proportions.r)
 
@@ -227,7 +228,7 @@ def _threads(low: float, high: float, lead: float, radius: float) -> Profile:
     return tuple((radius * (1.0 if k % 2 == 0 else _THREAD_ROOT), float(at)) for k, at in enumerate(x))
 
 
-def _plate(model: Model, link: str, forms: Mapping[str, str]) -> Polygon:
+def _plate(model: ScaledMechanism, link: str, forms: Mapping[str, str]) -> Polygon:
     """The plate of a link: around its pins, marks and guides, with slots, and lightened where it is wide."""
     size = model.proportions
     discs: list[outline.Disc] = [(xy, size.r) for xy in model.pins(link)]
@@ -269,7 +270,7 @@ def _plate(model: Model, link: str, forms: Mapping[str, str]) -> Polygon:
     return outline.largest(cut)
 
 
-def _compact(model: Model, guide: Guide) -> bool:
+def _compact(model: ScaledMechanism, guide: Guide) -> bool:
     """Whether a block needs no plate.
 
     It belongs to no other guide, and its pins and marks lie close together on its middle line.
@@ -286,7 +287,7 @@ def _compact(model: Model, guide: Guide) -> bool:
     return bool(np.all(np.abs(lateral) <= wide)) and float(np.ptp([0.0, *s])) <= long
 
 
-def _straight(model: Model, link: str, origin: Vec2, along: Vec2) -> bool:
+def _straight(model: ScaledMechanism, link: str, origin: Vec2, along: Vec2) -> bool:
     """Whether a link is a plain bar along a line, so that jaws can slide along its sides."""
     _, lateral = _coordinates([*model.pins(link), *model.marks[link]], origin, along)
     rails = [g for g in model.guides if link in (g.rail, g.block)]
@@ -299,7 +300,7 @@ def _coordinates(points: list[Vec2], origin: Vec2, along: Vec2) -> tuple[Real, R
     return d @ np.array(along), d @ np.array([-along[1], along[0]])
 
 
-def _extent(model: Model, guide: Guide, *, whole: bool) -> tuple[float, float]:
+def _extent(model: ScaledMechanism, guide: Guide, *, whole: bool) -> tuple[float, float]:
     """How far a block reaches along its guide, from its own point; `whole` if it carries all pins of its link."""
     half = model.proportions.block
     points = [*model.pins(guide.block), *model.marks[guide.block]] if whole and guide.block != model.frame else []
@@ -309,25 +310,25 @@ def _extent(model: Model, guide: Guide, *, whole: bool) -> tuple[float, float]:
     return float(s.min()) - half, float(s.max()) + half
 
 
-def _span(model: Model, guide: Guide, *, whole: bool) -> tuple[float, float]:
+def _span(model: ScaledMechanism, guide: Guide, *, whole: bool) -> tuple[float, float]:
     """The part of the guide line that the block covers over the run, with a margin; from the guide's origin."""
     low, high = _extent(model, guide, whole=whole and _compact(model, guide))
     margin = 0.45 * model.proportions.r
     return guide.travel[0] + low - margin, guide.travel[1] + high + margin
 
 
-def _slot(model: Model, guide: Guide) -> Polygon:
+def _slot(model: ScaledMechanism, guide: Guide) -> Polygon:
     low, high = _span(model, guide, whole=True)
     middle = _along(guide.origin, guide.along, 0.5 * (low + high))
     return outline.rectangle(middle, guide.along, high - low, 2.0 * model.proportions.slot, 0.35 * model.proportions.r)
 
 
-def _die(model: Model) -> float:
+def _die(model: ScaledMechanism) -> float:
     """Half the width of a block in a slot."""
     return model.proportions.slot - 0.05 * model.proportions.r
 
 
-def _block(model: Model, guide: Guide, half_width: float, *, whole: bool) -> Polygon:
+def _block(model: ScaledMechanism, guide: Guide, half_width: float, *, whole: bool) -> Polygon:
     low, high = _extent(model, guide, whole=whole)
     middle = _along(guide.block_point, guide.block_along, 0.5 * (low + high))
     width = 2.0 * half_width - 0.1 * model.proportions.r if guide.rail == model.frame else 2.0 * half_width

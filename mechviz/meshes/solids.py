@@ -22,14 +22,14 @@ from mechcore.spec.mechanism import Mechanism
 from mechviz.meshes.extrude import Part, Shell, joined_shells
 from mechviz.meshes.heights import Heights, find_heights
 from mechviz.meshes.kinds.fittings import on_shafts
-from mechviz.meshes.kinds.rims import Loop
+from mechviz.meshes.kinds.rims import BeltLoop
 from mechviz.meshes.kinds.spatial_cams import Spin, spatial_parts
 from mechviz.meshes.kinds.wheels_drawn import find_loop
 from mechviz.meshes.layers import Levels, Sweeps, poses_of, stack_pieces
-from mechviz.meshes.model import Model, build_model, largest_circle
+from mechviz.meshes.model import ScaledMechanism, largest_circle, scale_mechanism
 from mechviz.meshes.outline import ShapeError
 from mechviz.meshes.parts import make_parts
-from mechviz.meshes.shading import Color, crisp, face_normals, link_colors
+from mechviz.meshes.shading import SolidColor, crisp, face_normals, link_colors
 from mechviz.meshes.shapes import draft_pieces
 
 if TYPE_CHECKING:
@@ -53,7 +53,7 @@ class Solid:
     faces: NDArray[np.uint32]  # (N, 3)
     normals: Single  # (V, 3), unit, outward
     colors: NDArray[np.uint8]  # (V, 4): the link's colour, pins in steel
-    color: Color  # of the link
+    color: SolidColor  # of the link
     layer: int | tuple[int, ...]  # from the back; the frame has several, its pedestals lie on -1 (or in front of all)
     spin: Spin | None = None  # of a spatial cam: it turns about an axis in the plane
 
@@ -82,7 +82,7 @@ class Solids:
     clashes: tuple[tuple[str, str], ...]  # links that run into each other at some frame, in the best order found
     heights: Heights  # where marks lie in z
     chord: float  # largest distance of a facet from the circle that it stands for [m]
-    loops: tuple[Loop, ...] = ()  # where belts run
+    loops: tuple[BeltLoop, ...] = ()  # where belts run
 
 
 def build_solids(
@@ -128,7 +128,7 @@ def _build(
     mechanism: Mechanism, poses: Mapping[str, Real] | None, tolerance: float, chord: float | None, profile: int, spindle: bool
 ) -> Solids:
     """The solids of `build_solids`."""
-    model = build_model(mechanism, poses, _sides(tolerance, 128), profile, spindle=spindle)
+    model = scale_mechanism(mechanism, poses, _sides(tolerance, 128), profile, spindle=spindle)
     for cam in model.cams:
         reach = float(np.max(np.abs(cam.profile.bounds))) * cam.size
         if reach > FARTHEST_POINT:
@@ -162,14 +162,14 @@ def _build(
     return Solids(links, model.size, top, bounds, find_clashes(model, parts), heights, _sagitta(model), _loops(model, parts))
 
 
-def _loops(model: Model, parts: list[Part]) -> tuple[Loop, ...]:
+def _loops(model: ScaledMechanism, parts: list[Part]) -> tuple[BeltLoop, ...]:
     """Where the belts run [m]: as high as the parts that they are drawn as, which stand in the same order."""
     spaces = [part.space[0] for part in parts if part.kind == "belt"]
     bands = model.wheels.bands
     return tuple(find_loop(model, b).placed(model.size, s.low, s.high) for b, s in zip(bands, spaces, strict=True))
 
 
-def _sagitta(model: Model) -> float:
+def _sagitta(model: ScaledMechanism) -> float:
     """Distance between the largest circle and the middles of its chords [m]."""
     return float(model.size * largest_circle(model) * (1.0 - np.cos(np.pi / model.segments)))
 
@@ -190,7 +190,7 @@ def stl_bytes(mesh: trimesh.Trimesh) -> bytes:
     return data
 
 
-def find_clashes(model: Model, parts: list[Part]) -> tuple[tuple[str, str], ...]:
+def find_clashes(model: ScaledMechanism, parts: list[Part]) -> tuple[tuple[str, str], ...]:
     """Pairs of links whose parts share a height and meet at some frame: exact outlines, holes included."""
     if not model.frames:
         return ()
@@ -211,9 +211,9 @@ def find_clashes(model: Model, parts: list[Part]) -> tuple[tuple[str, str], ...]
 
 
 def _solids(
-    model: Model,
+    model: ScaledMechanism,
     parts: list[Part],
-    colors: Mapping[str, Color],
+    colors: Mapping[str, SolidColor],
     layers: Mapping[str, int | tuple[int, ...]],
     spins: Mapping[str, Spin],
 ) -> dict[str, Solid]:
@@ -254,14 +254,14 @@ def _mesh(shell: Shell) -> trimesh.Trimesh:
     return trimesh.Trimesh(vertices=shell.vertices, faces=shell.faces, face_normals=normals, process=False)
 
 
-def _layers_of_links(model: Model, levels: Levels, parts: list[Part]) -> dict[str, int | tuple[int, ...]]:
+def _layers_of_links(model: ScaledMechanism, levels: Levels, parts: list[Part]) -> dict[str, int | tuple[int, ...]]:
     layers: dict[str, int | tuple[int, ...]] = {name: levels.of(name) for name in model.links if name != model.frame}
     heights = [part.space[0].low for part in parts if part.link == model.frame and part.kind != "pin"]
     layers[model.frame] = tuple(sorted({round(low / model.proportions.pitch) for low in heights}))
     return layers
 
 
-def _bounds(model: Model, links: Mapping[str, Solid]) -> Real:
+def _bounds(model: ScaledMechanism, links: Mapping[str, Solid]) -> Real:
     """The box around all solids over the run (2, 3) [m]."""
     lows, highs = [], []
     for name, solid in links.items():
@@ -290,7 +290,7 @@ def drawn_outlines(mechanism: Mechanism, poses: Mapping[str, Real] | None, links
     poses: x, y, angle (F, 3) [m, m, rad] of every link over the run, as for `build_solids`: slots and guides follow from them.
     """
     with shaped(mechanism):
-        model = build_model(mechanism, poses, CIRCLE_SIDES)
+        model = scale_mechanism(mechanism, poses, CIRCLE_SIDES)
         draft = draft_pieces(model)
         parts = make_parts(model, draft, stack_pieces(model, draft))
     out: dict[str, list[Polygon]] = {name: [] for name in links}

@@ -13,7 +13,7 @@ from mechcore.effects.machines import CylinderGas
 from mechcore.records import dataclass
 from mechcore.spec.clearance import made_joints
 from mechcore.spec.loads import GasPressure
-from mechviz.outputs.rerun.entities import Static, Stream, columns_of, entity, line_strips, packed
+from mechviz.outputs.rerun.entities import Static, Stream, archetype_columns, entity, line_strips, packed_colors
 from mechviz.outputs.rerun.plots import CURVE_PALETTE
 from mechviz.picture.centres import CENTRE_GROUPS
 from mechviz.picture.constructions import Drawing
@@ -44,7 +44,7 @@ def polygon_streams(drawings: dict[str, Drawing], every: int) -> Iterator[Stream
 
             def points(frames: slice, places: Complex = places) -> Any:
                 z = places[frames]
-                return columns_of(rr.Points3D.from_fields(positions=_space(z.reshape(-1))), z.shape[1])
+                return archetype_columns(rr.Points3D.from_fields(positions=_space(z.reshape(-1))), z.shape[1])
 
             yield Stream(f"{path}/points", points, every)
 
@@ -127,7 +127,7 @@ def _arrows(items: list[tuple[Complex, Complex]], height: float = 0.0) -> Any:
 
     def columns(frames: slice) -> Any:
         a, v = starts[frames].reshape(-1), vectors[frames].reshape(-1)
-        return columns_of(rr.Arrows3D.from_fields(origins=_space(a, height), vectors=_space(v)), starts.shape[1])
+        return archetype_columns(rr.Arrows3D.from_fields(origins=_space(a, height), vectors=_space(v)), starts.shape[1])
 
     return columns
 
@@ -138,7 +138,7 @@ def _strips(items: list[Complex], height: float = 0.0) -> Any:
 
     def columns(frames: slice) -> Any:
         rows = line_strips([_space(strip[frames], height) for strip in items])
-        return columns_of(rr.LineStrips3D.from_fields(strips=rows), len(items))
+        return archetype_columns(rr.LineStrips3D.from_fields(strips=rows), len(items))
 
     return columns
 
@@ -316,7 +316,7 @@ def diagram_shapes(diagrams: Sequence[Diagram]) -> Iterator[Static]:
         colors = [ZERO_COLOR if v == 0.0 else GRID_COLOR for v in (*xs, *ys)]
         box = d.place(np.array([x0, x1, x1, x0, x0]), np.array([y0, y0, y1, y1, y0]))
         thin = rr.Radius.ui_points(np.full(len(lines) + 1, 0.6))
-        axes = rr.LineStrips2D([*lines, box], colors=packed([*colors, FRAME_COLOR]), radii=thin, draw_order=1.0)
+        axes = rr.LineStrips2D([*lines, box], colors=packed_colors([*colors, FRAME_COLOR]), radii=thin, draw_order=1.0)
         yield Static(entity("diagrams", d.name, "axes"), axes)
         below, beside = np.array([0.0, 0.012]), np.array([-0.06, -0.035])  # where rerun writes a label under its point
         marks = [*(d.place(xs, np.full(len(xs), y0)) + below), *(d.place(np.full(len(ys), x0), ys) + beside)]
@@ -357,7 +357,7 @@ def diagram_streams(diagrams: Sequence[Diagram], every: int) -> Iterator[Stream]
 
         def dots(frames: slice, spots: Any = spots, known: Any = known) -> Any:
             shown = known[frames]
-            return columns_of(rr.Points2D.from_fields(positions=spots[frames][shown]), shown.sum(axis=1))
+            return archetype_columns(rr.Points2D.from_fields(positions=spots[frames][shown]), shown.sum(axis=1))
 
         yield Stream(entity("diagrams", d.name, "now"), dots, every)
         if d.equal:
@@ -367,7 +367,7 @@ def diagram_streams(diagrams: Sequence[Diagram], every: int) -> Iterator[Stream]
                 shown = known[frames]
                 tips = spots[frames][shown]
                 arrows = rr.Arrows2D.from_fields(origins=np.broadcast_to(origin, tips.shape), vectors=tips - origin)
-                return columns_of(arrows, shown.sum(axis=1))
+                return archetype_columns(arrows, shown.sum(axis=1))
 
             yield Stream(entity("diagrams", d.name, "rays"), rays, every)
 

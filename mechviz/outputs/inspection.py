@@ -11,9 +11,9 @@ import numpy as np
 
 from mechcore.motion.events import Event, runs
 from mechcore.records import dataclass
-from mechviz.outputs.rerun.contract import Model
+from mechviz.outputs.rerun.contract import RecordedModel
 from mechviz.outputs.rerun.entities import parts_of
-from mechviz.outputs.rerun.reader import Recording, Rows
+from mechviz.outputs.rerun.reader import ComponentRows, Recording
 from mechviz.quantities.events import line_of
 from mechviz.quantities.items import ERROR_COLUMNS
 from mechviz.scene.units import MILLIMETRES, Units
@@ -41,7 +41,7 @@ LEAST_PEAK = 1e-9  # of the largest value of the same unit
 
 
 @dataclass(frozen=True)
-class Joint:
+class RecordedJoint:
     """A joint: its name, kind and the links that it joins."""
 
     name: str
@@ -73,7 +73,7 @@ class Inspection:
     title: str
     frame: str
     links: tuple[str, ...]
-    joints: tuple[Joint, ...]
+    joints: tuple[RecordedJoint, ...]
     drives: tuple[str, ...]
     loads: tuple[str, ...]
     frames: int
@@ -108,7 +108,7 @@ def inspect(path: Path | str) -> Inspection:
         title=said.title,
         frame=model.frame,
         links=model.links,
-        joints=tuple(Joint(name, j.type, j.links) for name, j in model.joints.items()),
+        joints=tuple(RecordedJoint(name, j.type, j.links) for name, j in model.joints.items()),
         drives=model.drives,
         loads=tuple(model.loads),
         frames=len(rows.time),
@@ -128,7 +128,7 @@ def inspect(path: Path | str) -> Inspection:
     )
 
 
-def _peaks(recording: Recording, model: Model) -> list[Peak]:
+def _peaks(recording: Recording, model: RecordedModel) -> list[Peak]:
     """Largest drive efforts, then largest joint reactions and applied loads."""
     peaks = []
     for joint in model.drives:
@@ -158,7 +158,7 @@ def _peaks(recording: Recording, model: Model) -> list[Peak]:
     return [p for p in peaks if p is not None]
 
 
-def _motion(recording: Recording, model: Model) -> list[Peak]:
+def _motion(recording: Recording, model: RecordedModel) -> list[Peak]:
     """Largest speeds and accelerations of traced points and centres of mass, then of the links that turn."""
     peaks = []
     points = dict.fromkeys(parts[2] for parts in map(parts_of, recording.entities) if parts[:2] == ("data", "points"))
@@ -188,7 +188,7 @@ def _studies(recording: Recording) -> list[Peak]:
     return [p for p in peaks if p is not None]
 
 
-def _losses(recording: Recording, model: Model) -> list[tuple[str, float, Spans]]:
+def _losses(recording: Recording, model: RecordedModel) -> list[tuple[str, float, Spans]]:
     """Mean power that friction takes in each joint that has any [W], the largest first, over the frames that have forces.
 
     With each the spans of time [s] that these frames take: where the mechanism jams there are no forces.
@@ -250,7 +250,7 @@ def _peak(
     return Peak(item, value, unit, time, _drive_at(rows, k, recording.said.units))
 
 
-def _drive_at(rows: Rows, k: int, units: Units) -> str:
+def _drive_at(rows: ComponentRows, k: int, units: Units) -> str:
     return ", ".join(_tick_words(name, ticks[k], units) for name, ticks in rows.drives.items())
 
 
@@ -262,7 +262,7 @@ def _tick_words(timeline: str, tick: int | np.int64, units: Units) -> str:
     return f"{value:.{units.decimals(si) + more}f}{'' if unit == '°' else ' '}{unit}"
 
 
-def _drive_range(rows: Rows, units: Units) -> str:
+def _drive_range(rows: ComponentRows, units: Units) -> str:
     """Where each drive starts and ends, and between which positions it goes where these are not its ends."""
     spans = []
     for name, ticks in rows.drives.items():

@@ -17,7 +17,7 @@ from mechviz.outputs.rerun.content import notes
 from mechviz.outputs.rerun.entities import RecordingError, parts_of, picture_stride, unpacked
 from mechviz.outputs.rerun.plots import find_lanes
 from mechviz.outputs.rerun.reader import Recording
-from mechviz.outputs.rerun.recorded import RecordedDrawings, numbers_in, picture_in
+from mechviz.outputs.rerun.recorded import RecordedDrawings, picture_in, recorded_numbers
 from mechviz.picture.build import picture_of, solids_of
 from mechviz.picture.constructions import Drawing, drawings_of
 from mechviz.picture.nodes import Color, Picture
@@ -84,7 +84,7 @@ def presentation_of(run: Run, begin: Callable[[str], None] = lambda _: None) -> 
 
 def presentation_in(recording: Recording) -> Presentation:
     """View model of a recording, complete or interrupted."""
-    numbers = numbers_in(recording)
+    numbers = recorded_numbers(recording)
     ticks, _ = recording.scalars("data", "links", numbers.frame, "pose")
     every = ticks if recording.frame_times is None else recording.frame_times
     said = recording.said

@@ -11,11 +11,11 @@ import numpy as np
 
 from mechcore.arrays import Flags, Index, Real
 from mechcore.records import dataclass
-from mechviz.picture.nodes import Arc, Arrow, Node
+from mechviz.picture.nodes import Arrow, MomentArc, Node
 from mechviz.picture.proportions import ARC_RADIUS, ARROW_HEAD_RADIUS
 from mechviz.quantities.items import Source, Table, values_of
 from mechviz.quantities.numbers import Numbers
-from mechviz.quantities.vectors import FAMILIES, Moment, Scales, Vector, calm_frames, centre_name, find_scales
+from mechviz.quantities.vectors import VECTOR_FAMILIES, Moment, Scales, Vector, calm_frames, centre_name, find_scales
 
 if TYPE_CHECKING:
     from mechviz.runs import Run
@@ -51,16 +51,16 @@ class Arrows:
         """The nodes of a picture, at heights [m] by key; ``beside``: asides and radii [m] by key, where they are known."""
         known = beside or {}
         for vector, aside in zip(self.vectors, self.asides, strict=True):
-            key = key_of(vector)
+            key = arrow_key(vector)
             place = known.get(key, aside)
             yield Arrow(key, owner_of(vector), vector.family, vector.entity, heights.get(key, otherwise), vector, place)
         for moment, radius in zip(self.moments, self.radii, strict=True):
-            key = key_of(moment)
+            key = arrow_key(moment)
             place = known.get(key, radius)
-            yield Arc(key, owner_of(moment), moment.family, moment.entity, heights.get(key, otherwise), moment, place)
+            yield MomentArc(key, owner_of(moment), moment.family, moment.entity, heights.get(key, otherwise), moment, place)
 
 
-def key_of(item: Vector | Moment) -> str:
+def arrow_key(item: Vector | Moment) -> str:
     """Its key in a picture."""
     return f"{item.family}.{item.item}" + ("" if isinstance(item, Vector) else ".moment")
 
@@ -297,7 +297,7 @@ def _middle_of_joints(n: Numbers, links: tuple[str, ...], places: Mapping[str, S
 
 
 def _in_order(items: Collection[T] | Iterator[T]) -> tuple[T, ...]:
-    families = list(FAMILIES)
+    families = list(VECTOR_FAMILIES)
     return tuple(sorted(items, key=lambda item: families.index(item.family)))
 
 

@@ -10,11 +10,10 @@ import shapely
 from shapely.geometry import LineString, Point, Polygon, box
 from shapely.ops import unary_union
 
-from mechcore.arrays import Real
+from mechcore.arrays import Real, Vec2
 from mechcore.records import dataclass
-from mechcore.spec.mechanism import Vec2
 from mechviz.meshes.outline import polygons
-from mechviz.meshes.shading import Color
+from mechviz.meshes.shading import SolidColor
 from mechviz.picture.proportions import looks
 from mechviz.picture.springs import Coil
 
@@ -24,14 +23,14 @@ if TYPE_CHECKING:
 
 BAR_DEPTH = 0.018  # of the bars along z, in sizes of the mechanism
 BAR_HALF_WIDTH, POST_HALF_WIDTH = 0.011, 0.006  # half widths of bars and posts, in sizes
-BASE_COLOR: Color = (92, 99, 109, 255)  # a little darker than what stands on it
+BASE_COLOR: SolidColor = (92, 99, 109, 255)  # a little darker than what stands on it
 POST_DISTANCES = (0.06, 0.12, 0.2, 0.3)  # how far beside a part its post may stand, in sizes
 POST_DIRECTIONS = 12  # directions in which that is tried
 POST_PLACES = 12  # places of a part at which a post is tried
 CORE_RIMS = (0.006, 0.004, 0.0025, 0.0015)  # what is left of an outline without a rim of this, in sizes: without its hatching
 HAIRLINE = 5e-6  # in sizes
 
-Placed = tuple[Polygon, tuple[float, float], Color]
+PlacedOutline = tuple[Polygon, tuple[float, float], SolidColor]
 """An outline [m] in the frame of a link, the heights [m] between which it lies, and its colour."""
 
 
@@ -40,7 +39,7 @@ class _Foot:
     """Where a part of the ground stands on the bars, and what leads there: a post behind it, an arm beside it."""
 
     at: Vec2
-    parts: tuple[Placed, ...] = ()
+    parts: tuple[PlacedOutline, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +70,7 @@ def blocked(run: Run, solids: Solids, shape: Polygon, heights: tuple[float, floa
     return solids.heights.crossed(heights, np.broadcast_to(ring, (len(frames), *ring.shape)), known, run.motion.mechanism.frame)
 
 
-def find_base(run: Run, solids: Solids, coils: Sequence[Coil], fixtures: Sequence[Placed]) -> list[Placed]:
+def find_base(run: Run, solids: Solids, coils: Sequence[Coil], fixtures: Sequence[PlacedOutline]) -> list[PlacedOutline]:
     """The bars and posts that bear what the ground has: bearings and guides, and its ``fixtures``.
 
     Parts to which no post leads past the links and springs stand alone. Nothing where only one part stands on the ground, and
@@ -99,8 +98,8 @@ def find_base(run: Run, solids: Solids, coils: Sequence[Coil], fixtures: Sequenc
     places = np.array([foot.at for foot in feet])
     bars = [LineString(places[list(pair)]).buffer(BAR_HALF_WIDTH * size, quad_segs=8) for pair in _tree(places)]
     across = [(shape, (room.back - BAR_DEPTH * size, room.back), BASE_COLOR) for shape in polygons(unary_union(bars))]
-    longest: dict[Vec2, Placed] = {}  # of the posts at one place
-    arms: list[Placed] = []
+    longest: dict[Vec2, PlacedOutline] = {}  # of the posts at one place
+    arms: list[PlacedOutline] = []
     for foot in feet:
         for upright in foot.parts[:1]:
             longest[foot.at] = max(longest.get(foot.at, upright), upright, key=lambda one: one[1][1])

@@ -13,11 +13,11 @@ from mechcore.errors import Fault, MechanismError
 from mechviz.accuracy.fit import PROFILE_POINTS
 from mechviz.meshes.kinds.spatial_cams import spin_transforms
 from mechviz.meshes.solids import FARTHEST_POINT, Solids, build_solids
-from mechviz.picture.arrows import Arrows, arrows_of, key_of, owner_of
+from mechviz.picture.arrows import Arrows, arrow_key, arrows_of, owner_of
 from mechviz.picture.centres import centre_nodes
-from mechviz.picture.fixtures import bounds_with, find_fixtures, has_spindle, joined
+from mechviz.picture.fixtures import bounds_with, find_fixtures, has_spindle, joined_meshes
 from mechviz.picture.nodes import FARTHEST_VERTEX as REACH
-from mechviz.picture.nodes import Body, Lines, Mesh, Picture, Points, Poses, farthest
+from mechviz.picture.nodes import Body, Lines, Mesh, Picture, Points, PoseTrack, farthest
 from mechviz.picture.overlays import inversion_nodes, overlay_nodes, section_nodes
 from mechviz.picture.proportions import about_z, arc_height, arrow_height, in_space, path_height
 from mechviz.picture.springs import SPRING_COLOR as COIL
@@ -32,7 +32,7 @@ from mechviz.scene.limits import check_drawn
 if TYPE_CHECKING:
     from mechviz.runs import Run
 
-Heights = Mapping[str, float]
+HeightsByLink = Mapping[str, float]
 
 COLLISION_FRAMES = 721
 """Frames that the search for colliding solids looks at; more would cost time and find nothing else."""
@@ -116,12 +116,14 @@ def solid_nodes(run: Run, solids: Solids, fixtures: Mapping[str, Sequence[Mesh]]
     for name, solid in solids.links.items():
         if not len(solid.faces):
             continue
-        mesh = joined([Mesh(solid.vertices, solid.faces, solid.normals, solid.colors[:, :3]), *(fixtures or {}).get(name, ())])
+        mesh = joined_meshes(
+            [Mesh(solid.vertices, solid.faces, solid.normals, solid.colors[:, :3]), *(fixtures or {}).get(name, ())]
+        )
         poses = None
         if solid.spin is not None:
             turned = run.motion.pose(name)[:, 2] - run.motion.pose(solid.spin.carrier)[:, 2]
             places, turns = spin_transforms(solid.spin, turned)
-            poses = Poses(_single(places), _single(turns))
+            poses = PoseTrack(_single(places), _single(turns))
         yield Body(f"link.{name}", ("link", name), "solids", ("mechanism", "links", name, "mesh"), 0.0, name, mesh, poses)
 
 
@@ -129,7 +131,7 @@ def _springs(coils: list[Coil]) -> Iterator[Body]:
     """Springs between two points, stretched along their axes."""
     for coil in coils:
         mesh = Mesh(coil.vertices, coil.faces, coil.normals, _one_color(COIL, len(coil.vertices)))
-        poses = Poses(_single(coil.places()), _single(about_z(coil.pose[:, 2])), _single(coil.scales()))
+        poses = PoseTrack(_single(coil.places()), _single(about_z(coil.pose[:, 2])), _single(coil.scales()))
         entity = ("mechanism", "springs", coil.name)
         yield Body(f"spring.{coil.name}", ("load", coil.name), "springs", entity, coil.height, "", mesh, poses)
 
@@ -138,7 +140,7 @@ def _marks(run: Run, solids: Solids) -> Iterator[Body]:
     """Marks on rollers and belts, which ride on their links."""
     for mark in find_surface_marks(run, solids):
         mesh = Mesh(mark.vertices, mark.faces, mark.normals, _one_color(mark.color, len(mark.vertices)))
-        poses = Poses(_single(mark.places()), _single(mark.turns()))
+        poses = PoseTrack(_single(mark.places()), _single(mark.turns()))
         height = mark.centre[2] if mark.axis is None else 0.0
         key, entity = f"{mark.kind}.{mark.name}", ("mechanism", "links", mark.link, mark.title)
         yield Body(key, ("link", mark.link), mark.kind, entity, height, mark.link, mesh, poses)
@@ -223,7 +225,7 @@ def _masses(run: Run, solids: Solids) -> Iterator[Points]:
         )
 
 
-def _paths(run: Run, solids: Solids, heights: Heights) -> Iterator[Lines]:
+def _paths(run: Run, solids: Solids, heights: HeightsByLink) -> Iterator[Lines]:
     """Paths of traced points over the run, on the fronts of their links."""
     for link, point in run.motion.mechanism.traced:
         name = point_name(link, point)
@@ -256,23 +258,23 @@ def joint_nodes(run: Run, solids: Solids) -> Iterator[Points]:
         yield Points(f"joint.{name}", ("joint", name), "joints", entity, height, "", spots, *look)
 
 
-def _arrow_heights(run: Run, solids: Solids, arrows: Arrows, coils: list[Coil], known: Heights) -> Heights:
+def _arrow_heights(run: Run, solids: Solids, arrows: Arrows, coils: list[Coil], known: HeightsByLink) -> HeightsByLink:
     """Heights [m] of arrows and arcs by key."""
     heights = {}
     for vector in arrows.vectors:
-        key = key_of(vector)
+        key = arrow_key(vector)
         if key not in known:
             heights[key] = arrow_height(run, solids.heights, vector, arrows.scales.per_metre(vector.family))
     for moment, radius in zip(arrows.moments, arrows.radii, strict=True):
-        key = key_of(moment)
+        key = arrow_key(moment)
         if key not in known:
             heights[key] = arc_height(run, solids.heights, moment, radius)
     behind: dict[tuple[str, str], float] = {("load", coil.name): coil.front for coil in coils}
     for moment in arrows.moments:
-        height = heights.get(key_of(moment), known.get(key_of(moment), 0.0))
+        height = heights.get(arrow_key(moment), known.get(arrow_key(moment), 0.0))
         behind[owner_of(moment)] = max(behind.get(owner_of(moment), height), height)
     for vector in arrows.vectors:  # forces lie before the couple of their joint, and before the spring that exerts them
-        key = key_of(vector)
+        key = arrow_key(vector)
         if key in heights:
             heights[key] = max(heights[key], behind.get(owner_of(vector), heights[key]))
     return {**known, **heights}

@@ -22,12 +22,12 @@ from mechcore.constructions.force_polygons import Funicular
 from mechcore.constructions.polygons import Edge, Polygon
 from mechcore.motion.structure import ROMAN
 from mechcore.records import dataclass
+from mechviz.picture.nodes import Color
 from mechviz.scene.units import Units
 
 if TYPE_CHECKING:
     from mechviz.runs import Run
 
-Color = tuple[int, int, int]
 
 VECTOR_COLORS: Mapping[str, Color] = {
     "absolute": (84, 168, 255),
@@ -68,7 +68,7 @@ DRAWING_SIZE = 1.0  # size of a drawing in sizes of the mechanism
 
 
 @dataclass(frozen=True, eq=False)
-class Stroke:
+class DrawnArrow:
     """An arrow (F,) in the drawing plane [m] with its label; ``plain``: a line without a head; ``fine``: a thin arrow."""
 
     label: str
@@ -80,7 +80,7 @@ class Stroke:
 
 
 @dataclass(frozen=True, eq=False)
-class Mark:
+class NamedPoint:
     """A named point (F,) of the drawing plane [m]."""
 
     label: str
@@ -94,8 +94,8 @@ class Drawing:
 
     name: str
     title: str
-    strokes: tuple[Stroke, ...]
-    marks: tuple[Mark, ...]
+    strokes: tuple[DrawnArrow, ...]
+    marks: tuple[NamedPoint, ...]
     per_metre: float
     unit: str
     closing: Real | None = None
@@ -156,10 +156,10 @@ def draw_polygons(name: str, polygons: Sequence[Polygon], size: float, units: Un
     boxes = [_box(edges) for edges in shown]
     widths = [float((high - low).real) for low, high in boxes]
     heights = [float((high - low).imag) for low, high in boxes]
-    rows = rows_of(widths, heights)
+    rows = grid_columns(widths, heights)
     gap = 0.12 * max([*widths, *heights, 1e-300])
-    strokes: list[Stroke] = []
-    marks: list[Mark] = []
+    strokes: list[DrawnArrow] = []
+    marks: list[NamedPoint] = []
     whole = max(
         max(sum(widths[i] + gap for i in row) - gap for row in rows), sum(max(heights[i] for i in row) + gap for row in rows) - gap
     )
@@ -177,9 +177,9 @@ def draw_polygons(name: str, polygons: Sequence[Polygon], size: float, units: Un
                     e.vector / per_metre,
                     e.kind == "absolute" and name != "velocity",
                 )
-                strokes.append(Stroke(pretty(e.name), VECTOR_COLORS[e.kind], start, vector, fine=fine))
+                strokes.append(DrawnArrow(pretty(e.name), VECTOR_COLORS[e.kind], start, vector, fine=fine))
             for label, at in polygons[i].images.items():
-                marks.append(Mark(polygons[i].name if label == "start" else label, (at + shift) / per_metre))
+                marks.append(NamedPoint(polygons[i].name if label == "start" else label, (at + shift) / per_metre))
             x += widths[i] + gap
         y -= top + gap
     closing = np.max([polygon.closing for polygon in polygons], axis=0) if polygons else None
@@ -190,7 +190,7 @@ def draw_polygons(name: str, polygons: Sequence[Polygon], size: float, units: Un
 
 def draw_graph(graph: ContourGraph, frames: int, size: float) -> Drawing:
     """The contour graph, about as large as the mechanism: edges with the names of joints, numbered links, numbers of loops."""
-    places = layout(graph)
+    places = graph_layout(graph)
     ends = np.concatenate([places.vertices, *places.edges])
     scale = DRAWING_SIZE * size / max(float(np.ptp(ends.real)), float(np.ptp(ends.imag)), 1.0)
     still = np.ones(frames, complex)
@@ -199,9 +199,11 @@ def draw_graph(graph: ContourGraph, frames: int, size: float) -> Drawing:
         color = VECTOR_COLORS["reaction" if edge.driven else "load" if edge.higher else "ray"]
         for k, (a, b) in enumerate(pairwise(scale * z)):  # the name stands in the middle
             label = edge.joint if k == (len(z) - 1) // 2 else ""
-            strokes.append(Stroke(label, color, a * still, (b - a) * still, plain=True))
-    marks = [Mark(f"{k} {name}", scale * z * still) for k, (name, z) in enumerate(zip(graph.links, places.vertices, strict=True))]
-    marks += [Mark(loop_number(k), scale * z * still) for k, z in enumerate(places.numbers)]
+            strokes.append(DrawnArrow(label, color, a * still, (b - a) * still, plain=True))
+    marks = [
+        NamedPoint(f"{k} {name}", scale * z * still) for k, (name, z) in enumerate(zip(graph.links, places.vertices, strict=True))
+    ]
+    marks += [NamedPoint(loop_number(k), scale * z * still) for k, z in enumerate(places.numbers)]
     return Drawing("graph", "Contour graph", tuple(strokes), tuple(marks), 0.0, "1", whole=True)
 
 
@@ -211,10 +213,10 @@ def draw_funicular(run: Run, size: float) -> Drawing:
     systems = run.studies.systems.values()
     drawn = [s for s in systems if any(e.kind == "resultant" for e in _worth_drawing(s.drawing.polygon().edges))]
     aside = [_aside(s.drawing) * 0.02 * size for s in drawn]
-    strokes: list[Stroke] = []
+    strokes: list[DrawnArrow] = []
     for i in drawing.strokes:  # where all forces are parallel the resultant stands beside them
         shift = aside.pop(0) if i.color == VECTOR_COLORS["resultant"] else 0j
-        strokes.append(Stroke(i.label, i.color, i.start + shift, i.vector, plain=i.color == VECTOR_COLORS["ray"]))
+        strokes.append(DrawnArrow(i.label, i.color, i.start + shift, i.vector, plain=i.color == VECTOR_COLORS["ray"]))
     title = f"Force polygon with pole and rays: {scale_title(run.scene.units, drawing.per_metre, 'N')}"
     closing = np.max([s.drawing.closing for s in run.studies.systems.values()], axis=0)
     return Drawing("funicular/forces", title, tuple(strokes), drawing.marks, drawing.per_metre, "N", closing)
@@ -231,7 +233,7 @@ def draw_shaking(run: Run, size: float) -> Drawing:
     per_metre = largest / (0.5 * DRAWING_SIZE * size) if largest > 0.0 else 1.0
     names = {"before": "shaking force", "after": "with counterweights"}
     zero = np.zeros(run.motion.frames, complex)
-    strokes = tuple(Stroke(names[key], VECTOR_COLORS[key], zero, f / per_metre) for key, f in forces)
+    strokes = tuple(DrawnArrow(names[key], VECTOR_COLORS[key], zero, f / per_metre) for key, f in forces)
     title = f"Shaking force, polar: {scale_title(run.scene.units, per_metre, 'N')}"
     return Drawing("shaking", title, strokes, (), per_metre, "N", least=0.3 * DRAWING_SIZE * size, whole=True)
 
@@ -282,7 +284,7 @@ def _box(edges: Sequence[Edge]) -> tuple[complex, complex]:
     return complex(z.real.min(), z.imag.min()), complex(z.real.max(), z.imag.max())
 
 
-def rows_of(widths: Sequence[float], heights: Sequence[float]) -> list[list[int]]:
+def grid_columns(widths: Sequence[float], heights: Sequence[float]) -> list[list[int]]:
     """Which boxes of these sizes stand beside each other: the number of columns that makes the whole most nearly square."""
     n = len(widths)
     best, least = [list(range(n))], np.inf
@@ -320,7 +322,7 @@ def loop_number(k: int) -> str:
     return ROMAN[k + 1] if k + 1 < len(ROMAN) else str(k + 1)
 
 
-def layout(graph: ContourGraph) -> GraphLayout:
+def graph_layout(graph: ContourGraph) -> GraphLayout:
     """The drawing of a graph; the same for the same graph."""
     pairs = [edge.ends for edge in graph.edges]
     places = _spread(len(graph.links), pairs, [vertices for vertices, _ in graph.loops])

@@ -11,16 +11,16 @@ from shapely import affinity
 from shapely.geometry import Point, Polygon, box
 from shapely.ops import unary_union
 
-from mechcore.arrays import Real
+from mechcore.arrays import Real, Vec2
 from mechcore.dynamics.events import EndStop
 from mechcore.joints.registry import build_joints
 from mechcore.spec.loads import Spring
-from mechcore.spec.mechanism import Mechanism, Vec2
+from mechcore.spec.mechanism import Mechanism
 from mechviz.meshes.extrude import plate
 from mechviz.meshes.outline import disc, hatched_bar, largest, pedestal, polygons
-from mechviz.meshes.shading import FRAME_COLOR, PIN_COLOR, Color, crisp, face_normals
+from mechviz.meshes.shading import FRAME_COLOR, PIN_COLOR, SolidColor, crisp, face_normals
 from mechviz.meshes.solids import Solids, shaped
-from mechviz.picture.base import Placed, blocked, find_base
+from mechviz.picture.base import PlacedOutline, blocked, find_base
 from mechviz.picture.nodes import Mesh
 from mechviz.picture.proportions import looks
 from mechviz.picture.springs import Coil, find_struts
@@ -36,7 +36,7 @@ STEM_GAPS = (0.62, 0.95)  # half widths of the gap for a stem through it that ar
 HINGE_HALF_WIDTH = 0.02
 ANVIL_HALF_WIDTH = 0.045  # half the width of an anvil, in sizes of the mechanism
 ANVIL_ARM = 0.82  # of the arm of a link: where it meets its anvil
-WASHER_COLOR: Color = (150, 156, 164, 255)
+WASHER_COLOR: SolidColor = (150, 156, 164, 255)
 ANVIL_GAP = 1e-3  # in sizes of the mechanism, between a link and the anvil that it rests on
 
 
@@ -54,7 +54,7 @@ def find_fixtures(run: Run, solids: Solids, coils: Sequence[Coil]) -> Mapping[st
     return meshes
 
 
-def _fixtures(run: Run, solids: Solids, coils: Sequence[Coil]) -> Iterator[tuple[str, Placed]]:
+def _fixtures(run: Run, solids: Solids, coils: Sequence[Coil]) -> Iterator[tuple[str, PlacedOutline]]:
     """Solids that are fixed to links, each with its link."""
     loads = {load.name: load for load in run.motion.mechanism.loads if isinstance(load, Spring)}
     for coil in coils:
@@ -67,7 +67,7 @@ def _fixtures(run: Run, solids: Solids, coils: Sequence[Coil]) -> Iterator[tuple
         yield from _anvil(run, solids, stop)
 
 
-def joined(meshes: Sequence[Mesh]) -> Mesh:
+def joined_meshes(meshes: Sequence[Mesh]) -> Mesh:
     """Several meshes as one."""
     starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
     return Mesh(
@@ -101,7 +101,7 @@ def _hinges(run: Run) -> set[Vec2]:
     return {points[point] for strut in struts for link, point in strut.ends if link == mechanism.frame}
 
 
-def _mesh(outline: Polygon, z: tuple[float, float], color: Color) -> Mesh:
+def _mesh(outline: Polygon, z: tuple[float, float], color: SolidColor) -> Mesh:
     shell = plate(outline, z, 0.0)
     vertices, faces, normals, _ = crisp(shell.vertices, shell.faces, *face_normals(shell.vertices, shell.faces))
     colors = np.tile(np.array(color[:3], np.uint8), (len(vertices), 1))
@@ -109,7 +109,7 @@ def _mesh(outline: Polygon, z: tuple[float, float], color: Color) -> Mesh:
 
 
 # -- springs --------------------------------------------------------------------------------------------------------------
-def _seat(run: Run, solids: Solids, load: Spring, coil: Coil, end: int) -> Iterator[tuple[str, Placed]]:
+def _seat(run: Run, solids: Solids, load: Spring, coil: Coil, end: int) -> Iterator[tuple[str, PlacedOutline]]:
     """The seat of one end of a spring: a plate or a bracket of the ground, a washer on a link against which it
     does not turn."""
     link, frame = load.links[end], run.motion.mechanism.frame
@@ -141,7 +141,7 @@ def _seat(run: Run, solids: Solids, load: Spring, coil: Coil, end: int) -> Itera
             return
 
 
-def _bracket(run: Run, solids: Solids, at: Vec2, half: float, heights: tuple[float, float]) -> Iterator[tuple[str, Placed]]:
+def _bracket(run: Run, solids: Solids, at: Vec2, half: float, heights: tuple[float, float]) -> Iterator[tuple[str, PlacedOutline]]:
     """A foot of the ground about a point between two heights [m], ``half`` as wide [m]."""
     shape = pedestal(at, half, 64)
     if not blocked(run, solids, shape, heights):
@@ -149,7 +149,7 @@ def _bracket(run: Run, solids: Solids, at: Vec2, half: float, heights: tuple[flo
 
 
 # -- end stops ------------------------------------------------------------------------------------------------------------
-def _anvil(run: Run, solids: Solids, stop: EndStop) -> Iterator[tuple[str, Placed]]:
+def _anvil(run: Run, solids: Solids, stop: EndStop) -> Iterator[tuple[str, PlacedOutline]]:
     """The block of the ground that a link strikes at an end stop of its joint with the ground."""
     mechanism, motion, size = run.motion.mechanism, run.motion, solids.size
     joint = run.numbers.joints[stop.joint]
@@ -231,7 +231,7 @@ def has_spindle(run: Run) -> bool:
     return "spindle" in looks_of(run).get(run.motion.mechanism.frame, ())
 
 
-def _named_wheels(run: Run, solids: Solids, back: float) -> Iterator[tuple[str, Placed]]:
+def _named_wheels(run: Run, solids: Solids, back: float) -> Iterator[tuple[str, PlacedOutline]]:
     """The parts of flywheels and fans, each with its link, about the link's pin on the ground, behind a height [m]."""
     mechanism, size = run.motion.mechanism, solids.size
     for link, kinds in looks_of(run).items():

@@ -43,7 +43,7 @@ class Mesh:
 
 
 @dataclass(frozen=True, eq=False)
-class Poses:
+class PoseTrack:
     """Where a body is at every frame: ``places`` (F, 3) [m], ``turns`` (F, 4) as quaternions x, y, z, w, ``scales`` (F, 3)."""
 
     places: Single
@@ -69,7 +69,7 @@ class Body(Node):
 
     parent: str
     mesh: Mesh
-    poses: Poses | None = None
+    poses: PoseTrack | None = None
 
     def reach(self) -> Real:
         """The box (2, 2) [m] around a body that is stretched along its axis in the plane, over the run."""
@@ -146,7 +146,7 @@ class Arrow(Node):
 
 
 @dataclass(frozen=True, eq=False)
-class Arc(Node):
+class MomentArc(Node):
     """A moment over the frames, drawn as an arc of a ``radius`` [m]: moments at one place have circles of their own."""
 
     moment: Moment
@@ -157,7 +157,7 @@ def farthest(node: Node) -> float:
     """How far a node reaches from the origin [m], along the axis where it reaches farthest."""
     places: tuple[Real | Single, ...] = ()
     match node:
-        case Body(poses=Poses(places=at)):
+        case Body(poses=PoseTrack(places=at)):
             places = (at,)
         case Lines():
             places = node.strips

@@ -12,7 +12,7 @@ from mechcore.arrays import Complex, Real, Single
 from mechcore.constructions.inversion import CamInversion
 from mechcore.forces.section_forces import SectionForces
 from mechcore.forces.section_lines import Cuts
-from mechcore.reduction.reduced import KINDS
+from mechcore.reduction.reduced import REDUCED_KINDS
 from mechviz.picture.constructions import VECTOR_COLORS
 from mechviz.picture.nodes import ArrowSet, Color, Lines, Node, Points
 from mechviz.picture.proportions import in_space, looks
@@ -57,7 +57,7 @@ def _funicular(run: Run, size: float, height: float) -> Iterator[Node]:
     look: dict[str, Any] = {"colors": tuple(colors), "radii": tuple(radii), "labels": tuple(labels)}
     yield Lines(key="funicular.strings", entity=path, strips=strips, **look, **common)
     starts, vectors = (np.stack(part, axis=1) for part in zip(*resultants(run, size), strict=True))
-    single = {name: bool(np.any(s.drawing.kind == KINDS[2])) for name, s in systems.items()}
+    single = {name: bool(np.any(s.drawing.kind == REDUCED_KINDS[2])) for name, s in systems.items()}
     words = tuple("" if not there else "R" if len(systems) == 1 else f"R {name}" for name, there in single.items())
     common |= {"origins": space(starts, height), "vectors": space(vectors, 0.0), "radius": 0.007 * size, "labels": words}
     yield ArrowSet(key="funicular.resultants", entity=(*path, "resultant"), colors=(RESULTANT_COLOR,), **common)
@@ -255,7 +255,7 @@ def centrode_strips(path: Real, place: Real, solids: Solids, *, z: float) -> lis
     return pieces
 
 
-class Diagram(NamedTuple):
+class SectionDiagram(NamedTuple):
     """A kind of diagram: its title, letter, unit and colour, and what is drawn to the left of the axis (F, n)."""
 
     title: str
@@ -266,9 +266,9 @@ class Diagram(NamedTuple):
 
 
 SECTION_DIAGRAMS = {
-    "bending_moment": Diagram("Bending moments", "M", "N m", (255, 186, 66), lambda s: -s.moment),  # on the stretched side
-    "shear_force": Diagram("Shear forces", "V", "N", (126, 226, 140), lambda s: s.shear),
-    "normal_force": Diagram("Normal forces", "N", "N", (120, 184, 255), lambda s: s.normal),
+    "bending_moment": SectionDiagram("Bending moments", "M", "N m", (255, 186, 66), lambda s: -s.moment),  # on the stretched side
+    "shear_force": SectionDiagram("Shear forces", "V", "N", (126, 226, 140), lambda s: s.shear),
+    "normal_force": SectionDiagram("Normal forces", "N", "N", (120, 184, 255), lambda s: s.normal),
 }
 """By the group of the picture."""
 HIDDEN_DIAGRAMS = ("shear_force", "normal_force")

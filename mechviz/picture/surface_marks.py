@@ -22,13 +22,13 @@ from mechviz.picture.proportions import about_z, in_space
 
 if TYPE_CHECKING:
     from mechcore.spec.studies import PenStudy
-    from mechviz.meshes.kinds.rims import Loop
+    from mechviz.meshes.kinds.rims import BeltLoop
     from mechviz.meshes.solids import Solids
     from mechviz.runs import Run
 
-Kind = Literal["roller", "belt"]
-MARK_KINDS: tuple[Kind, ...] = get_args(Kind)
-MARK_COLORS: dict[Kind, tuple[int, int, int]] = {"roller": (60, 66, 74), "belt": (236, 196, 64)}
+MarkKind = Literal["roller", "belt"]
+MARK_KINDS: tuple[MarkKind, ...] = get_args(MarkKind)
+MARK_COLORS: dict[MarkKind, tuple[int, int, int]] = {"roller": (60, 66, 74), "belt": (236, 196, 64)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +36,7 @@ class SurfaceMark:
     """A mark below a link: the mesh about ``centre`` (x, y, z) [m] in the link's axes, or about the places ``path`` (F, 3) [m] that
     it goes to; turned by ``angle`` (F) [rad] against the link, about z or about the direction ``axis`` in the plane."""
 
-    kind: Kind
+    kind: MarkKind
     name: str
     link: str
     centre: tuple[float, float, float]
@@ -241,7 +241,7 @@ def find_belt_marks(run: Run, solids: Solids) -> Iterator[SurfaceMark]:
             yield SurfaceMark("belt", f"{loop.joint} {k + 1}", loop.carrier, first, direction, *box, path=path)
 
 
-def belt_travel(run: Run, loop: Loop) -> Real:
+def belt_travel(run: Run, loop: BeltLoop) -> Real:
     """How far a belt has run at every frame (F,) [m]: as far as the rim of its first pulley has turned against the carrier. It
     stands still at frames that could not be assembled."""
     turned = run.motion.pose(loop.pulley)[:, 2] - run.motion.pose(loop.carrier)[:, 2]

@@ -12,7 +12,7 @@ import numpy as np
 from mechcore.arrays import Flags, Real
 from mechcore.records import dataclass
 from mechviz.files import OutputError
-from mechviz.quantities.entries import Entry, Names, entries
+from mechviz.quantities.entries import Entry, EntryFacts, entries
 from mechviz.quantities.items import Table
 from mechviz.quantities.numbers import Numbers
 
@@ -267,11 +267,11 @@ class Catalogue:
         return float(np.max(values, initial=0.0, where=np.isfinite(values)))
 
 
-def names_of(n: Numbers) -> Names:
+def names_of(n: Numbers) -> EntryFacts:
     """Facts on which the entries of the catalogue depend beside the tables."""
     pins = frozenset(name for name in n.joints if n.is_pin(name))
     rubbing = frozenset(name for name in n.joints if n.rubs(name))
-    return Names(n.frame, n.drives, tuple(n.joints), n.links, n.points, tuple(n.loads), pins, rubbing, n.has_forces, n.units)
+    return EntryFacts(n.frame, n.drives, tuple(n.joints), n.links, n.points, tuple(n.loads), pins, rubbing, n.has_forces, n.units)
 
 
 def _of_peak(values: Real) -> Real:

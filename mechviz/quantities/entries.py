@@ -13,10 +13,8 @@ import numpy as np
 
 from mechcore.arrays import Real
 from mechcore.records import dataclass
-from mechviz.quantities.items import Columns
+from mechviz.quantities.items import ColumnUnits, Path
 from mechviz.scene.units import Units
-
-Path = tuple[str, ...]
 
 MOTION = {
     "slide": "displacement",
@@ -46,13 +44,13 @@ LENGTHS = {("Fx", "Fy"): "|F|", ("vx", "vy"): "|v|", ("ax", "ay"): "|a|"}
 APART = ("motion", "contact", "lift", "drive", "stress", "bearing", "sections")
 """Tables of which every column is a quantity of its own."""
 
-KINDS = {"joints": "joint", "links": "link", "points": "point", "cams": "cam", "loads": "load", "servos": "servo"}
+ITEM_KINDS = {"joints": "joint", "links": "link", "points": "point", "cams": "cam", "loads": "load", "servos": "servo"}
 ORDER = ("drive", "joints", "links", "points", "sections", "cams", "loads", "servos", "energy", "power")
 TABLES = ("motion", "pose", "position", "velocity", "acceleration", "reaction", "friction", "bearing", "contact", "lift", "stress")
 """In the order in which the quantities of an item are offered."""
 
 
-class Names(NamedTuple):
+class EntryFacts(NamedTuple):
     """Facts on which the entries depend beside paths and columns; ``pins``: joints whose couple is friction alone, ``rubbing``:
     joints with friction; ``units`` in which people read the values."""
 
@@ -84,13 +82,13 @@ class Entry:
 
 
 @lru_cache(maxsize=16)
-def entries(tables: tuple[tuple[Path, Columns], ...], names: Names) -> tuple[Entry, ...]:
+def entries(tables: tuple[tuple[Path, ColumnUnits], ...], names: EntryFacts) -> tuple[Entry, ...]:
     """All entries of some tables, in the order in which they are offered."""
     placed = sorted(tables, key=lambda table: _place(table[0], names))
     return tuple(entry for path, columns in placed for entry in _of_table(path, columns, names))
 
 
-def _place(path: Path, n: Names) -> tuple[int, int, int, Path]:
+def _place(path: Path, n: EntryFacts) -> tuple[int, int, int, Path]:
     """Where the entries of a table stand: by kind, then in the order of the scene; health comes last."""
     if path[0] == "health":
         return len(ORDER) + 1, 0, 0, path
@@ -101,7 +99,7 @@ def _place(path: Path, n: Names) -> tuple[int, int, int, Path]:
     return kind, known.index(item) if item in known else len(known), rank, path
 
 
-def _of_table(path: Path, columns: Columns, n: Names) -> Iterator[Entry]:
+def _of_table(path: Path, columns: ColumnUnits, n: EntryFacts) -> Iterator[Entry]:
     if path[0] == "health":
         curves = tuple(column.replace("_", " ") for column, _ in columns)
         unit, factor = n.units.reads(columns[0][1], small=True)
@@ -133,8 +131,8 @@ def _of_table(path: Path, columns: Columns, n: Names) -> Iterator[Entry]:
             yield from made(("load", *names), f"load {' '.join(names)}", "load", known)
         case ("sections", name):
             yield from made(("link", name), f"link {name}", "sections")
-        case (kind, name, what) if kind in KINDS:
-            yield from made((KINDS[kind], name), f"{KINDS[kind]} {name}", what)
+        case (kind, name, what) if kind in ITEM_KINDS:
+            yield from made((ITEM_KINDS[kind], name), f"{ITEM_KINDS[kind]} {name}", what)
         case ("answers", name, item):
             yield from made((name, item), f"{name.replace('_', ' ')} {item}", "answer")
         case rest:
@@ -146,7 +144,7 @@ def _of_table(path: Path, columns: Columns, n: Names) -> Iterator[Entry]:
 def _grouped(
     units: Units,
     path: Path,
-    columns: Columns,
+    columns: ColumnUnits,
     key: Path,
     item: str,
     what: str,
@@ -191,7 +189,7 @@ def _scaled(values: Real, *, columns: list[int], factor: float, length: bool = F
     return np.column_stack([some, np.hypot(some[:, 0], some[:, 1])]) if length else some
 
 
-def _drawn_laws(units: Units, name: str, path: Path, columns: Columns) -> Iterator[Entry]:
+def _drawn_laws(units: Units, name: str, path: Path, columns: ColumnUnits) -> Iterator[Entry]:
     """A drawn law beside the exact one: lift and its derivatives."""
     for k, (column, unit) in enumerate(columns[:3]):
         shown, factor = units.reads(unit)

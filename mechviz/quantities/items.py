@@ -20,7 +20,7 @@ from mechcore.spec.clearance import journals_of, made_joints
 if TYPE_CHECKING:
     from mechviz.runs import Run
 
-Columns = tuple[tuple[str, str], ...]
+ColumnUnits = tuple[tuple[str, str], ...]
 Source = Real | Callable[[], Real]
 """Values, or a function that computes them whenever they are asked for."""
 
@@ -38,7 +38,7 @@ class Table:
 
     path: tuple[str, ...]
     item: str
-    columns: Columns
+    columns: ColumnUnits
     source: Source
     kept: bool = True
 

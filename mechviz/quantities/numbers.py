@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mechcore.arrays import Real
+from mechcore.arrays import Real, Vec2
 from mechcore.records import dataclass
 from mechcore.spec.loads import Actuator, Damper, GasSpring, Spring
-from mechcore.spec.mechanism import Mechanism, Vec2
+from mechcore.spec.mechanism import Mechanism
 from mechviz.quantities.items import JointInfo, Source, Table, joints_of, links_of
 from mechviz.quantities.tables import tables
 from mechviz.quantities.vectors import centre_name, point_name
@@ -104,10 +104,10 @@ class Numbers:
     @cached_property
     def poses(self) -> Mapping[str, Real]:
         """x, y [m] and angle [rad] (F, 3) of all links."""
-        return Poses(self)
+        return PoseTables(self)
 
 
-class Poses(Mapping[str, Real]):
+class PoseTables(Mapping[str, Real]):
     """Poses (F, 3) of all links, from their tables."""
 
     def __init__(self, numbers: Numbers):

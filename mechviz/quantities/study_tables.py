@@ -10,15 +10,15 @@ import numpy as np
 
 from mechcore.arrays import Complex, Real
 from mechcore.forces.section_forces import SectionForces
-from mechviz.quantities.items import Columns, Table
+from mechviz.quantities.items import ColumnUnits, Table
 
 if TYPE_CHECKING:
     from mechviz.runs import Run
 
 
-NEAR = 100.0
+NEAR_POINT = 100.0
 """Sizes of the mechanism: lines that meet farther off are not judged, as they are nearly parallel."""
-_FORCE: Columns = (("Fx", "N"), ("Fy", "N"), ("moment", "N m"))
+_FORCE: ColumnUnits = (("Fx", "N"), ("Fy", "N"), ("moment", "N m"))
 
 
 def study_tables(run: Run) -> Iterator[Table]:
@@ -29,7 +29,7 @@ def study_tables(run: Run) -> Iterator[Table]:
         yield Table(("polygons", name, "closing"), f"{name} plan", (("closing", "1"),), closing[:, None])
     for name, system in studies.systems.items():
         line = np.column_stack([system.force, system.moment, system.resultant.point])
-        columns: Columns = (*_FORCE, ("line x", "m"), ("line y", "m"))
+        columns: ColumnUnits = (*_FORCE, ("line x", "m"), ("line y", "m"))
         yield Table(("data", "systems", name, "resultant"), f"{name}.resultant", columns, line)
     if studies.systems:
         closing = np.max([s.drawing.closing for s in studies.systems.values()], axis=0)
@@ -101,11 +101,11 @@ def study_lines(run: Run) -> list[str]:
     return list(_lines(run, run.scene.units.text))
 
 
-Told = Callable[[float, str], str]
+ValueWords = Callable[[float, str], str]
 """A quantity in an SI unit as people read it."""
 
 
-def _lines(run: Run, told: Told) -> Iterator[str]:
+def _lines(run: Run, told: ValueWords) -> Iterator[str]:
     studies = run.studies
     for name, polygons in studies.polygons.items():
         worst = max(float(np.nanmax(polygon.closing, initial=0.0)) for polygon in polygons)
@@ -146,11 +146,11 @@ def _lines(run: Run, told: Told) -> Iterator[str]:
         yield f"section forces of {name}: {_section_words(section, run.motion.time, told)}"
 
 
-def _centre_lines(run: Run, told: Told) -> Iterator[str]:
+def _centre_lines(run: Run, told: ValueWords) -> Iterator[str]:
     studies, size = run.studies, run.motion.model.length_scale
     centres = studies.instant_centres
     if centres:
-        near = [c.gap[np.isfinite(c.gap) & (np.abs(c.place - c.place[0]) < NEAR * size)] for c in centres.values()]
+        near = [c.gap[np.isfinite(c.gap) & (np.abs(c.place - c.place[0]) < NEAR_POINT * size)] for c in centres.values()]
         yield "instant centres of " + ", ".join(f"{k} {link}" for k, link in enumerate(run.motion.model.links))
         texts = [f"{name} in {' and '.join(''.join(line.through) for line in c.lines)}" for name, c in centres.items() if c.lines]
         if texts:
@@ -183,7 +183,7 @@ def _centre_lines(run: Run, told: Told) -> Iterator[str]:
         yield f"centre of percussion of {name}: {words}"
 
 
-def _section_words(section: SectionForces, time: Real, told: Told) -> str:
+def _section_words(section: SectionForces, time: Real, told: ValueWords) -> str:
     """Ranges and the largest bending moment, with its place and time."""
     size = np.abs(section.bending.values)
     if not np.isfinite(size).any():

@@ -20,7 +20,7 @@ from mechcore.spec.clearance import journals_of
 from mechcore.spec.loads import Servo
 from mechviz.quantities.items import (
     ERROR_COLUMNS,
-    Columns,
+    ColumnUnits,
     JointInfo,
     Table,
     joint_unit,
@@ -35,10 +35,10 @@ if TYPE_CHECKING:
     from mechcore.spec.mechanism import CamRating
     from mechviz.runs import Run
 
-_POSE: Columns = (("x", "m"), ("y", "m"), ("angle", "rad"))
-_VELOCITY: Columns = (("vx", "m/s"), ("vy", "m/s"), ("omega", "rad/s"))
-_ACCELERATION: Columns = (("ax", "m/s^2"), ("ay", "m/s^2"), ("alpha", "rad/s^2"))
-_WRENCH: Columns = (("Fx", "N"), ("Fy", "N"), ("moment", "N m"))
+_POSE: ColumnUnits = (("x", "m"), ("y", "m"), ("angle", "rad"))
+_VELOCITY: ColumnUnits = (("vx", "m/s"), ("vy", "m/s"), ("omega", "rad/s"))
+_ACCELERATION: ColumnUnits = (("ax", "m/s^2"), ("ay", "m/s^2"), ("alpha", "rad/s^2"))
+_WRENCH: ColumnUnits = (("Fx", "N"), ("Fy", "N"), ("moment", "N m"))
 
 
 ROUND_OFF = 1e-12  # of the largest reaction
@@ -98,16 +98,16 @@ def _joints(run: Run) -> Iterator[Table]:
     for joint in joints_of(motion):
         path, name, unit = ("data", "joints", joint.name), joint.name, joint.unit
         what = "slide" if unit == "m" else "angle"
-        rates: Columns = ((what, unit), (f"{what}_rate", f"{unit}/s"), (f"{what}_acceleration", f"{unit}/s^2"))
+        rates: ColumnUnits = ((what, unit), (f"{what}_rate", f"{unit}/s"), (f"{what}_acceleration", f"{unit}/s^2"))
         yield Table((*path, "motion"), f"{name}.motion", rates, partial(motion.coordinate, name))
         place = motion.joint_position if forces is None else forces.position
         yield Table((*path, "position"), f"{name}.position", _POSE[:2], partial(_placed, onto, joint, place))
         if forces is not None:
-            columns: Columns = (*_WRENCH[:2], ("couple", "N m"))
+            columns: ColumnUnits = (*_WRENCH[:2], ("couple", "N m"))
             reaction = partial(_reaction, forces, name)
             yield Table((*path, "reaction"), f"{name}.reaction", columns, reaction)
             if name in guides:
-                both: Columns = (("bearing force behind", "N"), ("bearing force ahead", "N"))
+                both: ColumnUnits = (("bearing force behind", "N"), ("bearing force ahead", "N"))
                 yield Table((*path, "bearing"), f"{name}.bearing", both, partial(bearing_ends, forces, guides[name]))
             if name in journals_of(motion.model.mechanism):
                 yield _journal(run, name)
@@ -139,7 +139,7 @@ def _journal(run: Run, joint: str) -> Table:
     """Where the journal is in its bearing, in the axes of the bearing's link, and how far they are apart (negative: pressed in)."""
     load = journals_of(run.motion.model.mechanism)[joint]
     x, y = (run.motion.coordinate(name)[:, 0] for name in load.slides)
-    columns: Columns = (("x", "m"), ("y", "m"), ("gap", "m"))
+    columns: ColumnUnits = (("x", "m"), ("y", "m"), ("gap", "m"))
     values = np.column_stack([x, y, load.radial - np.hypot(x, y)])
     return Table(("data", "joints", joint, "journal"), f"{joint}.journal", columns, values)
 
@@ -149,7 +149,7 @@ def _cams(run: Run) -> Iterator[Table]:
     if not any(r.geometry is not None for r in motion.model.relations):
         return
     for cam in placed_cams(motion):
-        columns: Columns = (
+        columns: ColumnUnits = (
             ("x", "m"), ("y", "m"), ("force", "N"), ("pressure_angle", "rad"), ("curvature_radius", "m"), ("eccentricity", "m")
         )  # fmt: skip
         rows = cache(partial(_contact, run, cam))
@@ -157,7 +157,7 @@ def _cams(run: Run) -> Iterator[Table]:
         yield Table(("data", "cams", cam.name, "contact"), f"{cam.name}.contact", columns, contact)
         unit = "m" if cam.arm == 0.0 else "rad"
         per = "m" if cam.bed else "rad"
-        lifts: Columns = (("lift", unit), ("lift_rate", f"{unit}/{per}"), ("lift_acceleration", f"{unit}/{per}^2"))
+        lifts: ColumnUnits = (("lift", unit), ("lift_rate", f"{unit}/{per}"), ("lift_acceleration", f"{unit}/{per}^2"))
         if run.simulation is not None and any(each.joint == cam.name for each in run.simulation.separable_cams):
             joined: Any = motion  # of a motion under forces
             gap = run.simulation.gap(cam.name, joined)
@@ -179,11 +179,11 @@ def _contact(run: Run, cam: AnyCam) -> Real:
     return np.column_stack([*values, rows.lift, law[1], law[2]])
 
 
-def _rated(run: Run, cam: Any, lifts: Columns) -> Iterator[Table]:
+def _rated(run: Run, cam: Any, lifts: ColumnUnits) -> Iterator[Table]:
     """Ratings that a scene asks for: Hertz pressure, the drawn lift and its error."""
     joint = joint_of(run.motion, cam)
     if joint.rating is not None and joint.rating.width is not None and run.forces is not None:
-        columns: Columns = (("hertz_pressure", "Pa"), ("half_width", "m"))
+        columns: ColumnUnits = (("hertz_pressure", "Pa"), ("half_width", "m"))
 
         def stress(forces: Forces = run.forces, rating: CamRating = joint.rating) -> Real:
             hertz = contact_stress(forces, cam, rating)
@@ -205,7 +205,7 @@ def _drives(run: Run) -> Iterator[Table]:
     for drive in motion.mechanism.drives:
         unit = units[drive.joint]
         effort = ("force", "N") if unit == "m" else ("torque", "N m")
-        columns: Columns = (
+        columns: ColumnUnits = (
             ("coordinate", unit),
             ("speed", f"{unit}/s"),
             ("acceleration", f"{unit}/s^2"),
@@ -258,7 +258,7 @@ def _servo_track(motion: Motion, servo: Servo, chosen: slice) -> Real:
 def _loads(run: Run) -> Iterator[Table]:
     if run.forces is None:
         return
-    columns: Columns = (*_WRENCH, *_POSE[:2])
+    columns: ColumnUnits = (*_WRENCH, *_POSE[:2])
     onto = onto_centres(run, links_with_mass(run))
     for name, load in run.forces.loads.items():
         parts = ("gravity", load.link) if load.kind == "gravity" else (name,)
@@ -269,7 +269,7 @@ def _servos(run: Run) -> Iterator[Table]:
     for servo in () if run.forces is None else run.motion.mechanism.loads:
         if isinstance(servo, Servo):
             path, unit = ("data", "servos", servo.name), joint_unit(run.motion, servo.joint)
-            both: Columns = (("target", unit), ("reached", unit))
+            both: ColumnUnits = (("target", unit), ("reached", unit))
             yield Table((*path, "position"), servo.name, both, partial(_servo_track, run.motion, servo, slice(0, 2)))
             yield Table((*path, "error"), servo.name, (("error", unit),), partial(_servo_track, run.motion, servo, slice(2, 3)))
 
@@ -280,9 +280,9 @@ def _powers(run: Run) -> Iterator[Table]:
     forces = run.forces
     labels = power_labels(forces)
     if labels:
-        names: Columns = tuple((label, "W") for label in labels)
+        names: ColumnUnits = tuple((label, "W") for label in labels)
         yield Table(("data", "power"), "power", names, lambda: np.column_stack([i.power for i in power_table(forces).items]))
-    energies: Columns = tuple((k, "J") for k in ("kinetic", "potential", "work", "dissipated"))
+    energies: ColumnUnits = tuple((k, "J") for k in ("kinetic", "potential", "work", "dissipated"))
     yield Table(("data", "energy"), "energy", energies, lambda: forces.energy)
 
 

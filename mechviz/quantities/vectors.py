@@ -23,7 +23,7 @@ LARGEST_ARC = 0.45  # of the mechanism's size, along the arc
 
 
 @dataclass(frozen=True)
-class Family:
+class VectorFamily:
     """A kind of vector: its name, what it means, its unit and its colours (red, green, blue) on a light and on a dark ground."""
 
     name: str
@@ -34,24 +34,26 @@ class Family:
     on_dark: tuple[int, int, int]
 
 
-FAMILIES: Mapping[str, Family] = {
+VECTOR_FAMILIES: Mapping[str, VectorFamily] = {
     f.name: f
     for f in (
-        Family("reaction", "Reactions", "force of a joint on the second link of its joint", "N", (206, 32, 58), (255, 72, 84)),
-        Family("applied", "Applied loads", "forces and torques that the scene applies", "N", (240, 120, 0), (255, 138, 20)),
-        Family("gravity", "Gravity", "weight at the centre of mass", "N", (112, 78, 38), (214, 178, 130)),
-        Family("inertia", "Inertia", "resultant -m a on its line of action", "N", (146, 44, 178), (208, 112, 246)),
-        Family("friction", "Friction", "dry friction on the second link of its joint", "N", (190, 150, 0), (255, 214, 92)),
-        Family("drive", "Drive", "torque or force that the drive must supply", "N", (0, 140, 70), (72, 222, 128)),
-        Family("velocity", "Velocity", "of traced points and centres of mass", "m/s", (22, 110, 220), (84, 168, 255)),
-        Family("acceleration", "Acceleration", "of traced points and centres of mass", "m/s²", (0, 158, 170), (52, 214, 220)),
+        VectorFamily(
+            "reaction", "Reactions", "force of a joint on the second link of its joint", "N", (206, 32, 58), (255, 72, 84)
+        ),
+        VectorFamily("applied", "Applied loads", "forces and torques that the scene applies", "N", (240, 120, 0), (255, 138, 20)),
+        VectorFamily("gravity", "Gravity", "weight at the centre of mass", "N", (112, 78, 38), (214, 178, 130)),
+        VectorFamily("inertia", "Inertia", "resultant -m a on its line of action", "N", (146, 44, 178), (208, 112, 246)),
+        VectorFamily("friction", "Friction", "dry friction on the second link of its joint", "N", (190, 150, 0), (255, 214, 92)),
+        VectorFamily("drive", "Drive", "torque or force that the drive must supply", "N", (0, 140, 70), (72, 222, 128)),
+        VectorFamily("velocity", "Velocity", "of traced points and centres of mass", "m/s", (22, 110, 220), (84, 168, 255)),
+        VectorFamily("acceleration", "Acceleration", "of traced points and centres of mass", "m/s²", (0, 158, 170), (52, 214, 220)),
     )
 }
 FORCE_FAMILIES = ("reaction", "applied", "gravity", "inertia", "friction", "drive")
 
 
 @dataclass(frozen=True, eq=False)
-class Placed:
+class PlacedVector:
     """A vector or moment at a place over all frames: ``origin`` (F, 2) [m] and ``value``, from their sources."""
 
     family: str
@@ -69,7 +71,7 @@ class Placed:
 
 
 @dataclass(frozen=True, eq=False)
-class Vector(Placed):
+class Vector(PlacedVector):
     """One vector over all frames, its ``value`` (F, 2) in the family's unit."""
 
     @property
@@ -84,7 +86,7 @@ class Vector(Placed):
 
 
 @dataclass(frozen=True, eq=False)
-class Moment(Placed):
+class Moment(PlacedVector):
     """One moment over all frames, its ``value`` (F,) [N m] counter-clockwise positive. ``shown`` (F,): where it is drawn; None: at
     all frames."""
 

@@ -10,7 +10,7 @@ from typing import Annotated, Any, NamedTuple, TypeVar, Union, get_args, get_ori
 from pydantic import Discriminator, Tag
 from pydantic.fields import FieldInfo
 
-from mechviz.scene.fields import Table
+from mechviz.scene.fields import DocumentTable
 
 Place = tuple[str | int, ...]
 """A place in a document: keys of tables, indices of lists."""
@@ -32,7 +32,7 @@ class Leaf(NamedTuple):
 
 
 @cache
-def hints_of(cls: type[Table]) -> dict[str, Any]:
+def hints_of(cls: type[DocumentTable]) -> dict[str, Any]:
     """The types of the keys of a table, with their marks."""
     return {
         key: Annotated[info.annotation, *info.metadata] if info.metadata else info.annotation
@@ -66,7 +66,7 @@ def inner_types(kind: object, count: int) -> list[Any]:
     return [inner[0 if row else min(k, len(inner) - 1)] for k in range(count)]
 
 
-def stated_keys(table: Table, among: Iterable[str] | None = None) -> Iterable[str]:
+def stated_keys(table: DocumentTable, among: Iterable[str] | None = None) -> Iterable[str]:
     """The keys of a table, or those among some, that are stated and have a value."""
     stated = table.model_fields_set
     return [
@@ -75,11 +75,11 @@ def stated_keys(table: Table, among: Iterable[str] | None = None) -> Iterable[st
 
 
 def leaves(
-    value: object, keys: Callable[[Table], Iterable[str]] = stated_keys, annotation: object = None, path: Place = ()
+    value: object, keys: Callable[[DocumentTable], Iterable[str]] = stated_keys, annotation: object = None, path: Place = ()
 ) -> Iterator[Leaf]:
     """The values of a document, or of one of its tables, in order; ``keys`` chooses those of a table to look at."""
     kind, marks = peel(annotation, value)
-    if isinstance(value, Table):
+    if isinstance(value, DocumentTable):
         for key in keys(value):
             yield from leaves(getattr(value, key), keys, hints_of(type(value))[key], (*path, key))
     elif isinstance(value, Mapping):
@@ -97,7 +97,7 @@ def leaf_at(value: Any, place: Place) -> Leaf:
     annotation: Any = None
     for part in place:
         kind, _ = peel(annotation, value)
-        if isinstance(value, Table):
+        if isinstance(value, DocumentTable):
             annotation, value = hints_of(type(value))[str(part)], getattr(value, str(part))
         else:
             annotation = get_args(kind)[1] if isinstance(value, Mapping) else inner_types(kind, len(value))[int(part)]
@@ -109,7 +109,7 @@ def raw_leaves(raw: object, annotation: object, path: Place = ()) -> Iterator[Le
     """The values that hold no others of plain data for a type, as far as they are where that type has a place."""
     kind, marks = peel(annotation, raw)
     origin = get_origin(kind)
-    if isinstance(raw, Mapping) and isinstance(kind, type) and issubclass(kind, Table):
+    if isinstance(raw, Mapping) and isinstance(kind, type) and issubclass(kind, DocumentTable):
         hints = hints_of(kind)
         for key in raw.keys() & hints.keys():
             yield from raw_leaves(raw[key], hints[key], (*path, key))
@@ -126,7 +126,7 @@ def raw_leaves(raw: object, annotation: object, path: Place = ()) -> Iterator[Le
 def stated_value(value: Any, path: Iterable[str | int]) -> Any:
     """The value that is stated at a place of a document or of plain data, None where there is none."""
     for part in path:
-        if isinstance(value, Table):
+        if isinstance(value, DocumentTable):
             value = getattr(value, str(part)) if part in value.model_fields_set else None
         elif isinstance(value, Mapping):
             value = value.get(part)
@@ -144,7 +144,7 @@ def replaced(value: Any, changes: Mapping[Place, Any]) -> Any:
     inner: dict[str | int, dict[Place, Any]] = {}
     for place, new in changes.items():
         inner.setdefault(place[0], {})[place[1:]] = new
-    if isinstance(value, Table):
+    if isinstance(value, DocumentTable):
         copy = value.model_copy(update={str(key): replaced(getattr(value, str(key)), change) for key, change in inner.items()})
         copy.mark_invalid(value.invalid_keys)
         return copy

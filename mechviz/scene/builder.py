@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from mechcore.errors import Fault
 from mechviz.scene.faults import SceneError
-from mechviz.scene.kinds.joints.document import KINDS
+from mechviz.scene.kinds.joints.document import JOINT_KINDS
 from mechviz.scene.scene import Scene
 
 Value = float | str
@@ -241,13 +241,13 @@ def _method(kind: str) -> Callable[..., SceneBuilder]:
     def add(self: SceneBuilder, name: str, first: str, second: str, /, **keys: object) -> SceneBuilder:
         return self.joint(name, kind, first, second, **keys)
 
-    own = [Parameter(key, Parameter.KEYWORD_ONLY, default=None) for key in KINDS[kind].keys]
+    own = [Parameter(key, Parameter.KEYWORD_ONLY, default=None) for key in JOINT_KINDS[kind].keys]
     positional = [p for p in signature(add).parameters.values() if p.kind is Parameter.POSITIONAL_ONLY]
     add.__signature__ = Signature([*positional, *own], return_annotation="SceneBuilder")  # type: ignore[attr-defined]
     add.__name__, add.__qualname__ = kind, f"SceneBuilder.{kind}"
-    add.__doc__ = f"Adds {KINDS[kind].words} between two links; the keywords are the keys of a scene file."
+    add.__doc__ = f"Adds {JOINT_KINDS[kind].words} between two links; the keywords are the keys of a scene file."
     return add
 
 
-for _kind in KINDS:
+for _kind in JOINT_KINDS:
     setattr(SceneBuilder, _kind, _method(_kind))

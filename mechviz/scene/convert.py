@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING
 from mechcore.errors import Fault
 from mechcore.records import dataclass
 from mechviz.scene.folder import SceneFolder
-from mechviz.scene.units import KINDS, QuantityError, Units, magnitude, parse
+from mechviz.scene.units import UNIT_KINDS, QuantityError, Units, magnitude, parse
 
 if TYPE_CHECKING:
     from mechcore.laws.curve import MotionCurve
     from mechviz.scene.document import UnitsDocument
-    from mechviz.scene.fields import Table
+    from mechviz.scene.fields import DocumentTable
 
 
 LARGEST_VALUE = 1e30
@@ -76,7 +76,7 @@ class Converter:
             self.note(path, str(error), error.remedy)
             return math.nan
         if not abs(number) <= LARGEST_VALUE:
-            self.note(path, f"{number:g} {KINDS[kind].si} is beyond {LARGEST_VALUE:g}.", "Check the number and its unit.")
+            self.note(path, f"{number:g} {UNIT_KINDS[kind].si} is beyond {LARGEST_VALUE:g}.", "Check the number and its unit.")
             return math.nan
         if kind == "angle" and abs(number) > LARGEST_ANGLE:
             said = (
@@ -85,7 +85,7 @@ class Converter:
             self.note(path, said, "Leave out whole turns, or check the number and its unit.")
             return math.nan
         if kind in _DIVISORS and abs(number) < SMALLEST_VALUE and magnitude(value) != 0.0:
-            self.note(path, f"{number:g} {KINDS[kind].si} is below {SMALLEST_VALUE:g}.", "Check the number and its unit.")
+            self.note(path, f"{number:g} {UNIT_KINDS[kind].si} is below {SMALLEST_VALUE:g}.", "Check the number and its unit.")
             return math.nan
         return number
 
@@ -120,7 +120,7 @@ class Converter:
         return not any(map(math.isnan, values))
 
 
-def probable_sort(table: Table) -> str:
+def probable_sort(table: DocumentTable) -> str:
     """ "length" if a value of a table is one with its unit, else "angle": for drives whose joint is not known."""
     for text in _texts(table.model_dump(exclude_none=True, warnings=False)):
         for kind in ("length", "linear speed"):

@@ -16,6 +16,7 @@ from mechviz.scene.annotations import Place
 from mechviz.scene.fields import (
     Angle,
     Colour,
+    DocumentTable,
     Duration,
     Flag,
     GravityVector,
@@ -23,13 +24,12 @@ from mechviz.scene.fields import (
     Length,
     Name,
     Point,
-    Table,
     Text,
     UnitName,
     describe,
     fault,
     name_or_list,
-    refuse,
+    raise_faults,
 )
 from mechviz.scene.kinds.bodies import MassDocument, MassEntry, PointMassDocument
 from mechviz.scene.kinds.copies import CopyDocument
@@ -57,7 +57,7 @@ if set(get_args(EffectName)) != set(EFFECTS):  # a Literal must be spelled out; 
     raise ImportError("mechviz.scene.document.EffectName and mechcore.spec.mechanism.EFFECTS name different effects")
 
 
-class UnitsDocument(Table):
+class UnitsDocument(DocumentTable):
     """The units of bare numbers."""
 
     length: Annotated[str, UnitName("length")] = "m"
@@ -76,7 +76,7 @@ class UnitsDocument(Table):
     """Unit of moments of inertia. It does not follow the units of mass and length."""
 
 
-class RunDocument(Table):
+class RunDocument(DocumentTable):
     """How much of the motion is computed."""
 
     frames: Annotated[int, Field(strict=True, ge=2, le=10_000_000)] = 360
@@ -106,18 +106,20 @@ def _point_table(value: object) -> Any:
 
 PointTable = Annotated[dict[Name, Point], Field(min_length=1), BeforeValidator(_point_table)]
 PointNames = Annotated[list[Name], Field(min_length=1)]
-Points = Annotated[Annotated[PointTable, Tag("<table>")] | Annotated[PointNames, Tag("<list>")], Discriminator(_is_list)]
+LinkPoints = Annotated[Annotated[PointTable, Tag("<table>")] | Annotated[PointNames, Tag("<list>")], Discriminator(_is_list)]
 Centre = Annotated[Annotated[Point, Tag("<list>")] | Annotated[Text, Tag("<name>")], Discriminator(name_or_list)]
 
 
-Look = Literal["flywheel", "fan", "spindle"]
-LookEntry = Annotated[Annotated[list[Look], Tag("<list>")] | Annotated[Look, Tag("<name>")], Discriminator(name_or_list)]
+FixtureLook = Literal["flywheel", "fan", "spindle"]
+LookEntry = Annotated[
+    Annotated[list[FixtureLook], Tag("<list>")] | Annotated[FixtureLook, Tag("<name>")], Discriminator(name_or_list)
+]
 
 
-class LinkDocument(Table):
+class LinkDocument(DocumentTable):
     """A rigid link."""
 
-    points: Points
+    points: LinkPoints
     """Named points: a table of coordinates in the link's own frame, or a list of names that the sketch places."""
     mass: MassEntry | None = None
     """Mass, or a table that derives mass, centre and inertia from a shape. It acts only where something needs it."""
@@ -163,11 +165,11 @@ class LinkDocument(Table):
             faults.append(("shape", "a bar needs two points, this link has one.", "Add a point, or write shape = 'point'."))
         if self.shape and self.mass is None:
             faults.append(("shape", f"shape = '{self.shape}' without a mass.", "Add mass = ..., or leave out shape."))
-        refuse(faults)
+        raise_faults(faults)
         return self
 
 
-class Pose(Table):
+class Pose(DocumentTable):
     """Where a link's frame is, roughly, at the start."""
 
     at: Point
@@ -183,7 +185,7 @@ def _is_table(value: object) -> str:
 SketchEntry = Annotated[Annotated[Point, Tag("<list>")] | Annotated[Pose, Tag("<table>")], Discriminator(_is_table)]
 
 
-class SceneDocument(Table):
+class SceneDocument(DocumentTable):
     """A mechviz scene: a mechanism, its drives and loads, and what to compute."""
 
     title: Text = ""
@@ -308,11 +310,11 @@ FORMER_INNER = {"pair": "joint"}
 def value_at(value: Any, path: Place) -> Any:
     """The value at a place of a document, or of plain data. Raises `LookupError` or `AttributeError` where there is none."""
     for part in path:
-        value = getattr(value, str(part)) if isinstance(value, Table) else value[part]
+        value = getattr(value, str(part)) if isinstance(value, DocumentTable) else value[part]
     return value
 
 
-def stated(table: Table) -> dict[str, Any]:
+def stated(table: DocumentTable) -> dict[str, Any]:
     """The keys of a table that are stated, with their values as they are; the document's tables, not plain data."""
     return {key: getattr(table, key) for key in type(table).model_fields if key in table.model_fields_set}
 
@@ -333,9 +335,9 @@ def with_values(value: Any, changes: Mapping[Place, Any]) -> Any:
         for k, change in inner.items():
             items[int(k)] = with_values(items[int(k)], change)
         return items
-    entries = stated(value) if isinstance(value, Table) else dict(value or {})
+    entries = stated(value) if isinstance(value, DocumentTable) else dict(value or {})
     for key, change in inner.items():
-        old = getattr(value, str(key)) if isinstance(value, Table) else entries.get(str(key))
+        old = getattr(value, str(key)) if isinstance(value, DocumentTable) else entries.get(str(key))
         if old is None and () not in change and any(isinstance(path[0], int) for path in change):
             if str(key) not in SceneDocument.model_fields:
                 raise ValueError(f"{key} is no longer in the scene: there is nothing to change.")
@@ -345,4 +347,4 @@ def with_values(value: Any, changes: Mapping[Place, Any]) -> Any:
             entries.pop(str(key), None)
         else:
             entries[str(key)] = new
-    return type(value).model_validate(entries) if isinstance(value, Table) else entries
+    return type(value).model_validate(entries) if isinstance(value, DocumentTable) else entries

@@ -16,9 +16,9 @@ import numpy as np
 from mechcore.arrays import Real
 from mechcore.records import dataclass
 from mechviz.scene.faults import did_you_mean
-from mechviz.scene.units import KINDS, QuantityError, Unit, is_unit, measured, split, unit_of
+from mechviz.scene.units import UNIT_KINDS, QuantityError, Unit, is_unit, measured, split, unit_of
 
-Number = float | Real
+NumberOrArray = float | Real
 Powers = tuple[int, ...]
 
 PLAIN: Powers = (0, 0, 0, 0)
@@ -41,7 +41,7 @@ class ExpressionError(QuantityError):
 class Amount:
     """A number in SI units and the powers of angle, length, mass and time that it measures; an array (D,) of many designs."""
 
-    number: Number
+    number: NumberOrArray
     powers: Powers = PLAIN
 
     @property
@@ -50,7 +50,7 @@ class Amount:
         return "a plain number" if self.powers == PLAIN else measured(Unit(powers=self.powers))
 
 
-Evaluate = Callable[[Mapping[str, Amount]], Amount]
+AmountFunction = Callable[[Mapping[str, Amount]], Amount]
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ class Expression:
 
     text: str
     names: tuple[str, ...]
-    _evaluate: Evaluate
+    _evaluate: AmountFunction
 
     def value(self, known: Mapping[str, Amount]) -> Amount:
         """Its value. Raises `ExpressionError` where a name is unknown, units do not go together or the value is not finite."""
@@ -104,7 +104,7 @@ def angle_remedy(powers: Powers, wanted: Powers, remedy: str) -> str:
 
 
 # -- functions --------------------------------------------------------------------------------------------------------
-def _of_angle(function: Callable[[Number], Number]) -> Callable[[str, list[Amount]], Amount]:
+def _of_angle(function: Callable[[NumberOrArray], NumberOrArray]) -> Callable[[str, list[Amount]], Amount]:
     def called(text: str, values: list[Amount]) -> Amount:
         if values[0].powers != ANGLE:
             raise ExpressionError(f"'{text}' is of {values[0].words}, not of an angle.", "Give it an angle, such as 30 deg.")
@@ -113,7 +113,7 @@ def _of_angle(function: Callable[[Number], Number]) -> Callable[[str, list[Amoun
     return called
 
 
-def _to_angle(function: Callable[[Number], Number]) -> Callable[[str, list[Amount]], Amount]:
+def _to_angle(function: Callable[[NumberOrArray], NumberOrArray]) -> Callable[[str, list[Amount]], Amount]:
     def called(text: str, values: list[Amount]) -> Amount:
         if values[0].powers != PLAIN:
             raise ExpressionError(f"'{text}' is of {values[0].words}, not of a plain number.", "Divide it by one of its kind.")
@@ -129,7 +129,7 @@ def _root(text: str, values: list[Amount]) -> Amount:
     return Amount(np.sqrt(value.number), tuple(power // 2 for power in value.powers))
 
 
-def _one_of(function: Callable[[Number, Number], Number]) -> Callable[[str, list[Amount]], Amount]:
+def _one_of(function: Callable[[NumberOrArray, NumberOrArray], NumberOrArray]) -> Callable[[str, list[Amount]], Amount]:
     def called(text: str, values: list[Amount]) -> Amount:
         result = values[0]
         for value in values[1:]:
@@ -227,7 +227,7 @@ class _Parser:
         """The text from a token to the last one taken."""
         return self.text[self.tokens[start][2] : self.tokens[self.at - 1][3]]
 
-    def sum(self) -> Evaluate:
+    def sum(self) -> AmountFunction:
         self.depth += 1
         if self.depth > DEEPEST_NESTING:
             raise ExpressionError(f"'{self.text[:40]}...' nests brackets too deep.", "Name a part of it as a parameter.")
@@ -238,20 +238,20 @@ class _Parser:
         self.depth -= 1
         return total
 
-    def product(self) -> Evaluate:
+    def product(self) -> AmountFunction:
         result = self.signed()
         while self.peek() in ("*", "·", "/"):
             result = _multiplied(result, self.take() != "/", self.signed())
         return result
 
-    def signed(self) -> Evaluate:
+    def signed(self) -> AmountFunction:
         if self.peek() in ("+", "-"):
             negative = self.take() == "-"
             inner = self.signed()
             return _negated(inner) if negative else inner
         return self.power()
 
-    def power(self) -> Evaluate:
+    def power(self) -> AmountFunction:
         start, base = self.at, self.with_unit()
         if self.peek() not in ("^", "**"):
             return base
@@ -261,7 +261,7 @@ class _Parser:
         exponent = self.primary()
         return _raised(base, _negated(exponent) if negative else exponent, self.since(start))
 
-    def with_unit(self) -> Evaluate:
+    def with_unit(self) -> AmountFunction:
         start, value = self.at, self.primary()
         if self.kind() != "name":
             return value
@@ -271,7 +271,7 @@ class _Parser:
             return lambda _: stated
         return lambda known: _product(value(known), Amount(float(unit.factor), unit.powers), True)
 
-    def primary(self) -> Evaluate:
+    def primary(self) -> AmountFunction:
         kind, start = self.kind(), self.at
         if kind == "number":
             number = Amount(float(self.take()))
@@ -291,7 +291,7 @@ class _Parser:
         self.names[name] = None
         return lambda known: known[name]
 
-    def call(self, name: str, start: int) -> Evaluate:
+    def call(self, name: str, start: int) -> AmountFunction:
         if name not in FUNCTIONS:
             what = did_you_mean(name, FUNCTIONS, what="Functions")
             raise ExpressionError(f"'{self.text}' calls '{name}', which is no function.", what)
@@ -346,7 +346,7 @@ def _bare(word: str) -> str:
 
 
 # -- evaluation -------------------------------------------------------------------------------------------------------
-def _added(first: Evaluate, second: Evaluate, sign: float, text: str) -> Evaluate:
+def _added(first: AmountFunction, second: AmountFunction, sign: float, text: str) -> AmountFunction:
     def evaluate(known: Mapping[str, Amount]) -> Amount:
         a, b = first(known), second(known)
         _alike(text, a, b, "adds" if sign > 0 else "subtracts")
@@ -361,11 +361,11 @@ def _product(a: Amount, b: Amount, times: bool) -> Amount:
     return Amount(number, tuple(x + sign * y for x, y in zip(a.powers, b.powers, strict=True)))
 
 
-def _multiplied(first: Evaluate, times: bool, second: Evaluate) -> Evaluate:
+def _multiplied(first: AmountFunction, times: bool, second: AmountFunction) -> AmountFunction:
     return lambda known: _product(first(known), second(known), times)
 
 
-def _negated(inner: Evaluate) -> Evaluate:
+def _negated(inner: AmountFunction) -> AmountFunction:
     def evaluate(known: Mapping[str, Amount]) -> Amount:
         value = inner(known)
         return Amount(-value.number, value.powers)
@@ -373,7 +373,7 @@ def _negated(inner: Evaluate) -> Evaluate:
     return evaluate
 
 
-def _raised(base: Evaluate, exponent: Evaluate, text: str) -> Evaluate:
+def _raised(base: AmountFunction, exponent: AmountFunction, text: str) -> AmountFunction:
     def evaluate(known: Mapping[str, Amount]) -> Amount:
         value, power = base(known), exponent(known)
         if power.powers != PLAIN:
@@ -390,4 +390,4 @@ def _raised(base: Evaluate, exponent: Evaluate, text: str) -> Evaluate:
 
 def wanted_powers(kind: str) -> Powers:
     """The powers of angle, length, mass and time of a kind of quantity."""
-    return unit_of(KINDS[kind].si).powers
+    return unit_of(UNIT_KINDS[kind].si).powers

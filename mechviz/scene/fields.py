@@ -34,7 +34,7 @@ from pydantic import (
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
 from mechcore.records import dataclass
-from mechviz.scene.units import EXPRESSION_PATTERN, KINDS, QUANTITY_PATTERN, QuantityError, magnitude, parse, unit_factor
+from mechviz.scene.units import EXPRESSION_PATTERN, QUANTITY_PATTERN, UNIT_KINDS, QuantityError, magnitude, parse, unit_factor
 
 
 def fault(message: str, remedy: str = "") -> PydanticCustomError:
@@ -83,7 +83,7 @@ def _number(value: object) -> float:
 
 
 @dataclass(frozen=True)
-class Quantity:
+class QuantityMark:
     """Marks a number in the scene's units, or a text with a unit of one of the kinds; ``least`` bounds it from below; ``word`` is a
     text that stands for a value which follows from others.
 
@@ -104,19 +104,19 @@ class Quantity:
         return {
             "anyOf": [*words, {"type": "number", **bound}, {"type": "string", "pattern": pattern}],
             "description": f"{self._words}: a number in the scene's units, a text with its own unit, or an expression",
-            "examples": [KINDS[kind].example for kind in self.kinds],
+            "examples": [UNIT_KINDS[kind].example for kind in self.kinds],
         }
 
     @property
     def _words(self) -> str:
-        return " or ".join(KINDS[kind].words for kind in self.kinds)
+        return " or ".join(UNIT_KINDS[kind].words for kind in self.kinds)
 
     def _check(self, value: object) -> float | str:
         if self.word and value == self.word:
             return self.word
         if not isinstance(value, str):
             if isinstance(value, bool) or not isinstance(value, int | float):
-                remedy = f"Write a number, or a text such as '{KINDS[self.kinds[0]].example}'."
+                remedy = f"Write a number, or a text such as '{UNIT_KINDS[self.kinds[0]].example}'."
                 raise fault(f"{describe(value)} where {self._words} is wanted.", remedy)
             number = _finite(value, self._words)
             self._bounded(number, value)
@@ -140,36 +140,36 @@ def value_or_list(value: object) -> str:
     return "<list>" if isinstance(value, list | tuple) else "<value>"
 
 
-Length = Annotated[float | str, Quantity(("length",))]
-Size = Annotated[float | str, Quantity(("length",), "above zero")]
-Angle = Annotated[float | str, Quantity(("angle",))]
-Mass = Annotated[float | str, Quantity(("mass",), "zero")]
-SignedMass = Annotated[float | str, Quantity(("mass",))]
-Density = Annotated[float | str, Quantity(("density",), "above zero")]
-Time = Annotated[float | str, Quantity(("time",))]
-Duration = Annotated[float | str, Quantity(("time",), "above zero")]
-Force = Annotated[float | str, Quantity(("force",))]
-Torque = Annotated[float | str, Quantity(("torque",))]
-Inertia = Annotated[float | str, Quantity(("inertia",), "zero")]
-Extent = Annotated[float | str, Quantity(("length",), "zero")]
-Speed = Annotated[float | str, Quantity(("linear speed",))]
-Pressure = Annotated[float | str, Quantity(("pressure",), "above zero")]
-Power = Annotated[float | str, Quantity(("power",), "above zero")]
-AngularSpeed = Annotated[float | str, Quantity(("angular speed",))]
-TorsionalGain = Annotated[float | str, Quantity(("torsional damping",), "above zero")]
-Effort = Annotated[float | str, Quantity(("torque", "force"), "zero")]
-Frequency = Annotated[float | str, Quantity(("frequency",), "above zero")]
-Gravity = Annotated[float | str, Quantity(("gravity",))]
+Length = Annotated[float | str, QuantityMark(("length",))]
+Size = Annotated[float | str, QuantityMark(("length",), "above zero")]
+Angle = Annotated[float | str, QuantityMark(("angle",))]
+Mass = Annotated[float | str, QuantityMark(("mass",), "zero")]
+SignedMass = Annotated[float | str, QuantityMark(("mass",))]
+Density = Annotated[float | str, QuantityMark(("density",), "above zero")]
+Time = Annotated[float | str, QuantityMark(("time",))]
+Duration = Annotated[float | str, QuantityMark(("time",), "above zero")]
+Force = Annotated[float | str, QuantityMark(("force",))]
+Torque = Annotated[float | str, QuantityMark(("torque",))]
+Inertia = Annotated[float | str, QuantityMark(("inertia",), "zero")]
+Extent = Annotated[float | str, QuantityMark(("length",), "zero")]
+Speed = Annotated[float | str, QuantityMark(("linear speed",))]
+Pressure = Annotated[float | str, QuantityMark(("pressure",), "above zero")]
+Power = Annotated[float | str, QuantityMark(("power",), "above zero")]
+AngularSpeed = Annotated[float | str, QuantityMark(("angular speed",))]
+TorsionalGain = Annotated[float | str, QuantityMark(("torsional damping",), "above zero")]
+Effort = Annotated[float | str, QuantityMark(("torque", "force"), "zero")]
+Frequency = Annotated[float | str, QuantityMark(("frequency",), "above zero")]
+Gravity = Annotated[float | str, QuantityMark(("gravity",))]
 # of a revolute joint or of a prismatic one
-Coordinate = Annotated[float | str, Quantity(("angle", "length"))]
-Distance = Annotated[float | str, Quantity(("angle", "length"), "above zero")]
-Range = Annotated[float | str, Quantity(("angle", "length"), "zero")]
-Rate = Annotated[float | str, Quantity(("angular speed", "linear speed"))]
-Period = Annotated[float | str, Quantity(("angle", "length", "time"), "above zero")]
-Argument = Annotated[float | str, Quantity(("time", "angle", "length", "angular speed", "linear speed"), "above zero")]
+Coordinate = Annotated[float | str, QuantityMark(("angle", "length"))]
+Distance = Annotated[float | str, QuantityMark(("angle", "length"), "above zero")]
+Range = Annotated[float | str, QuantityMark(("angle", "length"), "zero")]
+Rate = Annotated[float | str, QuantityMark(("angular speed", "linear speed"))]
+Period = Annotated[float | str, QuantityMark(("angle", "length", "time"), "above zero")]
+Argument = Annotated[float | str, QuantityMark(("time", "angle", "length", "angular speed", "linear speed"), "above zero")]
 # of a spring, damper ... between points, or of one that turns
-Stiffness = Annotated[float | str, Quantity(("stiffness", "torsional stiffness"), "zero")]
-Coefficient = Annotated[float | str, Quantity(("damping", "torsional damping"), "zero")]
+Stiffness = Annotated[float | str, QuantityMark(("stiffness", "torsional stiffness"), "zero")]
+Coefficient = Annotated[float | str, QuantityMark(("damping", "torsional damping"), "zero")]
 _Three = Field(min_length=3, max_length=3)
 # of a bushing, in x, y and angle
 Stiffnesses = Annotated[
@@ -180,11 +180,11 @@ Coefficients = Annotated[
     Annotated[Coefficient, Tag("<value>")] | Annotated[Annotated[list[Coefficient], _Three], Tag("<list>")],
     Discriminator(value_or_list),
 ]
-IntegralGain = Annotated[float | str, Quantity(("integral gain", "torsional integral gain"), "zero")]
-QuadraticCoefficient = Annotated[float | str, Quantity(("quadratic damping", "quadratic torsional damping"), "zero")]
+IntegralGain = Annotated[float | str, QuantityMark(("integral gain", "torsional integral gain"), "zero")]
+QuadraticCoefficient = Annotated[float | str, QuantityMark(("quadratic damping", "quadratic torsional damping"), "zero")]
 Condition = Annotated[
     float | str,
-    Quantity(("angle", "length", "angular speed", "linear speed", "angular acceleration", "linear acceleration")),
+    QuantityMark(("angle", "length", "angular speed", "linear speed", "angular acceleration", "linear acceleration")),
 ]
 Number = Annotated[float, PlainValidator(_number), WithJsonSchema({"type": "number"})]
 
@@ -263,7 +263,7 @@ class UnitName:
 
     @property
     def _example(self) -> str:
-        return KINDS[self.kind].example.split(" ", 1)[1]
+        return UNIT_KINDS[self.kind].example.split(" ", 1)[1]
 
     def _check(self, value: object) -> str:
         if not isinstance(value, str):
@@ -321,7 +321,7 @@ Direction = Annotated[
 ]
 
 
-class Unknown(str):
+class UnknownName(str):
     """Stands for a name that could not be read, or that nothing is called by. It equals nothing but itself."""
 
     __slots__ = ()
@@ -334,7 +334,7 @@ class _Building:
     """The table whose checks are being built, one at a time."""
 
     def __init__(self) -> None:
-        self.table: type[Table] | None = None
+        self.table: type[DocumentTable] | None = None
         self.lock = RLock()
 
     def __enter__(self) -> None:
@@ -347,11 +347,11 @@ class _Building:
 _building = _Building()
 
 
-class Table(BaseModel):
+class DocumentTable(BaseModel):
     """A table of the document: unknown keys are faults, and nothing changes after reading.
 
     Where a file has faults, its tables are made all the same, so that every check can be run on what is sound. What could
-    not be read is replaced: numbers by NaN, names by ``Unknown``; ``invalid_keys`` names the keys concerned.
+    not be read is replaced: numbers by NaN, names by ``UnknownName``; ``invalid_keys`` names the keys concerned.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
@@ -389,7 +389,7 @@ class Table(BaseModel):
         schema = handler(core)
         entries = handler.resolve_ref_schema(schema)["properties"]
         for base in reversed(cls.__mro__):
-            for key, text in _explained(base).items() if issubclass(base, Table) else ():
+            for key, text in _explained(base).items() if issubclass(base, DocumentTable) else ():
                 field = cls.model_fields[key]
                 if field.description is None:
                     entries[field.alias or key]["description"] = text
@@ -416,7 +416,7 @@ class Table(BaseModel):
 
 def table_or_value(value: object) -> str:
     """Tag of an entry that is a table or a plain value: as read, or as validated."""
-    return "<table>" if isinstance(value, dict | Table) else "<value>"
+    return "<table>" if isinstance(value, dict | DocumentTable) else "<value>"
 
 
 def name_or_list(value: object) -> str:
@@ -448,16 +448,16 @@ def _classes(module: str) -> dict[str, ast.ClassDef]:
 
 def is_whole(value: object) -> bool:
     """Whether nothing in a value of the document stands for something that could not be read."""
-    if isinstance(value, Table):
+    if isinstance(value, DocumentTable):
         return not value.invalid_keys and all(is_whole(getattr(value, key)) for key in type(value).model_fields)
     if isinstance(value, Mapping):
         return all(map(is_whole, value.values()))
     if isinstance(value, list | tuple):
         return all(map(is_whole, value))
-    return not isinstance(value, Unknown) and not (isinstance(value, float) and math.isnan(value))
+    return not isinstance(value, UnknownName) and not (isinstance(value, float) and math.isnan(value))
 
 
-def one_of(table: Table, keys: tuple[str, ...], what: str) -> list[tuple[str, str, str]]:
+def one_of(table: DocumentTable, keys: tuple[str, ...], what: str) -> list[tuple[str, str, str]]:
     """No fault where exactly one of the keys is given, else the fault."""
     given = [key for key in keys if getattr(table, key) is not None]
     names = ", ".join(keys[:-1]) + " or " + keys[-1]
@@ -466,7 +466,7 @@ def one_of(table: Table, keys: tuple[str, ...], what: str) -> list[tuple[str, st
     return [("", f"{what} has {' and '.join(given)} at once.", f"Keep one of {names}.")] if len(given) > 1 else []
 
 
-def refuse(every: list[tuple[str, str, str]]) -> None:
+def raise_faults(every: list[tuple[str, str, str]]) -> None:
     """Raise the faults, if there are any."""
     if every:
         raise faults(every)

@@ -12,7 +12,7 @@ from mechcore.errors import Fault
 from mechcore.records import dataclass
 from mechviz.scene.annotations import Leaf, hints_of, leaves, stated_keys, stated_value
 from mechviz.scene.faults import did_you_mean, listing, path_text
-from mechviz.scene.fields import Table, Text, Unknown
+from mechviz.scene.fields import DocumentTable, Text, UnknownName
 
 if TYPE_CHECKING:
     from mechviz.scene.kinds.joints.document import JointDocument
@@ -44,17 +44,17 @@ TwoLinks = Annotated[list[LinkName], Field(min_length=2, max_length=2)]
 TwoPoints = Annotated[list[PointName], Field(min_length=2, max_length=2)]
 
 
-def references(document: Table) -> Iterator[tuple[Leaf, Reference]]:
+def references(document: DocumentTable) -> Iterator[tuple[Leaf, Reference]]:
     """The names in a document that refer to other parts of it, and to what."""
     return _marked(document, Reference)
 
 
-def files_named(document: Table) -> list[str]:
+def files_named(document: DocumentTable) -> list[str]:
     """The paths of files in a document, each once."""
     return list(dict.fromkeys(str(leaf.value) for leaf, _ in _marked(document, FromFolder)))
 
 
-def _marked(document: Table, sort: type[T]) -> Iterator[tuple[Leaf, T]]:
+def _marked(document: DocumentTable, sort: type[T]) -> Iterator[tuple[Leaf, T]]:
     """The values in a document that have a mark of a sort, and that mark."""
     kind: Any = sort
     for leaf in leaves(document, keys=lambda table: stated_keys(table, _marking(type(table), kind))):
@@ -64,13 +64,13 @@ def _marked(document: Table, sort: type[T]) -> Iterator[tuple[Leaf, T]]:
 
 
 @cache
-def _marking(cls: type[Table], sort: Any) -> tuple[str, ...]:
+def _marking(cls: type[DocumentTable], sort: Any) -> tuple[str, ...]:
     """The keys of a table that hold texts with a mark of a sort, or tables: whether these do is seen where there are any."""
     return tuple(key for key, hint in hints_of(cls).items() if _marks(hint, sort))
 
 
 def _marks(annotation: object, sort: type) -> bool:
-    if isinstance(annotation, type) and issubclass(annotation, Table):
+    if isinstance(annotation, type) and issubclass(annotation, DocumentTable):
         return True
     return isinstance(annotation, sort) or any(_marks(inner, sort) for inner in get_args(annotation))
 
@@ -79,7 +79,7 @@ def check_names(reading: Reading) -> Iterator[Fault]:
     """The faults of all names that refer to a link, a point or a joint that does not exist."""
     for leaf, reference in references(reading.document):
         *inside, last = leaf.path
-        written = stated_value(reading.raw, inside) if isinstance(leaf.value, Unknown) and last == 0 else None
+        written = stated_value(reading.raw, inside) if isinstance(leaf.value, UnknownName) and last == 0 else None
         entries = enumerate(written) if isinstance(written, list) else [(last, leaf.value)]  # as many as there are
         for k, name in entries:
             if isinstance(name, str):
@@ -117,14 +117,14 @@ def known_link(reading: Reading, path: str, link: str) -> Iterator[Fault]:
     if link in reading.document.links:
         return
     links = link_names(reading)
-    if "*" not in reading.broken["links"] and link not in links and not isinstance(link, Unknown):
+    if "*" not in reading.broken["links"] and link not in links and not isinstance(link, UnknownName):
         yield Fault(path, f"there is no link '{link}'.", did_you_mean(link, links, what="Links"))
 
 
 def known_point(reading: Reading, path: str, link: str, point: str, remedy: str = "") -> Iterator[Fault]:
     """A fault where the link has no such point."""
     points = point_names(reading, link)
-    if points is not None and point not in points and not isinstance(point, Unknown):
+    if points is not None and point not in points and not isinstance(point, UnknownName):
         hint = did_you_mean(point, points, what=f"Points of '{link}'")
         yield Fault(path, f"link '{link}' has no point '{point}'.", f"{hint} {remedy}".strip())
 
@@ -137,7 +137,7 @@ def split_point(reading: Reading, text: str) -> tuple[str, str] | None:
 def known_place(reading: Reading, path: str, text: str, *, links: bool = False) -> Iterator[Fault]:
     """A fault where there is no such point, "link.point"; ``links``: nor a link of this name."""
     names = link_names(reading)
-    if isinstance(text, Unknown) or split_point(reading, text) is not None or "*" in reading.broken["links"]:
+    if isinstance(text, UnknownName) or split_point(reading, text) is not None or "*" in reading.broken["links"]:
         return
     link = max((k for k in names if text.startswith(f"{k}.")), key=len, default="")
     if link:
@@ -165,7 +165,7 @@ def known_joint(
     fits: Callable[[JointDocument], bool] | None = None,
 ) -> Iterator[Fault]:
     """A fault where there is no such joint that moves, of one of some kinds, or that ``fits``; such joints are called ``what``."""
-    if joint is None or isinstance(joint, Unknown) or joint in reading.shapeless or "*" in reading.broken["joints"]:
+    if joint is None or isinstance(joint, UnknownName) or joint in reading.shapeless or "*" in reading.broken["joints"]:
         return
     joints = reading.document.joints
     fits = fits or (lambda p: not kinds or p.kind in kinds)
@@ -183,7 +183,7 @@ def known_drive(reading: Reading, path: str, drive: str | None) -> Iterator[Faul
     """A fault where there is no such joint with a drive, or a free one."""
     joints = reading.document.joints
     driven = [name for name, joint in joints.items() if joint.driven]
-    if drive is None or isinstance(drive, Unknown) or drive in {*driven, *reading.shapeless} or "*" in reading.broken["joints"]:
+    if drive is None or isinstance(drive, UnknownName) or drive in {*driven, *reading.shapeless} or "*" in reading.broken["joints"]:
         return
     what = f"joint '{drive}' has no drive." if drive in joints else f"there is no joint '{drive}'."
     yield Fault(path, what, did_you_mean(drive, driven, what="Driven joints"))

@@ -70,7 +70,7 @@ _SPACED = {"Nm": "N m", "Nmm": "N mm", "kNm": "kN m", "kgm^2": "kg m^2", "kgm2":
 
 
 @dataclass(frozen=True)
-class Kind:
+class UnitKind:
     """A kind of quantity: its name in a sentence, its SI unit, and what a bare number of it is counted in.
 
     ``bare`` is a formula in the names of ``Units``, so that a speed follows the units of length and time.
@@ -82,40 +82,40 @@ class Kind:
     example: str
 
 
-_STATED: Mapping[str, Kind] = {
-    "length": Kind("a length", "m", "{length}", "80 mm"),
-    "angle": Kind("an angle", "rad", "{angle}", "30 deg"),
-    "mass": Kind("a mass", "kg", "{mass}", "0.4 kg"),
-    "time": Kind("a time", "s", "{time}", "0.5 s"),
-    "force": Kind("a force", "N", "{force}", "150 N"),
-    "torque": Kind("a torque", "N*m", "{torque}", "5 N m"),
-    "inertia": Kind("a moment of inertia", "kg*m**2", "{inertia}", "0.001 kg m^2"),
-    "density": Kind("a density", "kg/m**3", "kg/m**3", "7850 kg/m^3"),  # never kg/mm^3 by the way
-    "frequency": Kind("a frequency", "1/s", "1/({time})", "2 Hz"),
-    "linear speed": Kind("a linear speed", "m/s", "({length})/({time})", "20 mm/s"),
-    "angular speed": Kind("an angular speed", "rad/s", "({angle})/({time})", "60 rpm"),
-    "linear acceleration": Kind("a linear acceleration", "m/s**2", "({length})/({time})**2", "200 mm/s^2"),
-    "angular acceleration": Kind("an angular acceleration", "rad/s**2", "({angle})/({time})**2", "2 rad/s^2"),
-    "pressure": Kind("a pressure", "Pa", "Pa", "6 bar"),  # whatever the units of force and length
-    "stiffness": Kind("a stiffness", "N/m", "({force})/({length})", "2 N/mm"),
-    "torsional stiffness": Kind("a torsional stiffness", "N*m/rad", "({torque})/({angle})", "3 N m/rad"),
-    "damping": Kind("a damping coefficient", "N*s/m", "({force})*({time})/({length})", "20 N s/m"),
-    "torsional damping": Kind("a torsional damping coefficient", "N*m*s/rad", "({torque})*({time})/({angle})", "0.1 N m s/rad"),
-    "quadratic damping": Kind(
+_STATED: Mapping[str, UnitKind] = {
+    "length": UnitKind("a length", "m", "{length}", "80 mm"),
+    "angle": UnitKind("an angle", "rad", "{angle}", "30 deg"),
+    "mass": UnitKind("a mass", "kg", "{mass}", "0.4 kg"),
+    "time": UnitKind("a time", "s", "{time}", "0.5 s"),
+    "force": UnitKind("a force", "N", "{force}", "150 N"),
+    "torque": UnitKind("a torque", "N*m", "{torque}", "5 N m"),
+    "inertia": UnitKind("a moment of inertia", "kg*m**2", "{inertia}", "0.001 kg m^2"),
+    "density": UnitKind("a density", "kg/m**3", "kg/m**3", "7850 kg/m^3"),  # never kg/mm^3 by the way
+    "frequency": UnitKind("a frequency", "1/s", "1/({time})", "2 Hz"),
+    "linear speed": UnitKind("a linear speed", "m/s", "({length})/({time})", "20 mm/s"),
+    "angular speed": UnitKind("an angular speed", "rad/s", "({angle})/({time})", "60 rpm"),
+    "linear acceleration": UnitKind("a linear acceleration", "m/s**2", "({length})/({time})**2", "200 mm/s^2"),
+    "angular acceleration": UnitKind("an angular acceleration", "rad/s**2", "({angle})/({time})**2", "2 rad/s^2"),
+    "pressure": UnitKind("a pressure", "Pa", "Pa", "6 bar"),  # whatever the units of force and length
+    "stiffness": UnitKind("a stiffness", "N/m", "({force})/({length})", "2 N/mm"),
+    "torsional stiffness": UnitKind("a torsional stiffness", "N*m/rad", "({torque})/({angle})", "3 N m/rad"),
+    "damping": UnitKind("a damping coefficient", "N*s/m", "({force})*({time})/({length})", "20 N s/m"),
+    "torsional damping": UnitKind("a torsional damping coefficient", "N*m*s/rad", "({torque})*({time})/({angle})", "0.1 N m s/rad"),
+    "quadratic damping": UnitKind(
         "a quadratic damping coefficient", "N*s**2/m**2", "({force})*({time})**2/({length})**2", "5 N s^2/m^2"
     ),
-    "quadratic torsional damping": Kind(
+    "quadratic torsional damping": UnitKind(
         "a quadratic torsional damping coefficient",
         "N*m*s**2/rad**2",
         "({torque})*({time})**2/({angle})**2",
         "0.01 N m s^2/rad^2",
     ),
-    "integral gain": Kind("an integral gain", "N/(m*s)", "({force})/(({length})*({time}))", "50 N/(m s)"),
-    "torsional integral gain": Kind(
+    "integral gain": UnitKind("an integral gain", "N/(m*s)", "({force})/(({length})*({time}))", "50 N/(m s)"),
+    "torsional integral gain": UnitKind(
         "a torsional integral gain", "N*m/(rad*s)", "({torque})/(({angle})*({time}))", "20 N m/(rad s)"
     ),
-    "power": Kind("a power", "W", "W", "2 kW"),
-    "gravity": Kind("a linear acceleration", "m/s**2", "m/s**2", "-9.81 m/s^2"),  # never mm/s^2 by the way
+    "power": UnitKind("a power", "W", "W", "2 kW"),
+    "gravity": UnitKind("a linear acceleration", "m/s**2", "m/s**2", "-9.81 m/s^2"),  # never mm/s^2 by the way
 }
 
 
@@ -131,7 +131,7 @@ def derivative_kind(coordinate: str, master: str, order: int) -> str:
     return f"{coordinate} per {master}{_POWERS[order][0]}"
 
 
-def _derivatives() -> dict[str, Kind]:
+def _derivatives() -> dict[str, UnitKind]:
     """The kinds of derivatives that are not stated above: jerks, and those by an angle or a length."""
     kinds, si = {}, {"length": "m", "angle": "rad", "time": "s"}
     for coordinate in ("length", "angle"):
@@ -141,14 +141,14 @@ def _derivatives() -> dict[str, Kind]:
                 example = f"2 {'mm' if coordinate == 'length' else 'rad'}/{si[master]}{power.replace('**', '^')}"
                 words = f"{'an' if kind[0] == 'a' else 'a'} {kind}"
                 formula = "({" + coordinate + "})/({" + master + "})" + power
-                kinds[kind] = Kind(words, f"{si[coordinate]}/{si[master]}{power}", formula, example)
+                kinds[kind] = UnitKind(words, f"{si[coordinate]}/{si[master]}{power}", formula, example)
     return {kind: made for kind, made in kinds.items() if kind not in _STATED}
 
 
 DERIVATIVES = tuple(derivative_kind(c, m, k) for c in ("angle", "length") for m in ("time", "angle", "length") for k in (1, 2, 3))
 """Kinds of derivatives of a coordinate."""
 
-KINDS: Mapping[str, Kind] = {**_STATED, **_derivatives()}
+UNIT_KINDS: Mapping[str, UnitKind] = {**_STATED, **_derivatives()}
 
 
 class QuantityError(ValueError):
@@ -266,7 +266,7 @@ def unit_of(text: str) -> Unit:
 
 def measured(unit: Unit) -> str:
     """Quantity that a unit measures, in words."""
-    for kind in KINDS.values():
+    for kind in UNIT_KINDS.values():
         if unit.powers == unit_of(kind.si).powers:
             return kind.words
     named = {base: f"{base} ** {abs(n)}" if abs(n) > 1 else base for base, n in zip(_BASES, unit.powers, strict=True)}
@@ -279,7 +279,7 @@ def measured(unit: Unit) -> str:
 def unit_factor(text: str, kind: str) -> Decimal:
     """How many SI units of its kind one unit is; QuantityError where the unit measures something else."""
     unit = unit_of(text)
-    wanted = KINDS[kind]
+    wanted = UNIT_KINDS[kind]
     if unit.powers == unit_of(wanted.si).powers:  # whose factor is 1
         return unit.factor
     actual = measured(unit)
@@ -342,15 +342,15 @@ class Units:
 
     def factor(self, kind: str) -> Decimal:
         """SI units in one unit of a bare number of this kind."""
-        return unit_factor(KINDS[kind].bare.format(**vars(self)), kind)
+        return unit_factor(UNIT_KINDS[kind].bare.format(**vars(self)), kind)
 
     def symbol(self, kind: str) -> str:
         """The unit of a bare number of this kind, as it is written for people: "mm/s", "°", "kg m²"."""
-        return symbol_of(KINDS[kind].bare.format(**vars(self)))
+        return symbol_of(UNIT_KINDS[kind].bare.format(**vars(self)))
 
     def show(self, value: float, kind: str, digits: int = 6) -> str:
         """A quantity [SI] in the scene's units: its number, with so many digits, and unit; of no kind of scenes as in `text`."""
-        if kind not in KINDS:
+        if kind not in UNIT_KINDS:
             return self.text(value, kind, digits)
         return shown(value / float(self.factor(kind)), self.symbol(kind), digits)
 

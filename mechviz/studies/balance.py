@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False)
-class Balance:
+class BalancedScene:
     """A balanced scene with its counterweights, and the shaking force before and after."""
 
     scene: Scene
@@ -62,7 +62,7 @@ class Balance:
 @in_scene_words
 def balance_scene(
     scene: Scene, *, radius: float | None = None, rocker_radius: float | None = None, fraction: float | None = None
-) -> Balance:
+) -> BalancedScene:
     """Counterweights for a four-bar or slider-crank. Radii [m] and fraction are those of the scene's ``shaking.counterweights``
     where they are not given. Raises `SceneError` where there is no radius, `MechanismError` where the mechanism is another one."""
     asked = scene.mechanism.studies.shaking
@@ -86,7 +86,7 @@ def balance_scene(
     better = scene.changed(changes)
     about = (0.0, 0.0) if asked is None else asked.about
     motion = _moved(scene)
-    return Balance(better, weights, motion, shaking(motion, about), shaking(_moved(better), about))
+    return BalancedScene(better, weights, motion, shaking(motion, about), shaking(_moved(better), about))
 
 
 def _moved(scene: Scene) -> Motion:

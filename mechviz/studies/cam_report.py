@@ -48,7 +48,7 @@ class CamFact:
         return self.passed is False
 
 
-Row = tuple[str, str, bool | None, bool]  # what, words, passed, stated
+ReportRow = tuple[str, str, bool | None, bool]  # what, words, passed, stated
 
 
 def cam_facts(motion: Motion, forces: Forces | None, *, margin: float | None = None) -> list[CamFact]:
@@ -102,7 +102,7 @@ def _kind(joint: CamJoint, cam: AnyCam) -> str:
     return f"{kind}, {moves} follower with a {face}, closure by {joint.closure}"
 
 
-def _facts(motion: Motion, forces: Forces | None, cam: AnyCam, joint: CamJoint, margin: float | None) -> Iterator[Row]:
+def _facts(motion: Motion, forces: Forces | None, cam: AnyCam, joint: CamJoint, margin: float | None) -> Iterator[ReportRow]:
     force = None if forces is None else contact_force(forces, cam)
     rows = cam.rows(motion, 1.0 if force is None else np.nan_to_num(force, nan=1.0))
     x = cam.argument(motion)
@@ -128,7 +128,7 @@ def _facts(motion: Motion, forces: Forces | None, cam: AnyCam, joint: CamJoint, 
         yield "graphical method", _drawn_words(cam, joint.drawn, drawn_lift(cam, joint.drawn).largest), None, False
 
 
-def _loaded(forces: Forces, cam: AnyCam, joint: CamJoint, force: Real, margin: float | None) -> Iterator[Row]:
+def _loaded(forces: Forces, cam: AnyCam, joint: CamJoint, force: Real, margin: float | None) -> Iterator[ReportRow]:
     """Contact force (F,) [N], Hertz pressure and the spring that is needed."""
     rating, x = joint.rating, cam.argument(forces.motion)
     low, high = int(np.nanargmin(force)), int(np.nanargmax(force))
@@ -154,7 +154,7 @@ def _loaded(forces: Forces, cam: AnyCam, joint: CamJoint, force: Real, margin: f
         yield from (("least spring", words, None, False) for words in _springs(forces, cam, need))
 
 
-def _limits(cam: AnyCam) -> Iterator[Row]:
+def _limits(cam: AnyCam) -> Iterator[ReportRow]:
     """The lecture's conditions for a cam that is made from its law: pressure angle, undercut, and the face of a flat follower."""
     if isinstance(cam, PlacedSpatial):
         flanks = cam.limits()
@@ -203,7 +203,7 @@ def _verdict(passed: bool) -> str:
     return "pass" if passed else "FAIL"
 
 
-def _judged(what: str, words: str, value: float, limit: float | None, shown: Callable[[float], str]) -> Row:
+def _judged(what: str, words: str, value: float, limit: float | None, shown: Callable[[float], str]) -> ReportRow:
     """A value beside the limit that the scene states for it, if it does."""
     if limit is None:
         return what, words, None, False

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mechcore.compiled.motion import LEAST_FRAMES_TO_COMPILE, Executor, written
+from mechcore.compiled.motion import LEAST_FRAMES_TO_COMPILE, Executor, written_motion
 from mechcore.compiled.toolchain import cached, compiler, required_compiler
 from mechcore.dynamics.equations.contacts import missing_in_c, rubs, written_source
 from mechcore.dynamics.events import with_slot_ends
@@ -236,7 +236,7 @@ def missing_lines(scene: Scene) -> list[str]:
 
 
 def _not_written(compiled: Compiled) -> str | None:
-    program = compiled.model.once(written)
+    program = compiled.model.once(written_motion)
     if isinstance(program, str):
         return program
     return (
@@ -247,7 +247,7 @@ def _not_written(compiled: Compiled) -> str | None:
 
 
 def _of_motion(compiled: Compiled, executor: Executor, frames: int) -> str:
-    missing, program = _not_written(compiled), compiled.model.once(written)
+    missing, program = _not_written(compiled), compiled.model.once(written_motion)
     if missing is not None or isinstance(program, str):
         return f"numpy: {missing}"
     if not program.lines:

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from mechcore.constructions.equations import Equation, Equilibrium, GroupEquations, LinkEquations, Unknown
+from mechcore.constructions.equations import Equation, EquilibriumSystem, ForceUnknown, GroupEquations, LinkEquations
 from mechcore.errors import Fault, MechanismError
 from mechcore.forces.kinetostatics import Forces, solve_forces
 from mechviz.runs import Run
@@ -19,7 +19,7 @@ NOTHING = 1e-12
 """A load this much smaller than the largest of its link is rounding."""
 
 
-def equilibrium_at(run: Run, time: float) -> tuple[Equilibrium, int]:
+def equilibrium_at(run: Run, time: float) -> tuple[EquilibriumSystem, int]:
     """The equilibrium of a run and its frame at a time [s]: solved there where laws lead the motion, else at the nearest frame.
 
     Raises `MechanismError` where friction jams the mechanism at that time.
@@ -28,7 +28,7 @@ def equilibrium_at(run: Run, time: float) -> tuple[Equilibrium, int]:
     forces, frame = run.forces, int(np.argmin(np.abs(run.motion.time - time)))
     if run.motion.again is not None and run.simulation is None:  # one frame is enough
         forces, frame = solve_forces(run.motion.again(np.array([time]))), 0
-    equilibrium = Equilibrium(_part(forces, frame)[0])
+    equilibrium = EquilibriumSystem(_part(forces, frame)[0])
     frame = _part(forces, frame)[1]
     if not np.isfinite(equilibrium.values[frame]).all():
         why = f"at {time:.6g} s friction jams the mechanism: no forces of the drives move it."
@@ -45,16 +45,16 @@ def _part(forces: Forces, frame: int) -> tuple[Forces, int]:
     raise ValueError(f"no part holds frame {frame}")
 
 
-def _groups(equilibrium: Equilibrium, frame: int, units: Units) -> list[GroupEquations]:
+def _groups(equilibrium: EquilibriumSystem, frame: int, units: Units) -> list[GroupEquations]:
     """The equations of every group at a frame, the last group first, in the units in which people read forces and moments; loads
     that are rounding are zero."""
     size = equilibrium.forces.motion.model.length_scale
     per = {si: units.reads(si)[1] for si in ("N", "N m")}
 
-    def unknown(u: Unknown) -> Unknown:
+    def unknown(u: ForceUnknown) -> ForceUnknown:
         return replace(u, unit=units.reads(u.unit)[0])
 
-    def values(pairs: Sequence[tuple[Unknown, float]]) -> tuple[tuple[Unknown, float], ...]:
+    def values(pairs: Sequence[tuple[ForceUnknown, float]]) -> tuple[tuple[ForceUnknown, float], ...]:
         return tuple((unknown(u), per[u.unit] * value) for u, value in pairs)
 
     def equation(link: LinkEquations, e: Equation) -> Equation:
@@ -72,14 +72,14 @@ def _groups(equilibrium: Equilibrium, frame: int, units: Units) -> list[GroupEqu
     ]
 
 
-def _heading(equilibrium: Equilibrium, frame: int, units: Units) -> str:
+def _heading(equilibrium: EquilibriumSystem, frame: int, units: Units) -> str:
     """When, and in which units of forces, arms and moments."""
     force, moment = (units.reads(si)[0] for si in ("N", "N m"))
     arm = moment.removeprefix(f"{force} ") if moment.startswith(f"{force} ") else f"{moment}/{force}"
     return f"equilibrium at {equilibrium.forces.motion.time[frame]:.6g} s, in {force}, {arm} and {moment}"
 
 
-def equation_lines(equilibrium: Equilibrium, frame: int, units: Units) -> list[str]:
+def equation_lines(equilibrium: EquilibriumSystem, frame: int, units: Units) -> list[str]:
     """The equations of every group at a frame, the last group first, with what they give, as lines of text."""
     lines = [
         _heading(equilibrium, frame, units),
@@ -117,7 +117,7 @@ def equation_table(run: Run) -> list[str]:
     return [*lines, "", *(f"- {line}" for line in _together(equilibrium, frame)), ""]
 
 
-def _together(equilibrium: Equilibrium, frame: int) -> Iterator[str]:
+def _together(equilibrium: EquilibriumSystem, frame: int) -> Iterator[str]:
     """Solution of all equations at once, as a check."""
     yield f"all {equilibrium.equations} equations at once, without groups, for {len(equilibrium.unknowns)} unknowns: " + (
         f"the same values, to {_difference(equilibrium, frame):.1e} of the largest"
@@ -126,7 +126,7 @@ def _together(equilibrium: Equilibrium, frame: int) -> Iterator[str]:
     )
 
 
-def _difference(equilibrium: Equilibrium, frame: int) -> float:
+def _difference(equilibrium: EquilibriumSystem, frame: int) -> float:
     values, again = equilibrium.values[frame], equilibrium.at_once()[frame]
     largest = float(np.abs(values).max(initial=0.0))
     return float(np.abs(again - values).max(initial=0.0)) / (largest or 1.0)
@@ -163,11 +163,11 @@ def _joined(parts: list[tuple[str, float, str]], between: str) -> str:
     return " ".join(words) or "0"
 
 
-def _values(pairs: tuple[tuple[Unknown, float], ...]) -> str:
+def _values(pairs: tuple[tuple[ForceUnknown, float], ...]) -> str:
     return ", ".join(f"{u.name} = {_number(v)} {u.unit}" for u, v in pairs) or "nothing new"
 
 
-def latex_lines(equilibrium: Equilibrium, frame: int, units: Units) -> list[str]:
+def latex_lines(equilibrium: EquilibriumSystem, frame: int, units: Units) -> list[str]:
     """The same as LaTeX, to be put into a document that loads amsmath."""
     lines = [f"% {_heading(equilibrium, frame, units)}"]
     for number, group in enumerate(_groups(equilibrium, frame, units), 1):
@@ -195,7 +195,7 @@ def _latex_group(group: GroupEquations) -> Iterator[str]:
         yield from (r"\begin{align*}", ", \\\\\n".join(lines), r"\end{align*}")
 
 
-def _symbol(u: Unknown) -> str:
+def _symbol(u: ForceUnknown) -> str:
     return rf"{u.letter}_{{\mathrm{{{_escaped(u.joint)}}}{u.axis}}}"
 
 

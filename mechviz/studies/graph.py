@@ -9,7 +9,7 @@ import numpy as np
 
 from mechcore.constructions.equations import ContourGraph
 from mechviz.figures import COLOURS, chart, save_chart
-from mechviz.picture.constructions import layout, loop_number
+from mechviz.picture.constructions import graph_layout, loop_number
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -33,7 +33,7 @@ def graph_lines(graph: ContourGraph) -> list[str]:
 
 def write_graph(graph: ContourGraph, title: str, path: Path) -> None:
     """Write the graph as a chart (.svg, .png or .pdf). Raises `OutputError`."""
-    places = layout(graph)
+    places = graph_layout(graph)
     ends = np.concatenate([places.vertices, *places.edges])
     low = np.array([ends.real.min(), ends.imag.min()]) - ROOM
     high = np.array([ends.real.max(), ends.imag.max()]) + ROOM

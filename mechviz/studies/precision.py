@@ -45,7 +45,7 @@ MOST_MEASURED = 1_000_000  # links times frames of a setting: each is computed s
 
 
 @dataclass(frozen=True)
-class Point:
+class PrecisionPoint:
     """One setting: the dial, the method, the value in words, the options that make it, its relative error and its time [s]."""
 
     setting: str
@@ -68,24 +68,24 @@ class Point:
         return asdict(self)
 
 
-def pareto(points: Sequence[Point]) -> list[Point]:
+def pareto(points: Sequence[PrecisionPoint]) -> list[PrecisionPoint]:
     """The settings than which no other is at once quicker and more exact, the quickest first."""
-    front: list[Point] = []
+    front: list[PrecisionPoint] = []
     for p in sorted(points, key=lambda p: (p.seconds, p.error)):
         if not front or p.error < front[-1].error:
             front.append(p)
     return front
 
 
-def cheapest(points: Sequence[Point], target: float) -> Point | None:
+def cheapest(points: Sequence[PrecisionPoint], target: float) -> PrecisionPoint | None:
     """The quickest setting whose error is at most the target."""
     good = [p for p in points if p.error <= target]
     return min(good, key=lambda p: p.seconds) if good else None
 
 
-def _at(setting: str, method: str, value: str, options: dict[str, Any], error: float, time: Timed, **more: Any) -> Point:
+def _at(setting: str, method: str, value: str, options: dict[str, Any], error: float, time: Timed, **more: Any) -> PrecisionPoint:
     error = max(float(error), LEAST_ERROR) if np.isfinite(error) else float("inf")
-    return Point(setting, method, value, options, error, time.seconds, time.spread, time.repeats, **more)
+    return PrecisionPoint(setting, method, value, options, error, time.seconds, time.spread, time.repeats, **more)
 
 
 def ladder(
@@ -95,7 +95,7 @@ def ladder(
     budget: float = 0.25,
     only: Collection[str] | None = None,
     record: Callable[..., object] | None = None,
-) -> list[Point]:
+) -> list[PrecisionPoint]:
     """All points of a scene's ladders, or of ``only`` some dials.
 
     Dials that it has no use for are left out: what is not iterated has no tolerance. ``record(run, path, solids=...)`` writes
@@ -104,7 +104,7 @@ def ladder(
     base = run_scene(scene)
     general = any(b.kind == "general" for b in base.compiled.model.blocks)
     rubs = base.forces is not None and base.forces.friction is not None
-    steps: dict[str, Callable[[], Iterator[Point]]] = {"frames": lambda: _frames(base, target, budget)}
+    steps: dict[str, Callable[[], Iterator[PrecisionPoint]]] = {"frames": lambda: _frames(base, target, budget)}
     if base.simulation is None:
         steps["differentiation"] = lambda: _differentiation(base, budget)
         if general:
@@ -122,7 +122,7 @@ def ladder(
     if plane_cams(base):
         steps["cam profile"] = lambda: _profiles(base, budget)
     chosen = [step for setting, step in steps.items() if only is None or setting in only]
-    points: list[Point] = []
+    points: list[PrecisionPoint] = []
     for k, step in enumerate(chosen):
         advance(k, len(chosen))
         points += step()
@@ -146,7 +146,7 @@ def _solve(run: Run, accuracy: Accuracy, time: Real) -> Any:
     return motion, solve_forces(motion) if run.forces is not None else None
 
 
-def _frames(run: Run, target: float | None, budget: float) -> Iterator[Point]:
+def _frames(run: Run, target: float | None, budget: float) -> Iterator[PrecisionPoint]:
     """Frames of a cycle by order of the interpolation between them, and the numbers that just reach the target."""
     scene = run.scene
     at, end = provider(scene, run.accuracy, run.simulation), duration(scene, run.simulation)
@@ -168,7 +168,7 @@ def _frames(run: Run, target: float | None, budget: float) -> Iterator[Point]:
             yield _at("frames", words, f"{fit.frames // parts} frames", options, fit.error, spent, note="fitted to the target")
 
 
-def _differentiation(run: Run, budget: float) -> Iterator[Point]:
+def _differentiation(run: Run, budget: float) -> Iterator[PrecisionPoint]:
     """Accelerations by equations, by differences, and as they are drawn; errors are relative to the peak."""
     scene = run.scene
     drawn = ("drawn by chords", {"differentiation": "graphical"})
@@ -210,7 +210,7 @@ def _rates_error(run: Run, time: Real) -> Real:
     return estimate_errors(replace(run, motion=motion, forces=None, accuracy=DEFAULT)).acceleration
 
 
-def _iterated(run: Run, setting: str, method: str, tolerances: tuple[float, ...], budget: float) -> Iterator[Point]:
+def _iterated(run: Run, setting: str, method: str, tolerances: tuple[float, ...], budget: float) -> Iterator[PrecisionPoint]:
     """A dial at which an iteration stops; compared with the tightest at the same frames."""
     scene = run.scene
     time = default_times(scene.mechanism, scene.frames, scene.cycles)
@@ -235,7 +235,7 @@ def _simulated(scene: Scene, accuracy: Accuracy) -> Simulation:
     return simulation
 
 
-def _integrator(run: Run, budget: float) -> Iterator[Point]:
+def _integrator(run: Run, budget: float) -> Iterator[PrecisionPoint]:
     """Method, order and tolerance of the integrator, against the motion at its tightest."""
     assert run.again is not None and run.simulation is not None
     again, spec = run.again, run.scene.simulation
@@ -277,7 +277,7 @@ def _integrator(run: Run, budget: float) -> Iterator[Point]:
         yield _at("integrator", words, f"{now:.0e}", options, error, timed(work, budget, least=1), current=True)
 
 
-def _tessellation(run: Run, budget: float) -> Iterator[Point]:
+def _tessellation(run: Run, budget: float) -> Iterator[PrecisionPoint]:
     """Chordal error of the largest round shape against the time of the meshes, the present setting among them."""
     size = run.motion.model.length_scale
     asked = [float(np.clip(chord * size / 0.2, 1e-9, 1.0)) for chord in CHORDS]
@@ -291,7 +291,7 @@ def _tessellation(run: Run, budget: float) -> Iterator[Point]:
         yield _at("tessellation", "chords", words, options, made.chord / size, spent, current=distance is None, note=note)
 
 
-def _recording(run: Run, record: Callable[..., object]) -> Iterator[Point]:
+def _recording(run: Run, record: Callable[..., object]) -> Iterator[PrecisionPoint]:
     """Digits and frames that a recording keeps: its error when read with the run's interpolation, its time and its size."""
     solids = solids_of(run)
     at, end, order = (
@@ -316,7 +316,7 @@ def _recording(run: Run, record: Callable[..., object]) -> Iterator[Point]:
                 yield _at("recording", numbers, words, options, error, spent, current=here, note=note)
 
 
-def _profiles(run: Run, budget: float) -> Iterator[Point]:
+def _profiles(run: Run, budget: float) -> Iterator[PrecisionPoint]:
     """Points of cam profiles: how far the polygon is from the profile, relative to the mechanism's size as a target is."""
     cams, size = plane_cams(run), run.motion.model.length_scale
 
@@ -343,7 +343,7 @@ class Measured:
     scene: str
     machine: str
     day: str
-    points: tuple[Point, ...]
+    points: tuple[PrecisionPoint, ...]
     rough: bool = False
     share: float = 1.0
 
@@ -378,14 +378,14 @@ def kept(scene: Scene, target: float | None, rough: bool = True) -> Measured | N
     """The ladder of this scene on this machine, if it was measured before; ``rough``: one with few repeats will do."""
     try:
         data: dict[str, Any] = json.loads(_file(scene, target).read_text(encoding="utf-8"))
-        points = tuple(Point(**p) for p in data["points"])
+        points = tuple(PrecisionPoint(**p) for p in data["points"])
         measured = Measured(data["scene"], data["machine"], data["day"], points, data["rough"], data["share"])
     except (OSError, ValueError, KeyError, TypeError):  # not there, or of another form
         return None
     return measured if rough or not measured.rough else None
 
 
-def keep(scene: Scene, target: float | None, points: list[Point], rough: bool = False, share: float = 1.0) -> Measured:
+def keep(scene: Scene, target: float | None, points: list[PrecisionPoint], rough: bool = False, share: float = 1.0) -> Measured:
     """Keep a ladder; where the folder cannot be written nothing is kept."""
     measured = Measured(scene.name, machine(), date.today().isoformat(), tuple(points), rough, share)
     data = {**asdict(measured), "points": [p.as_dict() for p in points]}

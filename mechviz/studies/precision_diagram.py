@@ -10,9 +10,9 @@ from mechcore.accuracy import SETTINGS
 from mechviz.figures import COLOURS, chart
 from mechviz.scene.annotations import Place
 from mechviz.scene.document import SceneDocument, stated
-from mechviz.scene.fields import Table
+from mechviz.scene.fields import DocumentTable
 from mechviz.scene.kinds.settings import ORDERS
-from mechviz.studies.precision import Point, cheapest, pareto
+from mechviz.studies.precision import PrecisionPoint, cheapest, pareto
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -24,13 +24,13 @@ PANEL = (4.4, 3.6)  # of a dial [in]
 FRONT, NOW, BEST = "#c9ced6", "#111111", "#d6336c"
 
 
-def setting_words(point: Point, front: bool) -> str:
+def setting_words(point: PrecisionPoint, front: bool) -> str:
     """A setting in a line; ``front``: nothing is quicker and more exact."""
     words = f"{point.setting}: {point.method}, {point.value}: {point.error:.0e} in {point.price}"
     return f"{words} *" if front else words
 
 
-def settings_of(points: Sequence[Point]) -> list[str]:
+def settings_of(points: Sequence[PrecisionPoint]) -> list[str]:
     """The dials in order."""
     return list(dict.fromkeys(p.setting for p in points))
 
@@ -49,7 +49,9 @@ def precision_axes(axes: Axes, seconds: Sequence[float]) -> None:
     axes.yaxis.set_minor_locator(NullLocator())
 
 
-def draw_panel(axes: Axes, setting: str, points: Sequence[Point], target: float | None, columns: int = 2) -> dict[str, str]:
+def draw_panel(
+    axes: Axes, setting: str, points: Sequence[PrecisionPoint], target: float | None, columns: int = 2
+) -> dict[str, str]:
     """Draw the finite points of a dial, with its methods in columns above: words of each setting by the gid of its dot.
 
     The settings of each method are joined in the order of the ladder; fitted ones stand by themselves.
@@ -83,7 +85,7 @@ def draw_panel(axes: Axes, setting: str, points: Sequence[Point], target: float 
 
 
 def diagram(
-    points: Sequence[Point],
+    points: Sequence[PrecisionPoint],
     title: str,
     foot: str,
     target: float | None = None,
@@ -127,10 +129,10 @@ NAMES = {order: name for name, order in ORDERS.items()}
 
 
 def setting_changes(document: SceneDocument, options: Mapping[str, Any]) -> dict[Place, Any]:
-    """The changes of a scene that apply the options of a `Point`: frames, method and tolerance go to [run], the others to
+    """The changes of a scene that apply the options of a `PrecisionPoint`: frames, method and tolerance go to [run], the others to
     accuracy."""
     given = document.accuracy
-    accuracy: dict[str, Any] = stated(given) if isinstance(given, Table) else {} if given is None else {"target": given}
+    accuracy: dict[str, Any] = stated(given) if isinstance(given, DocumentTable) else {} if given is None else {"target": given}
     changes: dict[Place, Any] = {}
     for key, value in options.items():
         if key == "frames":
@@ -155,7 +157,7 @@ def target_changes(target: float | None) -> dict[Place, Any]:
 
 
 def in_use(run: Run, setting: str, options: Mapping[str, Any]) -> bool:
-    """Whether a run was made with the options of a `Point` of a dial."""
+    """Whether a run was made with the options of a `PrecisionPoint` of a dial."""
     options = {**UNSET.get(setting, {}), **options}
     settings, simulation = run.accuracy, run.simulation
     present: dict[str, Any] = {name: getattr(settings, name) for name in SETTINGS if name in options}

@@ -10,7 +10,7 @@ from random_linkages import number
 
 from mechcore.effects.registry import EFFECTS, LOADS
 from mechcore.forces.kinetostatics import solve_forces
-from mechcore.laws.indicator import Compressor, Diagram, FourStroke, FourStrokeDiagram
+from mechcore.laws.indicator import Compressor, FourStroke, FourStrokeDiagram, IndicatorDiagram
 from mechcore.laws.signals import Chirp, Ramp, SignalPosition, Sine, Step
 from mechcore.laws.timed import Oscillation, Table
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
@@ -172,7 +172,7 @@ def gas(draw, mechanism):
             [
                 Compressor(stroke=stroke, suction=1e2, delivery=6e2),
                 FourStroke(stroke=stroke, intake=1e2, exhaust=1.1e2, ratio=9.0, rise=3.0, cutoff=1.2),
-                Diagram(stroke=stroke, outward=lambda x: 5e2 - x, inward=lambda x: 2e2 + x),
+                IndicatorDiagram(stroke=stroke, outward=lambda x: 5e2 - x, inward=lambda x: 2e2 + x),
                 FourStrokeDiagram(stroke=stroke, power=np.cos, exhaust=np.sin, intake=np.cos, compression=np.exp),
             ]
         )

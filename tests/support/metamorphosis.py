@@ -16,7 +16,7 @@ from mechcore import spec as sp
 from mechcore.cams.followers import Flat
 from mechcore.dynamics.events import EndStop, EventTrigger
 from mechcore.laws.curve import MotionCurve
-from mechcore.laws.indicator import Compressor, Diagram
+from mechcore.laws.indicator import Compressor, IndicatorDiagram
 from mechcore.laws.timed import ConstantSpeed, Free, Oscillation, Piecewise, Table
 
 TURN = 2.0 * np.pi
@@ -226,7 +226,8 @@ class Change:
         assert p.lift is not None
         rise = L if isinstance(guide, sp.Prismatic) else 1.0
         lift = MotionCurve(tuple(x.scaled(1.0, rise) for x in p.lift.pieces), p.lift.start, p.lift.repeats)
-        face: Any = p.face if not hasattr(p.face, "radius") or not p.face.radius else replace(p.face, radius=L * p.face.radius)  # type: ignore[type-var]
+        # type: ignore[type-var]
+        face: Any = p.face if not hasattr(p.face, "radius") or not p.face.radius else replace(p.face, radius=L * p.face.radius)
         assert not isinstance(face, Flat) or face.endless
         sense = int(p.sense * self.sense)
         shift = self.shift(FRAME, p.links[0])
@@ -355,5 +356,5 @@ class Change:
         if isinstance(c, Compressor):
             c = replace(c, stroke=L * c.stroke, suction=p * c.suction, delivery=p * c.delivery)
         else:
-            c = Diagram(stroke=L * c.stroke, outward=Through(c.outward, L, 0.0, p), inward=Through(c.inward, L, 0.0, p))
+            c = IndicatorDiagram(stroke=L * c.stroke, outward=Through(c.outward, L, 0.0, p), inward=Through(c.inward, L, 0.0, p))
         return replace(x, **more, area=L**2 * x.area, cycle=c, top=L * x.top, back=p * x.back)

@@ -14,7 +14,7 @@ import numpy as np
 
 from mechcore.cams.followers import Arc, Flat, Knife, Roller
 from mechcore.dynamics.events import EndStop, EventTrigger
-from mechcore.laws.indicator import Compressor, Diagram
+from mechcore.laws.indicator import Compressor, IndicatorDiagram
 from mechcore.laws.program import Segment, program
 from mechcore.laws.timed import ConstantSpeed, Free, Oscillation, Table, zones
 from mechcore.spec.loads import (
@@ -539,7 +539,7 @@ class Draft:
             top = self.coordinate[joint] + (3.0 if head == "ahead" else -3.0)
             cycle: Any = Compressor(stroke=stroke, suction=1e2, delivery=3e2)
             if self.either():
-                cycle = Diagram(stroke=stroke, outward=lambda x: 3e2 - 20.0 * x, inward=lambda x: 1e2 + 10.0 * x)
+                cycle = IndicatorDiagram(stroke=stroke, outward=lambda x: 3e2 - 20.0 * x, inward=lambda x: 1e2 + 10.0 * x)
             return GasPressure(name=name, joint=joint, area=0.02, cycle=cycle, top=top, head=head, back=1.5e2)
         if kind == 11:
             (a, p), (b, q), length = self.two_points()

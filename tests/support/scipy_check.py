@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 from mechcore.arrays import Real
 from mechcore.dynamics.equations.reduced import coordinate_scales, free_of
 from mechcore.dynamics.integration.collocation import System
-from mechcore.dynamics.segments import Segment
+from mechcore.dynamics.segments import MotionSegment
 from mechcore.dynamics.simulation import Simulation
 
 
@@ -38,7 +38,7 @@ def cross_check(
     return max((_differs(s, method, tolerance, samples) for s in moving), default=0.0)
 
 
-def _differs(segment: Segment, method: str, tolerance: float, samples: int) -> float:
+def _differs(segment: MotionSegment, method: str, tolerance: float, samples: int) -> float:
     if segment.end - segment.start <= 1e-12 * max(abs(segment.end), 1e-300):
         return 0.0
     t = np.linspace(segment.start, segment.end, samples + 1)

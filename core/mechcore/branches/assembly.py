@@ -24,7 +24,7 @@ from mechcore.branches.modes import (
 )
 from mechcore.errors import Fault, MechanismError
 from mechcore.kinematics.model import Model
-from mechcore.kinematics.positions import group_closure_error, place, span
+from mechcore.kinematics.positions import group_closure_error, place_block, span
 from mechcore.kinematics.program import Block
 from mechcore.kinematics.state import State, initial_state, real_angle, relation_sum
 from mechcore.records import dataclass
@@ -65,19 +65,19 @@ def assemble(model: Model, drives: Sequence[float], *, others: bool = True) -> A
                     break
                 mode, fault = _mode(model, block, state, stated.get(block.name, ()))
                 faults += fault
-                place(model, block, state, mode)
+                place_block(model, block, state, mode)
             elif block.relations and block.kind != "general":
                 faults += _fix_relation(model, block, state, constants)
-                place(model, block, state, 0.0)
+                place_block(model, block, state, 0.0)
             elif block.kind == "general":
                 x, fault = _start_of_general(model, block, state)
                 faults += fault
                 if x is None:
                     break
                 starts[block.name] = x
-                place(model, block, state, 0.0, x)
+                place_block(model, block, state, 0.0, x)
             else:
-                place(model, block, state, 0.0)
+                place_block(model, block, state, 0.0)
                 if not np.isfinite([complex(state.slide[j]) for j in block.slides]).all():
                     remedy = "Turn one of them, or add a drive that says where."
                     faults.append(
@@ -187,7 +187,7 @@ def _solutions(model: Model, block: Block, state: State, modes: Sequence[float])
     """A block's unknowns (rotations and displacements) in some modes, (modes,) each, without changing ``state``."""
     trial = state.copy()
     with np.errstate(invalid="ignore", divide="ignore"):
-        place(model, block, trial, np.array(modes))
+        place_block(model, block, trial, np.array(modes))
     classes = {g: model.angles.classes_of[g][0] for g in block.angles}
     values: dict[tuple[str, int], Plane | Values] = {("angle", g): trial.rot[s] / state.delta[s] for g, s in classes.items()}
     values |= {("slide", j): trial.slide[j] for j in block.slides}
@@ -215,7 +215,7 @@ def _place_of(model: Model, block: Block, state: State, mode: float) -> str:
     """Where the block's joint is in one mode, for a message."""
     trial = state.copy()
     with np.errstate(invalid="ignore", divide="ignore"):
-        place(model, block, trial, mode)
+        place_block(model, block, trial, mode)
     j = model.joint_index[block.name]
     joint = model.joints[j]
     side = 1 if joint.slide is not None and joint.guide == 0 else 0
@@ -381,7 +381,7 @@ def group_modes(model: Model, block: Block, state: State, *, starts: int = 400, 
         x[0] = [0.0 if v is None else v for v in near]
     trial = state.copy()
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-        place(model, block, trial, 0.0, x)
+        place_block(model, block, trial, 0.0, x)
     solutions = trial.newton[block.name].x
     solutions = solutions[np.isfinite(solutions).all(axis=-1)]
     if not block.relations:
@@ -413,7 +413,7 @@ def all_modes(model: Model, assembly: Assembly, drives: Sequence[float]) -> list
                     n = len(block.angles)
                     same = np.abs(np.exp(1j * x[:n]) - np.exp(1j * start[:n])).max(initial=0.0) < 1e-6
                     described.append((Text(_describe(model, block, x)), bool(same)))
-            place(model, block, state, mode, assembly.starts.get(block.name))
+            place_block(model, block, state, mode, assembly.starts.get(block.name))
             if described:
                 out.append((block.name, described))
     return out

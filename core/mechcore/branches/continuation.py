@@ -19,7 +19,7 @@ from mechcore.branches.assembly import Assembly
 from mechcore.errors import Fault, MechanismError
 from mechcore.kinematics.columns import all_columns, all_vectors, matrix_of
 from mechcore.kinematics.model import Model
-from mechcore.kinematics.positions import equations, place, place_all
+from mechcore.kinematics.positions import equations, place_all, place_block
 from mechcore.kinematics.program import Block
 from mechcore.kinematics.rates import velocities
 from mechcore.kinematics.state import Interpolant, State, initial_state, real_angle
@@ -74,7 +74,7 @@ class Branch:
 
 
 @dataclass(frozen=True, eq=False)
-class Row:
+class PathPoint:
     """A point of a path: unknowns of the continued groups and their slopes, determinants and singular values of their columns."""
 
     parameter: float
@@ -93,7 +93,7 @@ class Row:
         """Groups that have two freedoms or more here."""
         return [name for name, s in self.singular_values.items() if len(s) > 1 and s[-2] < SECOND_FREEDOM_RATIO * s[0]]
 
-    def same_branch(self, new: Row) -> bool:
+    def same_branch(self, new: PathPoint) -> bool:
         """Whether no determinant has changed its sign."""
         return all(old * new.determinants[name] > 0 or old == 0.0 for name, old in self.determinants.items())
 
@@ -160,7 +160,7 @@ def continuation_path(branch: Branch, start: float, low: float, high: float, ste
 
 
 # -- steps --------------------------------------------------------------------------------------------------------------------
-def _continued(branch: Branch, start: float, end: float, step: float, passed: list[tuple[float, str]]) -> list[Row]:
+def _continued(branch: Branch, start: float, end: float, step: float, passed: list[tuple[float, str]]) -> list[PathPoint]:
     """Rows from ``start`` to ``end``, or to the limit before it; singular positions that were gone through are added to
     ``passed``."""
     row = _row_at(branch, start, branch.assembly.starts)
@@ -197,7 +197,7 @@ def _continued(branch: Branch, start: float, end: float, step: float, passed: li
     return rows
 
 
-def _row_at(branch: Branch, p: float, starts: Mapping[str, Real]) -> Row | None:
+def _row_at(branch: Branch, p: float, starts: Mapping[str, Real]) -> PathPoint | None:
     """One point of the path; None where Newton ends too far from its start or nowhere."""
     model, assembly = branch.model, branch.assembly
     positions, speeds = branch.drives(p)
@@ -209,7 +209,7 @@ def _row_at(branch: Branch, p: float, starts: Mapping[str, Real]) -> Row | None:
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         cols = all_columns(model, vectors)
         rates = velocities(model, vectors, cols, speeds, curve_values=state.curve_values)
-    row = Row(p, {}, {}, {}, {})
+    row = PathPoint(p, {}, {}, {}, {})
     for block, c in zip(model.blocks, cols, strict=True):
         if block.kind != "general":
             continue
@@ -236,7 +236,7 @@ def _row_at(branch: Branch, p: float, starts: Mapping[str, Real]) -> Row | None:
     return row
 
 
-def _extrapolated(rows: Sequence[Row], p: float, derivative: int = 0) -> dict[str, Real]:
+def _extrapolated(rows: Sequence[PathPoint], p: float, derivative: int = 0) -> dict[str, Real]:
     """Unknowns at ``p``, or their derivatives, by the Hermite polynomial through some rows: of two a cubic, of one the tangent."""
     places = [row.parameter for row in rows]
     weights = []
@@ -260,7 +260,7 @@ def _extrapolated(rows: Sequence[Row], p: float, derivative: int = 0) -> dict[st
     return out
 
 
-def _singular_before(rows: Sequence[Row], p: float) -> bool:
+def _singular_before(rows: Sequence[PathPoint], p: float) -> bool:
     """Whether a group would be singular before ``p`` if its smallest singular value went on falling as it does: the way there is
     then taken in smaller steps, or a position that is singular in two ways at once would be stepped over unseen."""
     if len(rows) < 2:
@@ -274,7 +274,7 @@ def _singular_before(rows: Sequence[Row], p: float) -> bool:
     return False
 
 
-def _pass(branch: Branch, rows: list[Row], direction: float, step: float) -> list[str]:
+def _pass(branch: Branch, rows: list[PathPoint], direction: float, step: float) -> list[str]:
     """Go through a singular position, next to which the path has come to a stand, along the tangent of the configuration curve.
 
     The branch is extrapolated from rows that are well conditioned to a place on the other side; there Newton must find it close to
@@ -310,7 +310,7 @@ def _pass(branch: Branch, rows: list[Row], direction: float, step: float) -> lis
 # At a limit of a continued group the configuration curve turns back: along the curve the parameter has an extremum there. Followed
 # by its own length instead of by the parameter the curve is regular, and the extremum is the zero of a smooth function. Where a
 # group with a closed form can no longer be put together, the place is found by bisection.
-def _limit(branch: Branch, row: Row, span: float, direction: float) -> float:
+def _limit(branch: Branch, row: PathPoint, span: float, direction: float) -> float:
     """The parameter at which a path of the range ``span`` ends, beyond its last row; the row's own where that is unknown."""
     p = row.parameter
     reach = p + direction * LIMIT_DISTANCE * span
@@ -323,18 +323,18 @@ def _limit(branch: Branch, row: Row, span: float, direction: float) -> float:
     return min(ahead, key=lambda q: direction * q, default=p)
 
 
-def _placed_before(branch: Branch, row: Row, p: float, block: Block | None) -> State:
+def _placed_before(branch: Branch, row: PathPoint, p: float, block: Block | None) -> State:
     """Positions of the groups before one that is looked at (None: of all with a closed form before the first continued one)."""
     model, assembly = branch.model, branch.assembly
     state = initial_state(model, branch.drives(p)[0], assembly.constants, row.unknowns)
     for b, mode in zip(model.blocks, assembly.modes, strict=True):
         if b is block or (block is None and b.kind == "general"):
             break
-        place(model, b, state, mode, row.unknowns.get(b.name))
+        place_block(model, b, state, mode, row.unknowns.get(b.name))
     return state
 
 
-def _missing(branch: Branch, row: Row, far: float) -> float | None:
+def _missing(branch: Branch, row: PathPoint, far: float) -> float | None:
     """Where groups with closed forms, before any continued one, stop fitting together; None where they do at both ends."""
 
     def fits(at: float) -> bool:
@@ -351,7 +351,7 @@ def _missing(branch: Branch, row: Row, far: float) -> float | None:
     return p
 
 
-def _fold(branch: Branch, block: Block, row: Row, near: float) -> float | None:
+def _fold(branch: Branch, block: Block, row: PathPoint, near: float) -> float | None:
     """Where the curve of a continued group turns back, next to a row of its path."""
     model, p0 = branch.model, row.parameter
     scale = np.concatenate([np.ones(len(block.angles)), np.full(len(block.slides), model.length_scale)])

@@ -16,7 +16,7 @@ import numpy as np
 from mechcore.constants import TURN
 from mechcore.errors import Fault
 from mechcore.kinematics.model import Model
-from mechcore.kinematics.positions import place
+from mechcore.kinematics.positions import place_block
 from mechcore.kinematics.program import Block
 from mechcore.kinematics.state import State
 from mechcore.laws.timed import Piecewise
@@ -127,7 +127,7 @@ def _open_mode(model: Model, block: Block, state: State) -> float | None:
     def crossing(mode: float) -> bool:
         trial = state.copy()
         with np.errstate(invalid="ignore", divide="ignore"):
-            place(model, block, trial, mode)
+            place_block(model, block, trial, mode)
 
         def at(j: int, link: int) -> complex:  # from the hinge, along links whose rotation is known
             joint = model.joints[j]

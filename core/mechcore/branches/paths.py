@@ -20,7 +20,14 @@ from mechcore.arrays import Flags, Index, Real
 from mechcore.branches.assembly import Assembly, starts_of
 from mechcore.branches.continuation import REGULAR_RATIO, Branch, ContinuationPath, continuation_path
 from mechcore.branches.modes import TWO_MODES
-from mechcore.branches.singular_points import SingularPoint, SingularPoints, dead_point_instants, locate, needs_span, rounding_of
+from mechcore.branches.singular_points import (
+    SingularPoint,
+    SingularPoints,
+    dead_point_instants,
+    locate_singular,
+    needs_span,
+    rounding_of,
+)
 from mechcore.constants import TURN
 from mechcore.kinematics.columns import all_vectors, columns, matrix_of
 from mechcore.kinematics.model import Model
@@ -358,7 +365,7 @@ def _dead_point_groups(path: BranchPath, sample: float) -> tuple[set[int], list[
 def _singular_point(path: BranchPath, p: float, name: str, sample: float) -> SingularPoint | None:
     """A singular position that a path has passed next to ``p``; None where the motion beside it is not known."""
     number = next(i for i, b in enumerate(path.model.blocks) if b.name == name and b.kind == "general")
-    located = locate(path.model, path.model.blocks[number], path.placed, p, sample)
+    located = locate_singular(path.model, path.model.blocks[number], path.placed, p, sample)
     if located is None:
         return None
     place, width = located

@@ -19,7 +19,7 @@ from mechcore.arrays import Flags, Real
 from mechcore.branches.modes import TWO_MODES
 from mechcore.kinematics.columns import all_vectors, columns, matrix_of
 from mechcore.kinematics.model import Model
-from mechcore.kinematics.positions import apply, dead_point_margin, place
+from mechcore.kinematics.positions import apply, dead_point_margin, place_block
 from mechcore.kinematics.program import Block
 from mechcore.kinematics.singular_interpolation import FAR_STEPS, FIT_NODES, FIT_TAIL, smooth, tail_of, unknowns_of
 from mechcore.kinematics.state import State, initial_state
@@ -225,7 +225,7 @@ def _sampled(
                 ]
                 if own:
                     sign = SingularPoints(period, tuple(own), laws).signs(i, time)
-            place(model, block, state, mode * sign)
+            place_block(model, block, state, mode * sign)
             for c in own:  # what hangs on this block must not see its ill-conditioned positions
                 c, fine = _smoothed(model, block, state, time, c, period, step, finer, blurred)
                 points.append(c)
@@ -257,7 +257,9 @@ def _smoothed(
     return c, best < FIT_TAIL
 
 
-def locate(model: Model, block: Block, placed: Callable[[Real], State], p: float, sample: float) -> tuple[float, float] | None:
+def locate_singular(
+    model: Model, block: Block, placed: Callable[[Real], State], p: float, sample: float
+) -> tuple[float, float] | None:
     """The place of a singular position of a continued group next to the parameter ``p``, and the step, of ``sample`` at most, at
     which the motion beside it is resolved; None where it is not known there. ``placed``: parameters (n,) -> positions."""
     scale = np.where(np.arange(len(block.angles) + len(block.slides)) < len(block.angles), 1.0, model.length_scale)

@@ -20,7 +20,7 @@ from mechcore.numerics.frames import lazy
 from mechcore.records import dataclass
 from mechcore.spec.mechanism import Mechanism
 
-Range = tuple[float, float]
+AngleRange = tuple[float, float]
 
 STOP_DISTANCE = 1e-6  # [rad] nearer than which a joint starts at its only stop, and not a turn away from it
 BORDER_WIDTH = 1e-9  # of a turn: angles so near to a border of their range are on it
@@ -34,9 +34,9 @@ class StartPose:
 
     angles: Mapping[str, Values]
     stated: Mapping[str, int]
-    ranges: Mapping[str, Range] = field(default_factory=dict)
+    ranges: Mapping[str, AngleRange] = field(default_factory=dict)
 
-    def turns(self, first: str, second: str, about: Range | None) -> Values:
+    def turns(self, first: str, second: str, about: AngleRange | None) -> Values:
         """Turns to be added to the angle of the second link minus that of the first, for it to start where it should."""
         if self.stated[first] == self.stated[second]:
             return 0.0
@@ -71,9 +71,9 @@ def _turns_about(angle: Values, about: float) -> Values:
     return np.floor((about + math.pi - angle) / TURN + BORDER_WIDTH)
 
 
-def _ranges_of_tables(mechanism: Mechanism) -> dict[str, Range]:
+def _ranges_of_tables(mechanism: Mechanism) -> dict[str, AngleRange]:
     """Ranges of the tables over coordinates of joints that loads of a mechanism have, all of a joint together, by joint."""
-    ranges: dict[str, Range] = {}
+    ranges: dict[str, AngleRange] = {}
     for load in mechanism.loads:
         factor = getattr(load, "factor", None)
         table = None if factor is None else factor.function
@@ -93,8 +93,9 @@ def start_pose(model: Model, class_angles: Real) -> StartPose:
     )
 
 
-Frames = tuple[Sequence[Values], State, tuple[int, ...]]  # positions of the drives, what is solved there, shape of the results
-Place = Callable[[Real], Frames]  # places (n, c) on the path -> what is there
+# Positions of the drives, what is solved there, shape of the results
+SolvedFrames = tuple[Sequence[Values], State, tuple[int, ...]]
+PathFunction = Callable[[Real], SolvedFrames]  # places (n, c) on the path -> what is there
 
 LARGEST_TURN = 1.0  # [rad] that a link may turn from one place to the next; else places between them are looked at
 FARTHEST_STEPS = 4096.0  # steps from one place to the next; a place farther off is a trial of the integrator's, not on the path
@@ -198,7 +199,7 @@ class LinkAngles:
         turning = self.model.angles
         return np.asarray(self.class_angles[turning.rotation_class[k]] + turning.offset[k])
 
-    def relative(self, p: int, q: int, about: Range | None = None) -> Real:
+    def relative(self, p: int, q: int, about: AngleRange | None = None) -> Real:
         """Angle of link ``q`` minus that of link ``p`` [rad]; ``about``: it starts nearest to this range."""
         turns = self.start.turns(self.model.links[p], self.model.links[q], about)
         angle: Real = self.link(q) - self.link(p) + TURN * turns
@@ -226,7 +227,7 @@ class UnwrappedAngles:
         other.start, other.path, other._tables = start or self.start, WaypointPath(self.at), {}
         return other
 
-    def at_frames(self, frames: Frames, near: Callable[[Real], Real]) -> LinkAngles:
+    def at_frames(self, frames: SolvedFrames, near: Callable[[Real], Real]) -> LinkAngles:
         """Angles of the links at frames; ``near``: raw angles of the classes -> those near them, by `along`, `through`, `still`."""
         return LinkAngles(self.model, self.start, partial(raw_angles, self.model, *frames), near, self.exact)
 
@@ -235,7 +236,7 @@ class UnwrappedAngles:
         return np.asarray(self.at.class_angles)[:, None]
 
     # -- along one parameter ------------------------------------------------------------------------------------------
-    def along(self, raw: Real, parameter: Real, place: Place, laws: tuple[Law, ...] = ()) -> Real:
+    def along(self, raw: Real, parameter: Real, place: PathFunction, laws: tuple[Law, ...] = ()) -> Real:
         """Angles near those at frames along a parameter (F,): the position of the only drive, or with ``laws`` the time.
         ``place``: parameters (n, 1) -> the motion there."""
         key = tuple(map(id, laws))  # the table keeps them alive
@@ -253,7 +254,7 @@ class UnwrappedAngles:
         return _Table(self.model, float(self.at.drives[0]), class_angles, float(self.steps[0]), TURN if turns else math.inf)
 
     # -- where forces lead several coordinates ------------------------------------------------------------------------
-    def through(self, raw: Real, drives: Sequence[Values], time: Real, place: Place) -> Real:
+    def through(self, raw: Real, drives: Sequence[Values], time: Real, place: PathFunction) -> Real:
         """Angles near those at frames (F,) whose drives have any positions: from the waypoint before each, and from one frame to
         the next in order of time; ``place``: times and positions of drives (n, 1 + d) -> the motion there."""
         order = np.argsort(time, kind="stable")
@@ -271,12 +272,12 @@ class UnwrappedAngles:
         out[:, order] = (followed + np.repeat(shift, np.diff(np.append(starts, len(places))), axis=1))[:, ~fresh]
         return out
 
-    def _followed(self, x: Real, raw: Real, fresh: Flags | None, place: Place) -> Real:
+    def _followed(self, x: Real, raw: Real, fresh: Flags | None, place: PathFunction) -> Real:
         """Angles at times and positions of drives (n, 1 + d), followed from one to the next but for the ``fresh`` ones."""
         *_, followed, own = _follow(lambda y: raw_angles(self.model, *place(y)), x, raw, np.append(math.inf, self.steps), fresh)
         return np.asarray(followed[:, own])
 
-    def _known(self, points: list[Waypoint], used: Index, place: Place) -> Real:
+    def _known(self, points: list[Waypoint], used: Index, place: PathFunction) -> Real:
         """Angles (s, n) at the waypoints ``used`` (n,), those before them followed where they are not known yet."""
         last = next(k for k in range(int(used[-1]), -1, -1) if points[k].class_angles is not None)
         if last < used[-1]:
@@ -316,7 +317,7 @@ class _Table:
         self.period: float | None = None
         self.tried = 0  # turns after which it has been looked whether the mechanism is back
 
-    def near(self, parameter: Real, raw: Real, place: Place) -> Real:
+    def near(self, parameter: Real, raw: Real, place: PathFunction) -> Real:
         """Angles (s, n) at parameters (n,), to within half a turn; frames that are a path from the start need no others."""
         x = parameter
         if np.abs(_steps(self.at, x)).max(initial=0.0) <= self.step * (1.0 + 1e-9):
@@ -338,10 +339,10 @@ class _Table:
         p, angles = self.known
         return np.array([np.interp(parameter, p, row) for row in angles])
 
-    def _follow(self, x: Real, raw: Real, place: Place) -> tuple[Real, Real, Real, Index]:
+    def _follow(self, x: Real, raw: Real, place: PathFunction) -> tuple[Real, Real, Real, Index]:
         return _follow(lambda y: raw_angles(self.model, *place(y)), x[:, None], raw, np.array([self.step]))
 
-    def _look_for_period(self, span: float, place: Place) -> None:
+    def _look_for_period(self, span: float, place: PathFunction) -> None:
         for turns in CYCLES if self.period is None else ():
             if turns <= self.tried or span <= 1.01 * turns * self.turn:
                 continue
@@ -354,7 +355,7 @@ class _Table:
                 self.period = turns * self.turn
                 return
 
-    def _cover(self, low: float, high: float, place: Place) -> None:
+    def _cover(self, low: float, high: float, place: PathFunction) -> None:
         """Know the angles from ``low`` to ``high``, as far as the mechanism can be put together on the points."""
         for up, wanted in ((1, high), (0, low)):
             sign = 1.0 if up else -1.0
@@ -381,7 +382,7 @@ class _Table:
                 )
 
 
-def along_designs(model: Model, time: Real, frames: Frames, laws: tuple[Law, ...], place: Place) -> LinkAngles:
+def along_designs(model: Model, time: Real, frames: SolvedFrames, laws: tuple[Law, ...], place: PathFunction) -> LinkAngles:
     """Angles at times (F,) of a mechanism of which several designs move side by side; ``place``: times (n, 1) -> what is there."""
 
     def raw_at(x: Real) -> Real:

@@ -53,7 +53,7 @@ from mechcore.cams.contour import (
     spline_contour,
 )
 from mechcore.cams.followers import Arc, Flat, Follower, Knife, Oscillating, Roller, Translating
-from mechcore.cams.limits import Limits, Reached, Requirement, Verdict, check_limits, find_limits, judge, undercut_ranges
+from mechcore.cams.limits import CamLimits, Reached, Requirement, Verdict, check_limits, find_limits, judge_limits, undercut_ranges
 from mechcore.cams.real_profiles import CutProfile, Graphical, cut_profile, graphical
 from mechcore.cams.sizing import Design, best_offset, least_base
 from mechcore.cams.spatial import Barrel, BarrelArm, Flank, Globoid, InverseCam, SpatialCam, SpatialLimits, spatial_limits
@@ -75,6 +75,7 @@ __all__ = [
     "Breadth",
     "Bridge",
     "Cam",
+    "CamLimits",
     "Closure",
     "Contact",
     "Contour",
@@ -89,7 +90,6 @@ __all__ = [
     "HertzContact",
     "InverseCam",
     "Knife",
-    "Limits",
     "OffsetError",
     "Oscillating",
     "Reached",
@@ -118,7 +118,7 @@ __all__ = [
     "first_separation",
     "graphical",
     "hertz",
-    "judge",
+    "judge_limits",
     "least_base",
     "line",
     "neglected_phase",

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mechcore.arrays import Complex, Flags, Index, Real, numbers
-from mechcore.cams.contact import SAMPLES_AROUND, Task, locate
+from mechcore.cams.contact import SAMPLES_AROUND, Task, locate_contact
 from mechcore.cams.contour import Contour
 from mechcore.cams.followers import Flat, Follower
 from mechcore.numerics import jets
@@ -78,7 +78,7 @@ def analyse(
     task = Task(contour, follower, turn, wedge)
     angle = numbers(angles)
     each = max(samples // contour.count, 9)
-    piece, u, q, corner = locate(task, angle, each, None if near is None else _between(near, angle, contour.count, each))
+    piece, u, q, corner = locate_contact(task, angle, each, None if near is None else _between(near, angle, contour.count, each))
     derived = _differentiate(task, angle, piece, u, q, corner)
     spans: tuple[Bridge, ...] = ()
     if bridges and angle.size > 2 and np.all(np.diff(angle) > 0.0):
@@ -218,7 +218,7 @@ def _bridges(task: Task, derived: _Found, each: int) -> list[Bridge]:
         za, zb = z[k], z[k + 1]
         for _ in range(46):
             middle = 0.5 * (a + b)
-            piece, u, q, _corner = locate(task, np.array([middle]), each)
+            piece, u, q, _corner = locate_contact(task, np.array([middle]), each)
             if np.isnan(q[0]):
                 break
             zm = task.contour.on(piece, u, 0)[0, 0]
@@ -232,7 +232,7 @@ def _bridges(task: Task, derived: _Found, each: int) -> list[Bridge]:
             continue  # it only moved fast
         ends = []
         for x in (a, b):
-            located = locate(task, np.array([x]), each)
+            located = locate_contact(task, np.array([x]), each)
             f = _differentiate(task, np.array([x]), *located, order=1)
             ends.append((float(f.parameter[0]), float(f.motion[1, 0])))
         out.append(Bridge(float(0.5 * (a + b)), ends[0][0], ends[1][0], (ends[0][1], ends[1][1])))
@@ -253,11 +253,11 @@ def _knife_corners(task: Task, derived: _Found, each: int) -> list[Bridge]:
         a, b = float(derived.angle[k]), float(derived.angle[k + 1])
         for _ in range(50):
             middle = 0.5 * (a + b)
-            on = locate(task, np.array([middle]), each)[0][0]
+            on = locate_contact(task, np.array([middle]), each)[0][0]
             a, b = (middle, b) if on == piece[k] else (a, middle)
         ends = []
         for x in (a, b):
-            f = _differentiate(task, np.array([x]), *locate(task, np.array([x]), each), order=1)
+            f = _differentiate(task, np.array([x]), *locate_contact(task, np.array([x]), each), order=1)
             ends.append((float(f.parameter[0]), float(f.motion[1, 0])))
         out.append(Bridge(float(0.5 * (a + b)), ends[0][0], ends[1][0], (ends[0][1], ends[1][1])))
     return out

@@ -118,7 +118,7 @@ class Task:
         return -guide.side * np.angle((z - guide.pivot) / guide.home)
 
 
-def root(f: Callable[[Real, Index], Real], a: Real, b: Real, fa: Real, fb: Real, live: Flags) -> tuple[Real, Real]:
+def bracketed_roots(f: Callable[[Real, Index], Real], a: Real, b: Real, fa: Real, fb: Real, live: Flags) -> tuple[Real, Real]:
     """Roots of many functions between ``a`` and ``b`` (n), where their values ``fa``, ``fb`` have opposite signs, and values there.
 
     ``f`` takes places and the indices of the functions that they belong to. Inverse quadratic interpolation where it is safe, else
@@ -154,7 +154,7 @@ def root(f: Callable[[Real, Index], Real], a: Real, b: Real, fa: Real, fb: Real,
     return np.where(nearer, a, b), np.where(nearer, fa, fb)
 
 
-def locate(task: Task, angle: Real, each: int, near: Index | None = None) -> tuple[Index, Real, Real, Flags]:
+def locate_contact(task: Task, angle: Real, each: int, near: Index | None = None) -> tuple[Index, Real, Real, Flags]:
     """Piece (n), parameter (n), coordinate (n) (NaN: none), on a corner (n).
 
     ``near`` (n): number of the sample about which the contact is known to lie, -1 where it is not known.
@@ -255,7 +255,7 @@ def _climb(task: Task, angle: Real, p: Index, low: Real, high: Real, middle: Rea
         gx, qx = _slope(task, angle[m], p[m], x)
         return np.where(np.isfinite(qx), gx, np.where(x < middle[m], 1.0, -1.0))  # beyond the face: to the side of the middle
 
-    x, _ = root(slope, a, b, ga, gb, ~(end_low | end_high))
+    x, _ = bracketed_roots(slope, a, b, ga, gb, ~(end_low | end_high))
     sharp = task.contour.sharp_joints  # a smooth joint of two pieces is no corner
     at_end = (end_low & (low <= 0.0) & (g <= 0.0) & sharp[p]) | (end_high & (high >= 1.0) & (g > 0.0) & sharp[p + 1])
     x = np.where(end_low & (g <= 0.0), low, np.where(end_high & (g > 0.0), high, x))
@@ -294,7 +294,7 @@ def _knife(task: Task, angle: Real, pieces: Index, us: Real, points: Complex, ea
         def distance(y: Real, m: Index, p: Index = p) -> Real:
             return task.knife_gap(task.ground(task.contour.on(p[m], y, 0, radius)[0], angle[m]))
 
-        x = np.where(joint[rows, k], a, root(distance, a, b, fa, fb, live & ~joint[rows, k])[0])
+        x = np.where(joint[rows, k], a, bracketed_roots(distance, a, b, fa, fb, live & ~joint[rows, k])[0])
         height = task.knife_height(task.ground(task.contour.on(p, x, 0, radius)[0], angle))
         better = live & (height > best)
         best = np.where(better, height, best)

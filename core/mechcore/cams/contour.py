@@ -173,7 +173,7 @@ class Contour:
         return out
 
 
-def moved(contour: Contour, shift: complex, turn: complex) -> Contour:
+def moved_contour(contour: Contour, shift: complex, turn: complex) -> Contour:
     """A contour turned by a unit number and shifted [m]: ``shift + turn z``."""
     if shift == 0.0 and turn == 1.0:
         return contour
@@ -301,7 +301,7 @@ def polar_contour(radius: MotionCurve) -> Contour:
     return _checked([PolarPiece(radius, float(a), float(b - a)) for a, b in pairwise(knots)])
 
 
-def joined(cam: Cam, pieces: Sequence[CamPiece]) -> list[SmoothPiece]:
+def joined_ranges(cam: Cam, pieces: Sequence[CamPiece]) -> list[SmoothPiece]:
     """Ranges of a working curve with what the follower itself cuts where its velocity jumps.
 
     A round face stands still on the pitch curve's corner and cuts an arc of its own radius about it; a flat one cuts a
@@ -338,7 +338,7 @@ def cam_contour(cam: Cam) -> Contour:
         backwards = True  # the outside (above) has to be on the right
     order = range(len(cam.law.pieces))
     pieces = [CamPiece(cam, k, backwards) for k in (reversed(order) if backwards else order)]
-    return Contour(tuple(joined(cam, pieces)), not cam.wedge)
+    return Contour(tuple(joined_ranges(cam, pieces)), not cam.wedge)
 
 
 LEAST_RADIUS = 1e-6  # radius of a polar curve, relative to its longest

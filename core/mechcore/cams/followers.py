@@ -91,7 +91,7 @@ class Oscillating:
         return r / np.abs(r)
 
 
-Guide = Translating | Oscillating
+FollowerGuide = Translating | Oscillating
 
 
 @dataclass(frozen=True)
@@ -157,7 +157,7 @@ Face = Knife | Roller | Arc | Flat
 class Follower:
     """A guide and a face."""
 
-    guide: Guide
+    guide: FollowerGuide
     face: Face
 
     @property

@@ -21,7 +21,7 @@ class Reached:
 
 
 @dataclass(frozen=True)
-class Limits:
+class CamLimits:
     """Extremes over a cycle, each with its angle. Radii: of the working curve; ``None`` where there is none of that kind.
 
     ``rise``: largest pressure angle of the sign that a rise has, ``fall``: of the opposite sign, both positive numbers (a
@@ -96,7 +96,7 @@ def _costs(s: Synthesis, flat: bool) -> list[Real]:
     return [np.where(np.isnan(row), np.inf, row) for row in rows]
 
 
-def find_limits(cam: Cam, on: Synthesis | None = None, count: int = 3600) -> Limits:
+def find_limits(cam: Cam, on: Synthesis | None = None, count: int = 3600) -> CamLimits:
     """Extremes over a cycle: on a grid (that of ``on``, even over the cycle, else ``count`` angles), then on finer grids and a
     parabola about each best point, and at the law's knots from both sides. Values are right to about 1e-12; angles to 1e-6.
     """
@@ -140,7 +140,7 @@ def find_limits(cam: Cam, on: Synthesis | None = None, count: int = 3600) -> Lim
 
     pitch = out["pitch"]
     concave = radius("concave")
-    return Limits(
+    return CamLimits(
         rise=flip("rise"),
         fall=flip("fall"),
         convex=radius("convex"),
@@ -207,7 +207,7 @@ class Verdict:
         return bool(self.margin >= -1e-12 * max(abs(self.allowed), abs(self.reached)))
 
 
-def judge(limits: Limits, want: Requirement) -> list[Verdict]:
+def judge_limits(limits: CamLimits, want: Requirement) -> list[Verdict]:
     """The conditions that are asked for, and no undercut, which always is."""
     out = [Verdict("no undercut", 0.0, limits.sharpness.value, limits.sharpness.angle, limits.sharpness.value)]
     if want.radius is not None:
@@ -229,5 +229,5 @@ def judge(limits: Limits, want: Requirement) -> list[Verdict]:
 
 
 def check_limits(cam: Cam, want: Requirement, count: int = 3600) -> list[Verdict]:
-    """``judge`` on the extremes of ``find_limits``."""
-    return judge(find_limits(cam, count=count), want)
+    """``judge_limits`` on the extremes of ``find_limits``."""
+    return judge_limits(find_limits(cam, count=count), want)

@@ -20,7 +20,7 @@ import numpy as np
 
 from mechcore.arrays import Complex, Flags, Real
 from mechcore.cams.analysis import Bridge, Contact, analyse
-from mechcore.cams.contour import Contour, cam_contour, joined
+from mechcore.cams.contour import Contour, cam_contour, joined_ranges
 from mechcore.cams.followers import Flat, Follower, Oscillating, Translating
 from mechcore.cams.pieces import CamPiece
 from mechcore.cams.synthesis import Cam
@@ -250,7 +250,7 @@ def cut_profile(cam: Cam, count: int = 2880) -> CutProfile:
     for a, b in reversed(ranges) if backwards else ranges:
         parts = _parts(cam, a, b, backwards)
         pieces += parts[::-1] if backwards else parts
-    contour = Contour(tuple(joined(cam, pieces)))
+    contour = Contour(tuple(joined_ranges(cam, pieces)))
     probe = law.start + law.length * np.arange(360) / 360.0
     got = analyse(contour, cam.follower, probe, cam.turn, samples=4096, bridges=False).motion[0]
     error = np.abs(got - law(probe, 0)[0])

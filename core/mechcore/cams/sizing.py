@@ -8,7 +8,7 @@ import numpy as np
 
 from mechcore.arrays import Real
 from mechcore.cams.followers import Arc, Face, Flat, Follower, Knife, Roller, Translating
-from mechcore.cams.limits import Limits, Requirement, Verdict, find_limits, judge
+from mechcore.cams.limits import CamLimits, Requirement, Verdict, find_limits, judge_limits
 from mechcore.cams.synthesis import Cam, cam_on_base
 from mechcore.errors import Fault, MechanismError
 from mechcore.laws.curve import MotionCurve
@@ -28,7 +28,7 @@ class Design:
     start: float
     offset: float
     decides: str
-    limits: Limits
+    limits: CamLimits
     verdicts: tuple[Verdict, ...]
 
 
@@ -186,7 +186,7 @@ def _finish(cam: Cam, base: float, offset: float, decides: str, want: Requiremen
             Fault("cam.law", f"its velocity jumps down at {at}: a corner on a cam of any size.", "Take a smoother law.")
         )
     start = float(cam.law.pieces[0].at(0.0, 0)[0])
-    return Design(cam, base, start, offset, decides, limits, tuple(judge(limits, want)))
+    return Design(cam, base, start, offset, decides, limits, tuple(judge_limits(limits, want)))
 
 
 def _scan(lift: MotionCurve, follower: Follower, want: Requirement, turn: int, at_least: float) -> Design:
@@ -206,7 +206,7 @@ def _scan(lift: MotionCurve, follower: Follower, want: Requirement, turn: int, a
         top = lift(lift.start + lift.length * np.arange(64) / 64.0, 0)[0].max() + follower.base_coordinate(base)
         if top >= np.pi:
             return -1.0, "reach of the arm"
-        verdicts = judge(find_limits(cam, count=360), want)
+        verdicts = judge_limits(find_limits(cam, count=360), want)
         scale = [v.margin / (abs(v.allowed) or 1.0) for v in verdicts]
         k = int(np.nanargmin(scale))
         return scale[k], verdicts[k].condition

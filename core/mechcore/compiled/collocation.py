@@ -101,7 +101,7 @@ class BatchLimits(NamedTuple):
         return np.append(self.breaks, np.inf)
 
 
-class Batch(NamedTuple):
+class WindowBatch(NamedTuple):
     """Windows in a row: ``starts``, ``lengths`` (w,) [s], position and speed ``q``, ``v`` (w, f) at the starts, Legendre
     coefficients ``a`` (w, s, f) of the accelerations; ``strain`` (w,) at their ends; ``cut`` (w,), whether they end at a
     breakpoint; ``stuck``: after the last one none is short enough."""
@@ -116,7 +116,7 @@ class Batch(NamedTuple):
     stuck: bool
 
 
-class Contacts(NamedTuple):
+class ContactCounts(NamedTuple):
     """How many elements rub, joints rest on stops, and joints have stops whose coordinates are known, see `phases.c`."""
 
     elements: int
@@ -124,13 +124,13 @@ class Contacts(NamedTuple):
     stopped: int
 
 
-class Phases(NamedTuple):
+class PhaseBatch(NamedTuple):
     """Phases of a motion with contacts: what `phases.c` tells of each in ``marks`` (p, 8), the ``signs`` (p + 1, e) of the elements
     in each and after them, and their ``windows``."""
 
     marks: Real
     signs: Real
-    windows: Batch
+    windows: WindowBatch
 
 
 class WrittenEquations:
@@ -149,7 +149,7 @@ class WrittenEquations:
         outputs: tuple[Sequence[Operand], ...],
         freedoms: tuple[int, int],
         given: int,
-        contacts: Contacts | None,
+        contacts: ContactCounts | None,
         margin: float,
     ):
         equations, angles, ratios, forms, additional = outputs
@@ -306,7 +306,7 @@ class CompiledEquations:
         count = self._loaded.window(self._system, self._rule(rule), *times, *given)
         return (a, int(count)) if count else None
 
-    def windows(self, rule: CollocationRule, at: Real, limits: BatchLimits) -> Batch:
+    def windows(self, rule: CollocationRule, at: Real, limits: BatchLimits) -> WindowBatch:
         """Windows from where ``at`` says, which then says where they end; see `collocation.c`."""
         s, f = len(rule.nodes), self.freedoms
         out = np.empty((limits.most, 4 + 2 * f + s * f))
@@ -317,7 +317,7 @@ class CompiledEquations:
 
     def phases(
         self, rule: CollocationRule, at: Real, limits: BatchLimits, constants: Sequence[float], given: Sequence[Real]
-    ) -> Phases:
+    ) -> PhaseBatch:
         """Phases of a motion with contacts from where ``at`` says, within the ``limits`` of their windows; see `phases.c`.
 
         ``constants``: numbers that follow those of the limits there; ``given``: scales of the elements (e,) and their signs (e,),
@@ -333,7 +333,7 @@ class CompiledEquations:
         pointers = _at(breaks), _at(at), _at(out), _at(marks)
         done = int(self._loaded.phases(self._system, self._rule(rule), _at(numbers), *whole, _at(own), *more, *pointers))
         marks, made = marks[:done], int(marks[done - 1, 2]) if done else 0
-        return Phases(marks[:, :8], np.vstack([marks[:, 8:], own[e : 2 * e]]), self._batch(out[:made], s, False))
+        return PhaseBatch(marks[:, :8], np.vstack([marks[:, 8:], own[e : 2 * e]]), self._batch(out[:made], s, False))
 
     def settled(
         self, t: float, q: Real, v: Real, given: tuple[Real, Real], numbers: Sequence[float], loose: tuple[float, float, float]
@@ -348,7 +348,7 @@ class CompiledEquations:
         at = ctypes.c_long(modes), _at(own), ctypes.c_double(t), _at(place), _at(v), _at(freed)
         return (own[e : 2 * e], v) if self._loaded.settled_at(self._system, _at(constants), *at) else None
 
-    def _batch(self, out: Real, s: int, stuck: bool) -> Batch:
+    def _batch(self, out: Real, s: int, stuck: bool) -> WindowBatch:
         f = self.freedoms
         q, v, a = out[:, 4 : 4 + f], out[:, 4 + f : 4 + 2 * f], out[:, 4 + 2 * f :].reshape(len(out), s, f)
-        return Batch(out[:, 0], out[:, 1], q, v, a, out[:, 2], out[:, 3], stuck)
+        return WindowBatch(out[:, 0], out[:, 1], q, v, a, out[:, 2], out[:, 3], stuck)

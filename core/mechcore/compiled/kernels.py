@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from mechcore.arrays import Complex, Real
-from mechcore.compiled.operands import Names, Node, Operand
+from mechcore.compiled.operands import ExpressionNode, Operand, OperandNames
 from mechcore.compiled.symbols import Code, Symbol
 
 if TYPE_CHECKING:
@@ -45,7 +45,7 @@ def staged(code: Code, outputs: Sequence[tuple[str, Operand]], parameters: list[
 
     Functions for which a compiler has no vectors get loops of their own, so that it makes vectors of the others.
     """
-    names, order = Names(parameters), code.needed(outputs)
+    names, order = OperandNames(parameters), code.needed(outputs)
     stage = dict.fromkeys(order, BOTH)
     if any(depends.get(number, LANE) & FRAME for number in order):
         for number in order:
@@ -64,9 +64,9 @@ def staged(code: Code, outputs: Sequence[tuple[str, Operand]], parameters: list[
     assigned: list[list[str]] = [[] for _ in range(last + 1)]
     wanted: list[set[int]] = [set() for _ in assigned]
     for target, value in outputs:
-        own = last if target.startswith(CARRIED_NAME) else loop[value.number] if isinstance(value, Node) else 0
+        own = last if target.startswith(CARRIED_NAME) else loop[value.number] if isinstance(value, ExpressionNode) else 0
         assigned[own].append(f"{target} = {names(value)};")
-        wanted[own] |= {value.number} if isinstance(value, Node) else set()
+        wanted[own] |= {value.number} if isinstance(value, ExpressionNode) else set()
     for number in order:
         if stage[number] == BOTH:
             wanted[loop[number]].update(code.operands(number))
@@ -309,7 +309,7 @@ def _threads() -> ThreadPoolExecutor:
     return ThreadPoolExecutor(cores(), "mechviz")
 
 
-class Rows:
+class NumberRows:
     """Rows of numbers (rows, n), taken one after the other in the order in which they were put."""
 
     def __init__(self, rows: Real):

@@ -9,7 +9,7 @@ import numpy as np
 
 from mechcore.accuracy import DEFAULT
 from mechcore.arrays import Complex, Real, Values
-from mechcore.compiled.kernels import Kernel, Rows
+from mechcore.compiled.kernels import Kernel, NumberRows
 from mechcore.compiled.steps import check_traceable, origins, placed_state
 from mechcore.compiled.symbols import HELPERS, Untraceable
 from mechcore.compiled.toolchain import library
@@ -91,7 +91,8 @@ class MotionProgram:
         count = len(model.mechanism.drives)
         first, second = ([kernel.real(f"rate {d} {k}") for d in range(count)] for k in (1, 2))
         curve_values: Any = {r: (None, kernel.real(f"curve {r} 1"), kernel.real(f"curve {r} 2")) for r in self._curves}
-        speeds: Any = velocities(model, vectors, columns, first, curve_values=curve_values)  # type: ignore[arg-type]  # symbols stand for arrays
+        # symbols stand for arrays
+        speeds: Any = velocities(model, vectors, columns, first, curve_values=curve_values)  # type: ignore[arg-type]
         bent: Any = accelerations(model, vectors, columns, speeds, second)  # type: ignore[arg-type]  # symbols stand for arrays
         for rates in (speeds, bent):
             for s in self._classes:
@@ -139,7 +140,7 @@ class MotionProgram:
             guess = np.asarray(state.near[block.name])
             given |= {f"start {block.name} {k}": guess[..., k] for k in range(len(block.unknowns))}
         given["tolerance"] = tolerance
-        rows = Rows(self._positions(n, given)[0])
+        rows = NumberRows(self._positions(n, given)[0])
         for s in self._classes:
             state.rot[s] = rows.plane()
         state.slide |= {j: rows.real() for j in self._slides}
@@ -154,7 +155,7 @@ class MotionProgram:
         given |= {f"curve {r} {k}": state.curve_values[r][k] for r in self._curves for k in (1, 2)}
         for k, of_drives in enumerate((first, second), 1):
             given |= {f"rate {d} {k}": x for d, x in enumerate(of_drives)}
-        rows = Rows(self._rates(n, given)[0])
+        rows = NumberRows(self._rates(n, given)[0])
         speeds = Rates(self.model, first, state.curve_values)
         both = speeds, Rates(self.model, second, state.curve_values, speeds)
         for rates in both:
@@ -165,7 +166,7 @@ class MotionProgram:
         return CompiledRates(*both, *([rows.plane() for _ in self.model.links[1:]] for _ in both))
 
 
-def written(model: Model) -> MotionProgram | str:
+def written_motion(model: Model) -> MotionProgram | str:
     """The program of a model, or why C has none; ask for it by `Model.once`."""
     try:
         program = MotionProgram(model)
@@ -176,7 +177,7 @@ def written(model: Model) -> MotionProgram | str:
 
 def loaded(model: Model) -> MotionProgram | MechanismError | None:
     """The program of a model ready to run, or why it cannot be compiled; None where there is none. Ask for it by `Model.once`."""
-    program = model.once(written)
+    program = model.once(written_motion)
     if isinstance(program, str):
         return None
     try:

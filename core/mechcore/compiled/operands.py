@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple, TypeAlias
 
 
-class Node(NamedTuple):
+class ExpressionNode(NamedTuple):
     """A real number that the program computes, by its place in it."""
 
     number: int
@@ -17,11 +17,11 @@ class ParameterRow(NamedTuple):
     values: tuple[float, ...]
 
 
-Operand: TypeAlias = Node | float
+Operand: TypeAlias = ExpressionNode | float
 FOLDED_NUMBERS = (0.0, 1.0, -1.0, 2.0, -2.0, 0.5, -0.5)  # numbers that stand in the program itself: other ones are parameters
 
 
-class Names:
+class OperandNames:
     """Names of a program's operands in C; numbers become ``parameters`` when first asked for."""
 
     def __init__(self, parameters: list[float]):
@@ -29,7 +29,7 @@ class Names:
         self._places: dict[float | ParameterRow, int] = {x: k for k, x in enumerate(parameters)}
 
     def __call__(self, operand: Operand | ParameterRow) -> str:
-        if isinstance(operand, Node):
+        if isinstance(operand, ExpressionNode):
             return f"t{operand.number}"
         row = isinstance(operand, ParameterRow)
         if not row and operand in FOLDED_NUMBERS:

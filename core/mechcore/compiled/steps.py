@@ -7,10 +7,10 @@ from typing import Any
 
 from mechcore.accuracy import DEFAULT
 from mechcore.cams.placement.spatial import PlacedSpatial
-from mechcore.compiled.symbols import Code, Symbol, Untraceable, called, joined, rotation
+from mechcore.compiled.symbols import Code, Symbol, Untraceable, called, plane_vector, rotation
 from mechcore.kinematics.dyads import ROUNDING, cross
 from mechcore.kinematics.model import Model
-from mechcore.kinematics.positions import block_equations, loop_terms, place
+from mechcore.kinematics.positions import block_equations, loop_terms, place_block
 from mechcore.kinematics.program import Block
 from mechcore.kinematics.state import State
 
@@ -36,12 +36,12 @@ def check_forces_traceable(model: Model) -> None:
             raise Untraceable(f"the cam of {relation.name} touches its roller in space")
 
 
-def place_all(model: Model, state: State, modes: list[Any], *, tied: bool = False) -> None:
+def place_all_symbols(model: Model, state: State, modes: list[Any], *, tied: bool = False) -> None:
     """Positions of all blocks, filled into a state of symbols; ``modes``: assembly mode of each block. Newton's method starts from
     ``state.near``; ``tied``: it may only go on from there."""
     for block, mode in zip(model.blocks, modes, strict=True):
         if block.kind == "relation":
-            place(model, block, state, mode)
+            place_block(model, block, state, mode)
         elif block.kind == "general":
             _place_general(model, block, state, mode.code, tied=tied)
             continue
@@ -73,7 +73,7 @@ def placed_state(
         near=near or {},
         tolerance=tolerance,
     )
-    place_all(model, state, modes)
+    place_all_symbols(model, state, modes)
     return state
 
 
@@ -164,16 +164,16 @@ def _theta_theta(a: Any, b: Any, c: Any, mode: Symbol) -> tuple[Any, Any]:
     distance = mode.code.called("sqrt", squared)
     across = half * mode.code.called("four_areas", ra, rb, distance, ROUNDING) * mode
     shift = (ra - rb) * (ra + rb) * half
-    return joined(0.5 + shift, across) * c * (1.0 / a), joined(0.5 - shift, -across) * c * (1.0 / b)
+    return plane_vector(0.5 + shift, across) * c * (1.0 / a), plane_vector(0.5 - shift, -across) * c * (1.0 / b)
 
 
 def _theta_slide(a: Any, along: Any, c: Any, mode: Symbol) -> tuple[Any, Any]:
     turned = c * along.conjugate()
     x = mode.code.called("leg", abs(a), turned.imag, ROUNDING) * mode
-    return joined(x, turned.imag) * (along / a), turned.real - x
+    return plane_vector(x, turned.imag) * (along / a), turned.real - x
 
 
 def _arm_slide(a: Any, d: Any, c: Any, mode: Symbol) -> tuple[Any, Any]:
     foot = a * d.conjugate()
     x = mode.code.called("leg", abs(c), foot.imag, ROUNDING) * mode
-    return c * d.conjugate() / joined(x, foot.imag), x - foot.real
+    return c * d.conjugate() / plane_vector(x, foot.imag), x - foot.real

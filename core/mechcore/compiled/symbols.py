@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from mechcore.arrays import Real
-from mechcore.compiled.operands import Names, Node, Operand, ParameterRow
+from mechcore.compiled.operands import ExpressionNode, Operand, OperandNames, ParameterRow
 
 
 class Untraceable(TypeError):
@@ -44,7 +44,7 @@ class Code:
 
     def __init__(self) -> None:
         self._nodes: list[tuple[str, tuple[Operand | ParameterRow, ...]]] = []
-        self._known: dict[tuple[str, tuple[Operand | ParameterRow, ...]], Node] = {}
+        self._known: dict[tuple[str, tuple[Operand | ParameterRow, ...]], ExpressionNode] = {}
         self.of_time: list[Callable[[Any], Any]] = []  # functions of the time whose values the program is given
         self.arrays: dict[int, int] = {}  # nodes that fill an array of so many numbers, and with 0 those that are its parts
 
@@ -75,25 +75,25 @@ class Code:
         """The value of a form of C for a row of numbers and x."""
         return Symbol(self, self.node(form, ParameterRow(tuple(map(float, numbers))), x.re), 0.0)
 
-    def node(self, form: str, *operands: Operand | ParameterRow) -> Node:
+    def node(self, form: str, *operands: Operand | ParameterRow) -> ExpressionNode:
         """A real number in C, the operands at the places ``{}`` of its form; known already, where it has been written before."""
         key = form, operands
         known = self._known.get(key)
         if known is None:
-            known = self._known[key] = Node(len(self._nodes))
+            known = self._known[key] = ExpressionNode(len(self._nodes))
             self._nodes.append(key)
         return known
 
     def written(self, outputs: Sequence[tuple[str, Operand]], parameters: list[float]) -> list[str]:
         """Lines of C that compute what the outputs need, and assign these to what C names them; numbers that the lines call
         ``p[k]`` are added to the ``parameters``."""
-        names = Names(parameters)
+        names = OperandNames(parameters)
         lines = [self.line(number, names) for number in self.needed(outputs)]
         return lines + [f"{target} = {names(value)};" for target, value in outputs]
 
     def needed(self, outputs: Sequence[tuple[str, Operand]]) -> list[int]:
         """The nodes that outputs need, in order."""
-        needed = {x.number for _, x in outputs if isinstance(x, Node)}
+        needed = {x.number for _, x in outputs if isinstance(x, ExpressionNode)}
         for number in range(len(self._nodes) - 1, -1, -1):
             if number in needed:
                 needed.update(self.operands(number))
@@ -101,13 +101,13 @@ class Code:
 
     def operands(self, number: int) -> list[int]:
         """The nodes that a node is computed from."""
-        return [x.number for x in self._nodes[number][1] if isinstance(x, Node)]
+        return [x.number for x in self._nodes[number][1] if isinstance(x, ExpressionNode)]
 
     def form(self, number: int) -> str:
         """A node in C, with places for its operands."""
         return self._nodes[number][0]
 
-    def line(self, number: int, names: Names) -> str:
+    def line(self, number: int, names: OperandNames) -> str:
         """The line that computes a node."""
         form, operands = self._nodes[number]
         line = f"const double t{number} = {form.format(*map(names, operands)) if operands else form};"
@@ -117,17 +117,17 @@ class Code:
     # -- real arithmetic --------------------------------------------------------------------------------------------------
     def add(self, a: Operand, b: Operand) -> Operand:
         """a + b."""
-        if not isinstance(a, Node):
-            if not isinstance(b, Node):
+        if not isinstance(a, ExpressionNode):
+            if not isinstance(b, ExpressionNode):
                 return a + b
             a, b = b, a
-        if not isinstance(b, Node):
+        if not isinstance(b, ExpressionNode):
             return a if b == 0.0 else self.node("{} + {}", a, b)
         return self.node("{} + {}", *sorted((a, b)))
 
     def subtract(self, a: Operand, b: Operand) -> Operand:
         """a - b."""
-        if not isinstance(b, Node):
+        if not isinstance(b, ExpressionNode):
             return self.add(a, -b)
         if a == 0.0:
             return self.negative(b)
@@ -135,15 +135,15 @@ class Code:
 
     def negative(self, a: Operand) -> Operand:
         """-a."""
-        return self.node("-{}", a) if isinstance(a, Node) else -a
+        return self.node("-{}", a) if isinstance(a, ExpressionNode) else -a
 
     def multiply(self, a: Operand, b: Operand) -> Operand:
         """a b, zero where one of them is a plain zero."""
-        if not isinstance(a, Node):
-            if not isinstance(b, Node):
+        if not isinstance(a, ExpressionNode):
+            if not isinstance(b, ExpressionNode):
                 return a * b
             a, b = b, a
-        if not isinstance(b, Node):
+        if not isinstance(b, ExpressionNode):
             if b == 0.0:
                 return 0.0
             if abs(b) == 1.0:
@@ -153,10 +153,10 @@ class Code:
 
     def divide(self, a: Operand, b: Operand) -> Operand:
         """a / b, zero where a is a plain zero."""
-        if not isinstance(b, Node):
+        if not isinstance(b, ExpressionNode):
             if b == 0.0:
                 raise Untraceable("a division by a plain zero")
-            return a / b if not isinstance(a, Node) else a if b == 1.0 else self.node("{} / {}", a, b)
+            return a / b if not isinstance(a, ExpressionNode) else a if b == 1.0 else self.node("{} / {}", a, b)
         return 0.0 if a == 0.0 else self.node("{} / {}", a, b)
 
     def call(self, function: str, *operands: Operand) -> Operand:
@@ -312,7 +312,7 @@ class Symbol:
     def __abs__(self) -> Any:
         code = self.code
         if self.im == 0.0:
-            return Symbol(code, code.call("fabs", self.re), 0.0) if isinstance(self.re, Node) else abs(self.re)
+            return Symbol(code, code.call("fabs", self.re), 0.0) if isinstance(self.re, ExpressionNode) else abs(self.re)
         if self.re == 0.0:
             return abs(Symbol(code, self.im, 0.0))
         squared = code.add(code.multiply(self.re, self.re), code.multiply(self.im, self.im))
@@ -376,12 +376,12 @@ def _symbol(code: Code, value: Any) -> Symbol:
 
 
 def _plain(code: Code, operand: Operand) -> Symbol | float:
-    return Symbol(code, operand, 0.0) if isinstance(operand, Node) else operand
+    return Symbol(code, operand, 0.0) if isinstance(operand, ExpressionNode) else operand
 
 
 def _plain_or(value: Symbol) -> Symbol | complex:
     """A symbol, or the number that it turned out to be."""
-    if isinstance(value.re, Node) or isinstance(value.im, Node):
+    if isinstance(value.re, ExpressionNode) or isinstance(value.im, ExpressionNode):
         return value
     return complex(value.re, value.im) if value.im else value.re
 
@@ -403,7 +403,7 @@ def _where(condition: Any, first: Any, second: Any) -> Any:
         return SymbolRows([_where(condition, a, b) for a, b in pairs])
     code = _first(condition, first, second).code
     decides, a, b = (_symbol(code, x) for x in (condition, first, second))
-    if not isinstance(decides.re, Node):
+    if not isinstance(decides.re, ExpressionNode):
         return a if decides.re else b
     parts = [x if x == y else code.node("{} != 0.0 ? {} : {}", decides.re, x, y) for x, y in ((a.re, b.re), (a.im, b.im))]
     return Symbol(code, *parts)
@@ -416,7 +416,7 @@ def rotation(angle: Any) -> Any:
     return Symbol(angle.code, called("cos", angle).re, called("sin", angle).re)
 
 
-def joined(real: Any, imaginary: Any) -> Any:
+def plane_vector(real: Any, imaginary: Any) -> Any:
     """The plane vector of two real numbers."""
     return real + 1j * imaginary
 

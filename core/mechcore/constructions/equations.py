@@ -28,7 +28,7 @@ PLANE = np.array([1.0, 1.0j])
 
 
 @dataclass(frozen=True)
-class Unknown:
+class ForceUnknown:
     """A force or couple in a joint on its second link, or a drive's effort: ``letter`` with the joint and ``axis`` below, in N or
     N m.
 
@@ -53,7 +53,7 @@ class Equation:
 
     sum: str
     about: str
-    terms: tuple[tuple[float, Unknown], ...]
+    terms: tuple[tuple[float, ForceUnknown], ...]
     load: float
     unit: str
 
@@ -73,11 +73,11 @@ class GroupEquations:
 
     group: Group
     links: tuple[LinkEquations, ...]
-    solved: tuple[tuple[Unknown, float], ...]
-    known: tuple[tuple[Unknown, float], ...]
+    solved: tuple[tuple[ForceUnknown, float], ...]
+    known: tuple[tuple[ForceUnknown, float], ...]
 
 
-class Equilibrium:
+class EquilibriumSystem:
     """The equilibrium of all moving links of a motion as one linear system ``matrix`` x + ``loads`` = 0.
 
     Equations (F, 3 links): forces along x and y, and moments [N m] about the origin of each link's frame. ``values`` (F, unknowns):
@@ -102,22 +102,22 @@ class Equilibrium:
             force = forces.pressed(name)[:, :2] @ PLANE
             if what == "tie":
                 along = frames_of(model.relations[i].contact(motion, flanks.get(i, 1.0))[1], motion.frames)
-                self.unknowns.append(Unknown("R", name, "", "N"))
+                self.unknowns.append(ForceUnknown("R", name, "", "N"))
                 values.append(np.real(np.conj(along) * force) / np.abs(along) ** 2)
                 continue
             joint, driven = model.joints[i], i in model.driven
             if what == "couple":
                 turning = driven and joint.coordinate == "angle"
-                self.unknowns.append(Unknown("T" if turning else "M", name, "", "N m"))
+                self.unknowns.append(ForceUnknown("T" if turning else "M", name, "", "N m"))
                 values.append(forces.effort(name) if turning else forces.pressed(name)[:, 2])
             elif joint.slide is None:
-                self.unknowns.append(Unknown("R", name, "x" if direction == 1 else "y", "N"))
+                self.unknowns.append(ForceUnknown("R", name, "x" if direction == 1 else "y", "N"))
                 values.append(force.real if direction == 1 else force.imag)
             else:
                 drives = np.allclose(frames_of(direction, motion.frames), frames_of(motion.guide(i), motion.frames))
                 if driven:
                     force = force + forces.wrench(name)[:, :2] @ PLANE
-                self.unknowns.append(Unknown("F" if drives else "N", name, "", "N"))
+                self.unknowns.append(ForceUnknown("F" if drives else "N", name, "", "N"))
                 values.append(np.real(np.conj(frames_of(direction, motion.frames)) * force))
         self.values: Real = np.column_stack(values) if values else np.zeros((motion.frames, 0))
         links = len(model.links)

@@ -23,7 +23,7 @@ from mechcore.kinematics.dyads import cross
 from mechcore.kinematics.model import Model
 from mechcore.motion.structure import groups
 from mechcore.records import dataclass
-from mechcore.reduction.reduced import KINDS, reduce_to
+from mechcore.reduction.reduced import REDUCED_KINDS, reduce_to
 
 
 def force_polygons(forces: Forces) -> tuple[Polygon, ...]:
@@ -115,13 +115,11 @@ def _reaction(forces: Forces, joint: str, ends: dict[str, tuple[int, ...]], own:
 class Funicular:
     """The construction over all frames, plane vectors complex.
 
-    ``points``, ``forces`` (F, n): the system, couples as two forces. ``corners`` (F, n + 1): of the force polygon, from
-    zero; ``pole``
-    (F,). ``knots`` (F, n): where strings meet on the lines of the forces. ``meeting`` (F,): where the outer strings meet,
-    NaN if they
-    are parallel. ``kind`` (F,): what the drawing shows, see `KINDS`. ``moment`` (F,): of the outer strings about the world's
-    origin [N m].
-    ``gap`` (F,): by how much that differs from the algebra [N m], ``scale`` [N m] that of the system, ``extent`` its size [m].
+    ``points``, ``forces`` (F, n): the system, couples as two forces. ``corners`` (F, n + 1): of the force polygon, from zero;
+    ``pole`` (F,). ``knots`` (F, n): where strings meet on the lines of the forces. ``meeting`` (F,): where the outer strings meet,
+    NaN if they are parallel. ``kind`` (F,): what the drawing shows, see `REDUCED_KINDS`. ``moment`` (F,): of the outer strings
+    about the world's origin [N m]. ``gap`` (F,): by how much that differs from the algebra [N m], ``scale`` [N m] that of the
+    system, ``extent`` its size [m].
     """
 
     names: tuple[str, ...]
@@ -204,7 +202,7 @@ def funicular(
     scale = np.abs(f).max(axis=1) * extent
     pushes = np.abs(r) > ZERO_SUM * sizes
     turns = np.abs(drawn) > 1e3 * ZERO_SUM * sizes * extent
-    kind = np.where(pushes, KINDS[2], np.where(turns, KINDS[1], KINDS[0]))
+    kind = np.where(pushes, REDUCED_KINDS[2], np.where(turns, REDUCED_KINDS[1], REDUCED_KINDS[0]))
     meeting = np.where(pushes, meeting, np.nan + 1j * np.nan)
     return Funicular(
         names=tuple(labels),

@@ -97,7 +97,7 @@ def acceleration_polygon(motion: Motion) -> Polygon:
 def _polygon(motion: Motion, order: int) -> Polygon:
     model, n = motion.model, motion.frames
     letter = "v" if order == 1 else "a"
-    corners, spans, slides = layout(model)
+    corners, spans, slides = polygon_layout(model)
     zero = np.zeros(n, complex)
     at = [zero if c.fixed else frames_of(c.of(motion, order), n) for c in corners]
     images = {POLE: zero}
@@ -198,7 +198,7 @@ def _free(name: str, taken: dict[str, Complex]) -> str:
     return name
 
 
-Key = tuple[int, complex]
+CornerKey = tuple[int, complex]
 
 
 @dataclass(frozen=True, eq=False)
@@ -206,7 +206,7 @@ class Corner:
     """A place that keeps its point on one or more links. ``label``: the name of the point; ``fixed``: it is on the frame."""
 
     label: str
-    keys: tuple[Key, ...]
+    keys: tuple[CornerKey, ...]
     fixed: bool
 
     def of(self, motion: Motion, derivative: int) -> Plane:
@@ -234,19 +234,19 @@ class Slide:
     corner: int
 
 
-def layout(model: Model) -> tuple[list[Corner], list[Span], list[Slide]]:
+def polygon_layout(model: Model) -> tuple[list[Corner], list[Span], list[Slide]]:
     """Corners, spans in the order of the hand method (driven links first, then group by group) and slides of a mechanism."""
     near = 1e-9 * model.length_scale
-    heaps: list[list[Key]] = []
+    heaps: list[list[CornerKey]] = []
 
-    def heap(key: Key) -> list[Key]:
+    def heap(key: CornerKey) -> list[CornerKey]:
         for h in heaps:
             if any(k == key[0] and abs(z - key[1]) <= near for k, z in h):
                 return h
         heaps.append([key])
         return heaps[-1]
 
-    sliding: list[tuple[int, int, Key]] = []
+    sliding: list[tuple[int, int, CornerKey]] = []
     for j, (joint, (p, q)) in enumerate(zip(model.joints, model.ends, strict=True)):
         a, b = (p, complex(joint.a)), (q, complex(joint.b))
         if joint.slide is None:
@@ -265,7 +265,7 @@ def layout(model: Model) -> tuple[list[Corner], list[Span], list[Slide]]:
                 for key in zip(e, (joint.a, joint.b), strict=True)}  # fmt: skip
     corners = [Corner(_label(model, h, joint_at), tuple(h), any(k == 0 for k, _ in h)) for h in heaps]
 
-    def index(key: Key) -> int:
+    def index(key: CornerKey) -> int:
         return next(i for i, c in enumerate(corners) if any(k == key[0] and abs(z - key[1]) <= near for k, z in c.keys))
 
     known = {i for i, c in enumerate(corners) if c.fixed}
@@ -286,7 +286,7 @@ def layout(model: Model) -> tuple[list[Corner], list[Span], list[Slide]]:
     return corners, spans, [Slide(j, guide, index(surface_mark)) for j, guide, surface_mark in sliding]
 
 
-def _label(model: Model, keys: list[Key], joint_at: dict[Key, str]) -> str:
+def _label(model: Model, keys: list[CornerKey], joint_at: dict[CornerKey, str]) -> str:
     """The name of the place: of a point there, the one that most links use; else of a joint there."""
     names: dict[str, int] = {}
     for k, local in keys:

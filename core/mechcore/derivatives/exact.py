@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, TypeVar
 
 import numpy as np
@@ -22,11 +22,11 @@ from mechcore.branches.unwrapped import LinkAngles
 from mechcore.derivatives.friction import forces_with_friction
 from mechcore.derivatives.knots import with_nominal_knots
 from mechcore.derivatives.model_numbers import (
-    Numbers,
+    ModelNumbers,
     Parameter,
     check_structure,
     curve_argument,
-    numbers_of,
+    numbers_of_model,
     refusal,
     slopes,
     turning_vectors,
@@ -45,7 +45,7 @@ from mechcore.motion.motion import Motion
 from mechcore.numerics.frames import QUIET, lazy
 from mechcore.numerics.tape import Traced, Untraced, regular_inverses, value_of
 from mechcore.numerics.tape_functions import new_tape
-from mechcore.records import Place, with_numbers
+from mechcore.records import NumberPlace, with_numbers
 from mechcore.spec.mechanism import Mechanism, braked
 from mechcore.topology.graph import vector_loops
 
@@ -75,7 +75,7 @@ class Derivatives:
         self.parameters = tuple(with_nominal_knots(p, motion.mechanism) for p in parameters)
         self.times = times or (lambda _: motion.time)
         self.tape = new_tape()
-        self.leaves: dict[Place, Traced] = {}
+        self.leaves: dict[NumberPlace, Traced] = {}
         self._slopes: dict[int, list[Any]] = {}  # of leaves, by parameters
         self._arms = turning_vectors(motion.model)  # of loops, zero ones left out that stay so
         with np.errstate(**QUIET):
@@ -147,19 +147,19 @@ class Derivatives:
 
     # -- numbers of the compiled mechanism ----------------------------------------------------------------------------
     @cached_property
-    def _nominal(self) -> Numbers:
+    def _nominal(self) -> ModelNumbers:
         model = self.nominal.model
-        return numbers_of(model, self.nominal, self.nominal.time)
+        return numbers_of_model(model, self.nominal, self.nominal.time)
 
-    def _numbers_of(self, parameter: Parameter) -> Numbers:
+    def _numbers_of(self, parameter: Parameter) -> ModelNumbers:
         """Derivatives of the numbers by a parameter, of those that depend on it."""
 
-        def at(x: float) -> Numbers:
+        def at(x: float) -> ModelNumbers:
             mechanism = parameter.mechanism(x)
             model = build_model(mechanism)
             check_structure(self.nominal.model, model, parameter.name)
             self._arms |= turning_vectors(model)
-            return numbers_of(model, self.nominal, self.times(mechanism))
+            return numbers_of_model(model, self.nominal, self.times(mechanism))
 
         return slopes(at, self._nominal, parameter)
 
@@ -173,15 +173,14 @@ class Derivatives:
         """States the derivatives of a variable of the tape by each parameter."""
         self._slopes[leaf.number] = list(by_parameters)
 
-    def beside(self, of: Callable[[Model], Any], number: object, key: Place) -> Any:
+    def beside(self, of: Callable[[Model], Any], number: object, key: NumberPlace) -> Any:
         """``number``, traced or not, which follows from the model's motion, with what it also follows from the parameters by way of
         ``of``: numbers that the compiled mechanism keeps to itself, at the nominal motion."""
         if key not in self.leaves:
             plain = np.asarray(of(self.nominal.model))
             own = []
             for p in self.parameters:
-                known = slopes(lambda x, p=p: {(): np.asarray(of(build_model(p.mechanism(x))))}, {(): plain}, p)  # type: ignore[misc]
-                own.append(known.get(()))
+                own.append(slopes(partial(_alone, of, p), {(): plain}, p).get(()))
             if all(d is None for d in own):
                 return number
             self.leaves[key] = self._leaf(np.zeros_like(plain), own)
@@ -218,7 +217,7 @@ class Derivatives:
             return forces_with_friction(self.tape, self.nominal, motion, formed(), force, moment)
         return Forces(motion, formed, *joint_forces(motion, force, moment)[:2])
 
-    def _get(self, place: Place, plain: object) -> Any:
+    def _get(self, place: NumberPlace, plain: object) -> Any:
         return self.leaves.get(place, plain)
 
     @cached_property
@@ -435,6 +434,11 @@ def _check(motion: Motion, under_forces: bool) -> None:
         raise refusal("several designs are computed side by side.", "Take one.")
     if motion.accuracy.differentiation != "exact":
         raise refusal("rates are taken from positions here.", "Leave the accuracy's differentiation exact.")
+
+
+def _alone(of: Callable[[Model], Any], parameter: Parameter, x: float) -> ModelNumbers:
+    """A number that follows from the model of a parameter's value ``x``, as if it were the only one."""
+    return {(): np.asarray(of(build_model(parameter.mechanism(x))))}
 
 
 def _group_angle(motion: Motion, group: int) -> Any:

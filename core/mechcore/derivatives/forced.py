@@ -15,17 +15,17 @@ from mechcore.arrays import Index, Real
 from mechcore.derivatives.exact import Derivatives
 from mechcore.derivatives.jumps import Jumps
 from mechcore.derivatives.model_numbers import Parameter, refusal, slopes
-from mechcore.derivatives.phases import SWEEP_INSTEAD, Changes, Phase, PhaseDerivatives, carried, changes_in
+from mechcore.derivatives.phases import SWEEP_INSTEAD, Changes, PhaseDerivatives, SmoothPhase, carried, changes_in
 from mechcore.dynamics.equations.reduced import integrating
 from mechcore.dynamics.integration.windows import Solution
-from mechcore.dynamics.segments import Breakpoints, Segment
+from mechcore.dynamics.segments import Breakpoints, MotionSegment
 from mechcore.dynamics.simulation import Simulation
 from mechcore.laws.timed import Free
 from mechcore.motion.compiled import Compiled
 from mechcore.motion.solve import compile_mechanism
 from mechcore.spec.mechanism import Mechanism
 
-SAMPLES = 65  # of a motion, for its largest speed
+START_SAMPLES = 65  # of a motion, for its largest speed
 EVEN = 1e-3  # of that speed over the duration: smaller accelerations are those of an even motion, and jump by rounding
 
 
@@ -71,14 +71,14 @@ def derivatives_under_forces(
         if len(beside) != len(stated) or not np.allclose(beside, stated, rtol=1e-12, atol=0.0):
             raise refusal(f"instants at which forces change depend on {p.name}.", "Vary something else, or sweep it.")
     largest = max((float(np.abs(w.a[0]).max(initial=0.0)) for s in simulation.segments for w in _windows(s)), default=0.0)
-    speeds = simulation(np.linspace(simulation.start, simulation.duration, SAMPLES))[1]
+    speeds = simulation(np.linspace(simulation.start, simulation.duration, START_SAMPLES))[1]
     largest = max(largest, EVEN * float(np.abs(speeds).max(initial=0.0)) / simulation.duration)
     jumps = Jumps(simulation, parameters, stated, largest)
     phases = [p for s in simulation.segments for p in _phases(s, simulation, tuple(parameters), jumps)]
     places = np.searchsorted(np.array([p.end for p in phases[:-1]]), times, side="left")
     parts: list[tuple[Index, Derivatives]] = []
     before: list[tuple[Changes, Real]] = []
-    states = jumps.begin(phases[0], starts_of(compiled, parameters))
+    states = jumps.begin(phases[0], start_derivatives(compiled, parameters))
     needed = int(places.max(initial=0))
     for k, phase in enumerate(phases[: needed + 1]):
         changes = changes_in(phase, states)
@@ -91,11 +91,11 @@ def derivatives_under_forces(
     return parts
 
 
-def _windows(segment: Segment) -> list[Any]:
+def _windows(segment: MotionSegment) -> list[Any]:
     return list(segment.solution.windows) if isinstance(segment.solution, Solution) else []
 
 
-def _phases(segment: Segment, simulation: Simulation, parameters: tuple[Parameter, ...], jumps: Jumps) -> list[Phase]:
+def _phases(segment: MotionSegment, simulation: Simulation, parameters: tuple[Parameter, ...], jumps: Jumps) -> list[SmoothPhase]:
     """The phases of a segment: parts of it between jumps of forces at instants that no law states."""
     inner = simulation.boundaries()
     edges = np.unique(np.concatenate([inner[(inner > segment.start) & (inner < segment.end)], [segment.start, segment.end]]))
@@ -108,7 +108,7 @@ def _phases(segment: Segment, simulation: Simulation, parameters: tuple[Paramete
         if after.start < segment.end and jumps.jumps(last, first) and not jumps.is_stated(after.start):
             cuts.append(int(np.argmin(np.abs(edges - after.start))))
     own = carried(segment.compiled, simulation.compiled, parameters)
-    return [Phase(segment, edges[a : b + 1], own) for a, b in pairwise([*dict.fromkeys(cuts), len(edges) - 1]) if b > a]
+    return [SmoothPhase(segment, edges[a : b + 1], own) for a, b in pairwise([*dict.fromkeys(cuts), len(edges) - 1]) if b > a]
 
 
 def _stated(compiled: Compiled, until: float) -> Real:
@@ -119,7 +119,7 @@ def _stated(compiled: Compiled, until: float) -> Real:
     return np.array(times[1:])
 
 
-def starts_of(compiled: Compiled, parameters: Sequence[Parameter]) -> Real:
+def start_derivatives(compiled: Compiled, parameters: Sequence[Parameter]) -> Real:
     """Derivatives (2 f, P) of the start, positions and then speeds, of the free coordinates."""
 
     def at(mechanism: Mechanism) -> dict[tuple[object, ...], float]:

@@ -17,8 +17,8 @@ from numpy.polynomial import chebyshev
 
 from mechcore.arrays import Real
 from mechcore.derivatives.exact import Derivatives
-from mechcore.derivatives.model_numbers import Numbers, Parameter, refusal, slopes
-from mechcore.derivatives.phases import SWEEP_INSTEAD, Phase, PhaseDerivatives, carried
+from mechcore.derivatives.model_numbers import ModelNumbers, Parameter, refusal, slopes
+from mechcore.derivatives.phases import SWEEP_INSTEAD, PhaseDerivatives, SmoothPhase, carried
 from mechcore.dynamics.contact.dry_friction import DrySystem
 from mechcore.dynamics.contact.separation import FollowerSeparation
 from mechcore.dynamics.equations.reduced import forms_of, free_of, motion_at, reduce
@@ -38,9 +38,9 @@ LEAST_JUMP = 1e-5  # part of the largest acceleration by which it may change wit
 END_NODES = 16  # by which a number is differentiated along the end of a phase
 
 
-def contact_numbers(stops: Sequence[EndStop], cams: Sequence[SeparableCam]) -> Numbers:
+def contact_numbers(stops: Sequence[EndStop], cams: Sequence[SeparableCam]) -> ModelNumbers:
     """Where stops are, and what rebounds from them and from cams, by their names."""
-    numbers: Numbers = {("stop", s.name, what): getattr(s, what) for s in stops for what in ("at", "restitution")}
+    numbers: ModelNumbers = {("stop", s.name, what): getattr(s, what) for s in stops for what in ("at", "restitution")}
     return numbers | {("cam", c.joint): c.restitution for c in cams}
 
 
@@ -56,12 +56,12 @@ class Jumps:
         cams = simulation.separable_cams
         self.cams = FollowerSeparation(simulation.compiled, cams).contacts if cams else {}
 
-    def __call__(self, before: Phase, after: Phase, states: Real) -> tuple[Real, Real]:
+    def __call__(self, before: SmoothPhase, after: SmoothPhase, states: Real) -> tuple[Real, Real]:
         """Changes (2 f', P) after the instant between two phases, from those before it (2 f, P); and the changes (P, 2) that it
         makes in the work of drives and process forces and in the energy dissipated. Raises `MechanismError`."""
         return _Crossing(self, before, after, states).result()
 
-    def begin(self, phase: Phase, states: Real) -> Real:
+    def begin(self, phase: SmoothPhase, states: Real) -> Real:
         """Changes (2 f', P) at the start of the first phase, from those (2 f, P) of the coordinates that the scene states."""
         compiled = self.simulation.compiled
         if phase.compiled is compiled or not len(phase.free):
@@ -158,7 +158,7 @@ class _Contact(NamedTuple):
 
 
 class _Crossing:
-    def __init__(self, jumps: Jumps, before: Phase, after: Phase, states: Real):
+    def __init__(self, jumps: Jumps, before: SmoothPhase, after: SmoothPhase, states: Real):
         self.jumps, self.before, self.after, self.states = jumps, before, after, states
         self.t = before.end
         self.q, self.v, self.a = before.edge(last=True)

@@ -17,15 +17,15 @@ from mechcore.laws.program import CurveOverMaster
 from mechcore.laws.timed import Piecewise
 from mechcore.spec.mechanism import CamJoint, Mechanism
 
-NEAR = 1e-12  # relative: lengths that differ by no more are the same
+NEAR_KNOT = 1e-12  # relative: lengths that differ by no more are the same
 
 
 def with_nominal_knots(parameter: Parameter, nominal: Mechanism) -> Parameter:
     """The parameter with mechanisms whose laws have the knots of the nominal ones."""
-    return replace(parameter, mechanism=lambda x: aligned(parameter.mechanism(x), nominal))
+    return replace(parameter, mechanism=lambda x: with_aligned_knots(parameter.mechanism(x), nominal))
 
 
-def aligned(mechanism: Mechanism, nominal: Mechanism) -> Mechanism:
+def with_aligned_knots(mechanism: Mechanism, nominal: Mechanism) -> Mechanism:
     """A mechanism with the laws of its cams and drives on the knots of another one's, stretched to the length of its own."""
     joints, drives = list(mechanism.joints), list(mechanism.drives)
     if len(joints) == len(nominal.joints) and len(drives) == len(nominal.drives):
@@ -56,7 +56,7 @@ def _on_knots(own: MotionCurve, nominal: MotionCurve) -> MotionCurve:
     if len(own.pieces) != len(nominal.pieces) or np.array_equal(own.lengths, nominal.lengths):
         return own
     stretch = own.length / nominal.length
-    stretch = 1.0 if abs(stretch - 1.0) < NEAR else stretch
+    stretch = 1.0 if abs(stretch - 1.0) < NEAR_KNOT else stretch
     starts = own.start + stretch * (nominal.knots - nominal.start)
     pieces = [
         piece.beginning(float(new - old), stretch * there.length)

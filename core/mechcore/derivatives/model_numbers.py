@@ -23,11 +23,11 @@ from mechcore.laws.timed import Free
 from mechcore.motion.compiled import drive_values
 from mechcore.motion.motion import Motion
 from mechcore.motion.solve import compile_mechanism
-from mechcore.records import Place, dataclass, kept_numbers, numbers_in
+from mechcore.records import NumberPlace, dataclass, kept_numbers, numbers_in
 from mechcore.spec.loads import Prescribed
 from mechcore.spec.mechanism import Mechanism
 
-Numbers = dict[Place, Any]  # of a compiled mechanism, by where they are
+ModelNumbers = dict[NumberPlace, Any]  # of a compiled mechanism, by where they are
 MAP_ROUNDING = 2e-14  # relative: what a map of a few operations may be off
 MAP_NODES = 9  # of the polynomial of a map that is not affine
 MAP_TAIL = 1e-12  # its last coefficients are below this part of the largest, or the interval is too wide
@@ -45,7 +45,7 @@ class Parameter:
     value: float
     width: float
     mechanism: Callable[[float], Mechanism]
-    contacts: Callable[[float], Numbers] | None = None
+    contacts: Callable[[float], ModelNumbers] | None = None
 
 
 def refusal(message: str, remedy: str) -> MechanismError:
@@ -71,9 +71,9 @@ def turning_vectors(model: Model) -> set[tuple[int, int]]:
     return {(c, s) for c, total in enumerate(model.loop_sums) for s, _ in total.arms}
 
 
-def numbers_of(model: Model, at: Motion, time: Real) -> Numbers:
+def numbers_of_model(model: Model, at: Motion, time: Real) -> ModelNumbers:
     """The numbers of a compiled mechanism that results follow from; curves at the arguments of a nominal motion."""
-    numbers: Numbers = {("time",): time}
+    numbers: ModelNumbers = {("time",): time}
     for j, joint in enumerate(model.joints):
         numbers["joint", j, "a"], numbers["joint", j, "b"] = joint.a, joint.b
         if joint.slide is not None:
@@ -122,7 +122,7 @@ def curve_argument(constraint: LinearConstraint, state: State) -> Any:
     return curve.argument(state.drives, state.angle.__getitem__, state.slide, curve.shift)
 
 
-def slopes(numbers: Callable[[float], Numbers], nominal: Numbers, parameter: Parameter) -> Numbers:
+def slopes(numbers: Callable[[float], ModelNumbers], nominal: ModelNumbers, parameter: Parameter) -> ModelNumbers:
     """Derivatives of numbers by a parameter, of those that depend on it, to rounding.
 
     A number that lies on a straight line at four values has its slope from the outer ones. Others are followed by a polynomial
@@ -145,10 +145,14 @@ def slopes(numbers: Callable[[float], Numbers], nominal: Numbers, parameter: Par
 
 
 def _slopes(
-    numbers: Callable[[float], Numbers], nominal: Numbers, parameter: Parameter, width: float, known: tuple[Numbers, ...]
-) -> Numbers:
+    numbers: Callable[[float], ModelNumbers],
+    nominal: ModelNumbers,
+    parameter: Parameter,
+    width: float,
+    known: tuple[ModelNumbers, ...],
+) -> ModelNumbers:
     below, above, between = known
-    slopes: Numbers = {}
+    slopes: ModelNumbers = {}
     bent = []
     for place, middle in nominal.items():
         low, high, inner = (np.asarray(x[place]) for x in (below, above, between))
@@ -166,13 +170,15 @@ def _slopes(
     return slopes | _by_polynomials(numbers, bent, parameter, width) if bent else slopes
 
 
-def _by_polynomials(numbers: Callable[[float], Numbers], places: Sequence[Place], parameter: Parameter, width: float) -> Numbers:
+def _by_polynomials(
+    numbers: Callable[[float], ModelNumbers], places: Sequence[NumberPlace], parameter: Parameter, width: float
+) -> ModelNumbers:
     nodes = np.cos(np.pi * np.arange(MAP_NODES) / (MAP_NODES - 1))
     fit = np.linalg.inv(chebyshev.chebvander(nodes, MAP_NODES - 1))
     odd = np.array([k * (-1.0) ** ((k - 1) // 2) if k % 2 else 0.0 for k in range(MAP_NODES)])  # derivatives of T_k at 0
     for _ in range(MOST_TRIES):
         sampled = [numbers(parameter.value + width * float(x)) for x in nodes]
-        slopes: Numbers = {}
+        slopes: ModelNumbers = {}
         for place in places:
             values = np.stack([np.asarray(x[place]) for x in sampled])
             coefficients = np.tensordot(fit, values, 1)

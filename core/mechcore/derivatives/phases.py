@@ -21,11 +21,11 @@ from mechcore.derivatives.friction import TracedFriction
 from mechcore.derivatives.model_numbers import Parameter, refusal
 from mechcore.dynamics.contact.dry_friction import Dry, DrySystem
 from mechcore.dynamics.equations.charts import Chart, named
-from mechcore.dynamics.equations.curve import Curve
+from mechcore.dynamics.equations.curve import CurveEquations
 from mechcore.dynamics.equations.reduced import coordinate_scales, free_of, motion_at
 from mechcore.dynamics.integration.collocation import gauss, integrals
 from mechcore.dynamics.integration.windows import Solution
-from mechcore.dynamics.segments import STOP_CAUSE, Segment, stop_load
+from mechcore.dynamics.segments import STOP_CAUSE, MotionSegment, stop_load
 from mechcore.effects.base import joint_wrench, sum_up
 from mechcore.effects.registry import totals
 from mechcore.forces.equilibrium import joint_forces
@@ -47,11 +47,11 @@ SWEEP_INSTEAD = "Sweep the parameter instead."
 
 
 @dataclass(frozen=True, eq=False)
-class Phase:
+class SmoothPhase:
     """A part of a motion under forces, from ``start`` to ``end`` [s], on which one smooth system of equations holds; ``edges``
     (W + 1,) of windows in which it does; ``parameters`` of its own mechanism."""
 
-    segment: Segment
+    segment: MotionSegment
     edges: Real
     parameters: tuple[Parameter, ...]
 
@@ -76,7 +76,7 @@ class Phase:
         """Positions, speeds, accelerations (n, f) of the free coordinates at times (n,)."""
         q, v, _ = self.segment.solution(t)
         system = self.segment.system
-        return q, v, (Chart(self.compiled) if isinstance(system, Curve) else system)(q, v, t)
+        return q, v, (Chart(self.compiled) if isinstance(system, CurveEquations) else system)(q, v, t)
 
     def nodes(self, *, last: bool) -> Real:
         """Gauss nodes (NODES,) of its last window, or of its first."""
@@ -128,7 +128,7 @@ def carried(compiled: Compiled, original: Compiled, parameters: Sequence[Paramet
 class PhaseDerivatives(Derivatives):
     """Derivatives within a phase at times (n,), whose free coordinates move with the parameters as given to `set_states`."""
 
-    def __init__(self, phase: Phase, times: Real):
+    def __init__(self, phase: SmoothPhase, times: Real):
         self.phase = phase
         q, v, a = phase.state(times)
         super().__init__(motion_at(phase.compiled, q, v, times, a), phase.parameters, under_forces=True)
@@ -275,7 +275,7 @@ def _plain(x: object) -> Any:
     return getattr(x, "value", x)
 
 
-def changes_in(phase: Phase, started: Real) -> Changes:
+def changes_in(phase: SmoothPhase, started: Real) -> Changes:
     """The changes of the free coordinates with parameters in a phase, ``started`` (2 f, P) at its start, in windows in which they
     are smooth. Raises `MechanismError` where they cannot be followed."""
     edges = phase.edges
@@ -295,7 +295,7 @@ class Changes:
     """How the free coordinates change with parameters over the windows of a phase, from the derivatives ``started`` (2 f, P) at its
     start. ``tail`` (W,): the last coefficients of the changes over the largest."""
 
-    def __init__(self, phase: Phase, started: Real):
+    def __init__(self, phase: SmoothPhase, started: Real):
         rule, edges = gauss(WINDOW_NODES), phase.edges
         self.phase, self.edges, self.widths = phase, edges, np.diff(edges)
         nodes = (edges[:-1, None] + self.widths[:, None] * rule.nodes).ravel()

@@ -17,7 +17,7 @@ import numpy as np
 
 from mechcore.arrays import Index, Real
 from mechcore.derivatives.exact import Derivatives
-from mechcore.derivatives.forced import PartUnderForces, derivatives_under_forces, starts_of
+from mechcore.derivatives.forced import PartUnderForces, derivatives_under_forces, start_derivatives
 from mechcore.derivatives.model_numbers import Parameter
 from mechcore.derivatives.phases import Changes
 from mechcore.dynamics.rest.steady import SteadyRun
@@ -89,7 +89,7 @@ def derivatives_from_steady_run(
         cycle = simulate(simulation.compiled, steady.period, tolerance=simulation.tolerance)
     ((_, end),) = derivatives_under_forces(cycle, own, np.array([min(steady.period, cycle.duration)]))
     assert isinstance(end, PartUnderForces)
-    (x, v), begin = end.moved[0], starts_of(simulation.compiled, own)[0]
+    (x, v), begin = end.moved[0], start_derivatives(simulation.compiled, own)[0]
     closing = (1.0 - v[-2]) + x[-2] * acceleration / speed
     speeds: Real = np.zeros(len(parameters))
     if abs(steady.multiplier - 1.0) > ANY_SPEED:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from mechcore.arrays import Complex, Real
-from mechcore.design.four_bars import Defects, judge
+from mechcore.design.four_bars import Defects, judge_four_bars
 from mechcore.errors import Fault, MechanismError
 from mechcore.records import dataclass
 
@@ -20,7 +20,7 @@ REAL_ROOT = 1e-7  # imaginary part over modulus, below which a root counts as re
 
 
 @dataclass(frozen=True, eq=False)
-class Poses:
+class BodyPositions:
     """Places (N,) [m], complex, and angles (N,) [rad] of a body in N positions, in order."""
 
     places: Complex
@@ -48,9 +48,9 @@ class Poses:
         return (np.asarray(c)[..., None] - self.places) / self.turns
 
     @property
-    def inverse(self) -> Poses:
+    def inverse(self) -> BodyPositions:
         """The poses of the frame as the body sees them: its circle points are the centre points of these."""
-        return Poses(-self.places / self.turns, -self.angles)
+        return BodyPositions(-self.places / self.turns, -self.angles)
 
     @property
     def reach(self) -> float:
@@ -74,24 +74,24 @@ def circumcentres(points: Complex) -> Complex:
     return points[..., 0] + from_first
 
 
-def fixed_pivots(poses: Poses, w: Complex) -> Complex:
+def fixed_pivots(poses: BodyPositions, w: Complex) -> Complex:
     """Fixed pivots (...,) of moving pivots w (...,) of a body in three poses (in the first three of more)."""
     return circumcentres(poses.of_points(w)[..., :3])
 
 
-def moving_pivots(poses: Poses, c: Complex) -> Complex:
+def moving_pivots(poses: BodyPositions, c: Complex) -> Complex:
     """Moving pivots (...,), in the body, of fixed pivots C (...,) for three poses (the first three of more)."""
     return circumcentres(poses.of_frame(c)[..., :3])
 
 
-def bisector(poses: Poses, w: complex) -> tuple[complex, complex]:
+def bisector(poses: BodyPositions, w: complex) -> tuple[complex, complex]:
     """A point of the line of fixed pivots of a moving pivot for two poses, and the line's direction."""
     first, second = (complex(z) for z in poses.of_points(np.array(w))[:2])
     return 0.5 * (first + second), 1j * (second - first)
 
 
 # -- four poses -------------------------------------------------------------------------------------------------------
-def circle_point_values(poses: Poses, w: Complex) -> Real:
+def circle_point_values(poses: BodyPositions, w: Complex) -> Real:
     """``det [|z|^2, x, y, 1]`` of a point's places z in four poses (...,): zero on the circle-point curve, a circular cubic."""
     z = poses.of_points(w)[..., :4]
     z = z - z[..., :1]
@@ -108,7 +108,7 @@ class BurmesterCurve:
     c: Complex
 
 
-def burmester_curve(poses: Poses, count: int = 720, *, joined: bool = False) -> BurmesterCurve:
+def burmester_curve(poses: BodyPositions, count: int = 720, *, joined: bool = False) -> BurmesterCurve:
     """Circle-point and centre-point curve of four poses; ``joined``: with strokes from one root of a line to the other where they
     are the last ones before they become complex, without which a drawing has gaps.
 
@@ -157,7 +157,7 @@ def _sorted_pieces(points: Complex, scale: float, joined: bool) -> Complex:
     return np.concatenate(pieces)
 
 
-def slider_points(poses: Poses, count: int = 72) -> tuple[Complex, Complex]:
+def slider_points(poses: BodyPositions, count: int = 72) -> tuple[Complex, Complex]:
     """Points w (S,) of the body that lie on a straight line in all poses, and the lines' unit directions (S,).
 
     A fixed pivot at infinity: ``Re(conj(n)(T + e^(i alpha) w)) = p``, linear in n, conj(n) w and p. Two poses leave every point,
@@ -192,7 +192,7 @@ def slider_points(poses: Poses, count: int = 72) -> tuple[Complex, Complex]:
 
 
 # -- five poses -------------------------------------------------------------------------------------------------------
-def burmester_points(poses: Poses) -> tuple[Complex, Complex]:
+def burmester_points(poses: BodyPositions) -> tuple[Complex, Complex]:
     """All real dyads of five poses: moving pivots (R,) in the body, sorted by x, and fixed pivots (R,); R = 0, 2 or 4.
 
     Kinematic mapping: distance equations are linear in q = [h, w, C, w conj(C), k]; the null space of five of them is cut by
@@ -286,12 +286,12 @@ class Guidance:
     defects: Defects
 
 
-def guidance(poses: Poses, w: Complex, c: Complex) -> Guidance:
+def guidance(poses: BodyPositions, w: Complex, c: Complex) -> Guidance:
     """All four-bars of two of the dyads (R,), each driven at either one, with their defects in the order of the poses."""
     count = len(w)
     first, second = (index.ravel() for index in np.meshgrid(np.arange(count), np.arange(count), indexing="ij"))
     apart = (first != second) & (np.abs(w[first] - w[second]) > 1e-9) & (np.abs(c[first] - c[second]) > 1e-9)
     first, second = first[apart], second[apart]
     pins = poses.of_points(w)
-    defects = judge(c[first], c[second], pins[first], pins[second])
+    defects = judge_four_bars(c[first], c[second], pins[first], pins[second])
     return Guidance(np.stack([w[first], w[second]], axis=1), np.stack([c[first], c[second]], axis=1), defects)

@@ -14,7 +14,7 @@ from itertools import combinations, pairwise
 from mechcore.errors import Fault, MechanismError
 from mechcore.records import dataclass
 
-Joints = tuple[tuple[int, int], ...]
+ChainJoints = tuple[tuple[int, int], ...]
 MOST_LINKS = 10  # the 230 chains of ten links take a minute
 
 
@@ -23,7 +23,7 @@ class Chain:
     """A chain of links 0 ... links-1: pairs that its joints connect, and its links by kinds of frame that differ (orbits)."""
 
     links: int
-    joints: Joints
+    joints: ChainJoints
     frames: tuple[tuple[int, ...], ...]
 
     @property
@@ -60,7 +60,7 @@ def kinematic_chains(links: int, freedom: int = 1) -> tuple[Chain, ...]:
     return tuple(sorted(chains, key=lambda chain: (sorted(chain.degrees, reverse=True), chain.joints)))
 
 
-def _chain(links: int, joints: Joints) -> Chain:
+def _chain(links: int, joints: ChainJoints) -> Chain:
     """A chain with its kinds of frame: links are of one kind where the graphs that mark them are the same."""
     kinds: dict[object, list[int]] = {}
     for link in range(links):
@@ -69,9 +69,9 @@ def _chain(links: int, joints: Joints) -> Chain:
 
 
 @lru_cache(maxsize=16)
-def _grown(links: int) -> tuple[Joints, ...]:
+def _grown(links: int) -> tuple[ChainJoints, ...]:
     """Canonical graphs of so many links without a rigid part, of whatever freedom."""
-    grown: dict[Joints, None] = {}
+    grown: dict[ChainJoints, None] = {}
     if links >= 4:
         grown[_canonical(links, tuple((k, (k + 1) % links) for k in range(links)))] = None
     for before in range(4, links + 1):
@@ -91,7 +91,7 @@ def _grown(links: int) -> tuple[Joints, ...]:
     return tuple(grown)
 
 
-def _with_ear(links: int, joints: Joints, added: int) -> Iterator[Joints]:
+def _with_ear(links: int, joints: ChainJoints, added: int) -> Iterator[ChainJoints]:
     """Graphs with a path of so many new links between two links, or, of three or more, from a link to itself."""
     new = tuple(range(links, links + added))
     ends = [*combinations(range(links), 2), *(((k, k) for k in range(links)) if added >= 3 else ())]
@@ -102,7 +102,7 @@ def _with_ear(links: int, joints: Joints, added: int) -> Iterator[Joints]:
             yield (*joints, *ear)
 
 
-def _has_rigid_part(links: int, joints: Joints) -> bool:
+def _has_rigid_part(links: int, joints: ChainJoints) -> bool:
     """Whether some links, three or more, cannot move against each other."""
     masks = [(1 << a) | (1 << b) for a, b in joints]
     for part in range(1, 1 << links):
@@ -112,7 +112,7 @@ def _has_rigid_part(links: int, joints: Joints) -> bool:
     return False
 
 
-def _connected(links: int, joints: Joints, without: int) -> bool:
+def _connected(links: int, joints: ChainJoints, without: int) -> bool:
     left = set(range(links)) - {without}
     reached, front = set[int](), [min(left)]
     while front:
@@ -123,7 +123,7 @@ def _connected(links: int, joints: Joints, without: int) -> bool:
     return reached == left
 
 
-def _canonical(links: int, joints: Joints, marked: int | None = None) -> Joints:
+def _canonical(links: int, joints: ChainJoints, marked: int | None = None) -> ChainJoints:
     """The same joints for all numberings of a graph (with a marked link): refinement of colours, then each choice in turn."""
     near: list[list[int]] = [[] for _ in range(links)]
     for a, b in joints:
@@ -139,7 +139,7 @@ def _canonical(links: int, joints: Joints, marked: int | None = None) -> Joints:
                 return new
             colours = new
 
-    def best(colours: list[int]) -> Joints:
+    def best(colours: list[int]) -> ChainJoints:
         colours = refined(colours)
         if len(set(colours)) == links:
             return tuple(sorted((min(colours[a], colours[b]), max(colours[a], colours[b])) for a, b in joints))

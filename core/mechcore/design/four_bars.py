@@ -143,7 +143,7 @@ class Defects:
         return ", ".join(name for name in ("branch", "circuit", "order") if getattr(self, name)[k])
 
 
-def judge(crank_pivot: Complex, rocker_pivot: Complex, a: Complex, b: Complex) -> Defects:
+def judge_four_bars(crank_pivot: Complex, rocker_pivot: Complex, a: Complex, b: Complex) -> Defects:
     """Defects of D four-bars whose pins stand at A and B (D, K) in K positions in order, pivots (D,), driven at the crank.
 
     The circuits of a Grashof linkage differ in the sense of the two joints that its shortest link does not touch; any other has one
@@ -164,10 +164,10 @@ def judge(crank_pivot: Complex, rocker_pivot: Complex, a: Complex, b: Complex) -
     folded = abs(lengths[3] - lengths[0]) < abs(lengths[1] - lengths[2])  # the crank cannot lie along the frame
     stretched = lengths[3] + lengths[0] > lengths[1] + lengths[2]
     theta = np.where((folded & ~stretched)[:, None], theta % TURN, theta)
-    return Defects(branch, circuit, ~in_order(theta, turns))
+    return Defects(branch, circuit, ~follow_in_order(theta, turns))
 
 
-def in_order(theta: Real, turns: Flags) -> Flags:
+def follow_in_order(theta: Real, turns: Flags) -> Flags:
     """Whether angles (D, K) [rad] follow in one sense (D,): within one turn where ``turns`` (D,) is set, else as they stand."""
     steps = np.diff(theta)
     forwards = np.mod(steps, TURN).sum(1) < TURN

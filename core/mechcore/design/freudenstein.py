@@ -13,7 +13,7 @@ import numpy as np
 from scipy.optimize import least_squares, minimize_scalar
 
 from mechcore.arrays import Real
-from mechcore.design.four_bars import TURN, Defects, FourBar, judge
+from mechcore.design.four_bars import TURN, Defects, FourBar, judge_four_bars
 from mechcore.errors import Fault, MechanismError
 from mechcore.records import dataclass
 
@@ -227,7 +227,7 @@ def _generator(
     # psi = centre + branch * arc: the sign at the points, by the derivative of the equation with respect to psi
     sense = np.sign((k[0] - np.cos(p)) * np.sin(s) + np.sin(p) * np.cos(s))
     pins = a * np.exp(1j * p), 1.0 + c * np.exp(1j * s)
-    defects = judge(np.zeros(1, complex), np.ones(1, complex), pins[0][None], pins[1][None])
+    defects = judge_four_bars(np.zeros(1, complex), np.ones(1, complex), pins[0][None], pins[1][None])
     branch = 1 if sense.sum() >= 0 else -1
     return FunctionGenerator(k, input_start, output_start, float(a), float(np.sqrt(square)), float(c), branch, x, p, defects)
 

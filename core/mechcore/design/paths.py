@@ -16,7 +16,7 @@ import numpy as np
 
 from mechcore.arrays import Complex, Flags, Index, Real
 from mechcore.design.atlas import nearest_linkages
-from mechcore.design.four_bars import TURN, FourBar, coupler_direction, grashof_cranks, in_order
+from mechcore.design.four_bars import TURN, FourBar, coupler_direction, follow_in_order, grashof_cranks
 from mechcore.errors import Fault, MechanismError
 from mechcore.numerics.newton import fit_all
 from mechcore.records import dataclass
@@ -341,7 +341,7 @@ class PathProblem:
         if self.task.steps is not None:
             return every
         own = theta[:, :-1] if self.task.closed else theta
-        return in_order(own, every)
+        return follow_in_order(own, every)
 
 
 _GRASHOF = np.array([[-1.0, 1.0, 1.0, -1.0], [-1.0, 1.0, -1.0, 1.0], [1.0, 1.0, -1.0, -1.0]])

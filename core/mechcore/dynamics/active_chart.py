@@ -19,12 +19,12 @@ from mechcore.dynamics.equations.charts import (
     take_over,
     waypoints,
 )
-from mechcore.dynamics.equations.curve import Curve
+from mechcore.dynamics.equations.curve import CurveEquations
 from mechcore.dynamics.equations.reduced import integrating
 from mechcore.dynamics.events import EventFunction
 from mechcore.dynamics.integration.collocation import Window
 from mechcore.dynamics.integration.windows import Solution
-from mechcore.dynamics.segments import Segment, breakpoint_finder
+from mechcore.dynamics.segments import MotionSegment, breakpoint_finder
 from mechcore.errors import Fault, MechanismError
 from mechcore.laws.timed import Free
 from mechcore.motion.compiled import Compiled
@@ -54,7 +54,7 @@ class ActiveChart:
     def __init__(
         self,
         compiled: Compiled,
-        system: tuple[Chart | Curve, tuple[float, float] | None],
+        system: tuple[Chart | CurveEquations, tuple[float, float] | None],
         duration: float,
         tolerance: float,
         *,
@@ -62,12 +62,12 @@ class ActiveChart:
     ):
         self.duration, self.tolerance = duration, tolerance
         self.use(compiled, *system)
-        self.tables = [CurveChart(compiled, *system)] if isinstance(system[0], Curve) else []
+        self.tables = [CurveChart(compiled, *system)] if isinstance(system[0], CurveEquations) else []
         several = may_change and self.coordinates and not self.tables and compiled.model.loops
         self._taken = [compiled] if several else []  # charts that have led so far, where several may
         self._calm = 0  # windows that are left in which nothing can become strained
 
-    def use(self, compiled: Compiled, system: Chart | Curve, valid_range: tuple[float, float] | None = None) -> None:
+    def use(self, compiled: Compiled, system: Chart | CurveEquations, valid_range: tuple[float, float] | None = None) -> None:
         """Go on in the chart of ``compiled``, as long as its coordinate stays in its ``valid_range``."""
         self.compiled, self.system, self.breakpoints = compiled, system, breakpoint_finder(compiled)
         free = [d for d in compiled.mechanism.drives if isinstance(d.law, Free)]
@@ -89,10 +89,10 @@ class ActiveChart:
         """Another joint leads from now on; coordinates and rates (f,) in its chart. ``before``: position and speed where the last
         one began to lead, or something hit. Kinetic energies of both tables agree, while rates next to a dead point lose digits."""
         chart, place, rate = best_chart(self.compiled, float(q[0]), float(v[0]), self.tables, table_tolerance(self.tolerance))
-        tables = [known.curve.table for known in self.tables if isinstance(known.curve, Curve)]
-        if isinstance(chart.curve, Curve) and all(chart.curve.table is not table for table in tables):
+        tables = [known.curve.table for known in self.tables if isinstance(known.curve, CurveEquations)]
+        if isinstance(chart.curve, CurveEquations) and all(chart.curve.table is not table for table in tables):
             self.tables.append(chart)
-        if isinstance(chart.curve, Curve) and isinstance(self.system, Curve):
+        if isinstance(chart.curve, CurveEquations) and isinstance(self.system, CurveEquations):
             energy = self.system.kinetic_energy(float(q[0]), float(v[0]), before)
             rate = float(np.copysign(np.sqrt(2.0 * energy / chart.curve.inertia(place)), rate))
         self.use(chart.compiled, chart.curve, chart.valid_range)
@@ -154,7 +154,7 @@ class ActiveChart:
         """Go on along the curve, on a table that has not been made so far; coordinates and rates (f,)."""
         system, valid_range = curve_around(self.compiled, float(q[0]), table_tolerance(self.tolerance))
         self.use(self.compiled, system, valid_range)
-        self.tables = [CurveChart(self.compiled, system, valid_range)] if isinstance(system, Curve) else []
+        self.tables = [CurveChart(self.compiled, system, valid_range)] if isinstance(system, CurveEquations) else []
         self._taken = []
         return self.take_over(q, v, (float(q[0]), float(v[0]))) if self.ends_at(q, v) else (q, v)
 
@@ -169,7 +169,7 @@ class ActiveChart:
         if len(self.compiled.mechanism.drives) > 1:
             self.compiled.angles.path.leave_later(windows, partial(_within_windows, self.compiled))
 
-    def leave_waypoints_of(self, segments: Sequence[Segment]) -> None:
+    def leave_waypoints_of(self, segments: Sequence[MotionSegment]) -> None:
         """The motion goes on through segments; they are looked at when somebody asks."""
         if len(self.compiled.mechanism.drives) > 1:
             self.compiled.angles.path.leave_later(segments, partial(_within_segments, self.compiled))
@@ -181,7 +181,7 @@ def _within_windows(compiled: Compiled, windows: Sequence[Window]) -> list[Waypo
     return waypoints(compiled, Solution(list(windows))(t)[0], t)
 
 
-def _within_segments(compiled: Compiled, segments: Sequence[Segment]) -> list[Waypoint]:
+def _within_segments(compiled: Compiled, segments: Sequence[MotionSegment]) -> list[Waypoint]:
     """Waypoints within segments, in order, those of their windows."""
     out: list[Waypoint] = []
     for segment in segments:

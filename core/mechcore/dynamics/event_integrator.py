@@ -20,7 +20,7 @@ from mechcore.dynamics.contact.separation import (
 )
 from mechcore.dynamics.equations.charts import Chart, enter
 from mechcore.dynamics.equations.contacts import Ending, contact_program
-from mechcore.dynamics.equations.curve import Curve
+from mechcore.dynamics.equations.curve import CurveEquations
 from mechcore.dynamics.equations.reduced import motion_at
 from mechcore.dynamics.events import (
     EndStop,
@@ -41,7 +41,7 @@ from mechcore.dynamics.integration.collocation import System, Window
 from mechcore.dynamics.integration.refinement import Known, refine
 from mechcore.dynamics.integration.windows import Integrator, Solution
 from mechcore.dynamics.phases import run_phases
-from mechcore.dynamics.segments import Segment, segment_forces
+from mechcore.dynamics.segments import MotionSegment, segment_forces
 from mechcore.dynamics.simulation import Simulation
 from mechcore.effects.base import Effect
 from mechcore.effects.registry import applied_effects
@@ -66,7 +66,7 @@ class EventIntegrator:
     def __init__(
         self,
         compiled: Compiled,
-        system: tuple[Chart | Curve, tuple[float, float] | None],
+        system: tuple[Chart | CurveEquations, tuple[float, float] | None],
         duration: float,
         tolerance: float,
         method: Method,
@@ -91,7 +91,7 @@ class EventIntegrator:
         may_change = not (separable_cams or journals_of(compiled.mechanism))
         self.chart = ActiveChart(compiled, system, duration, tolerance, may_change=may_change)
         self._chart_changed()
-        self.segments: list[Segment] = []
+        self.segments: list[MotionSegment] = []
         self.evaluations = 0
         self.over = False  # ended by an event
 
@@ -208,7 +208,7 @@ class EventIntegrator:
             pace = partial(self.separation.window_length, self.compiled, q, v, duration=self.duration)
             return driven_windows(t, self.duration, pace, after, self.chart.breakpoints)
         keeps = None
-        if isinstance(system, Curve) and (len(self.chart.tables) > 1 or system.beside_singular):
+        if isinstance(system, CurveEquations) and (len(self.chart.tables) > 1 or system.beside_singular):
             keeps = partial(system.kept, begun)
         integrator = self._integrator(system, after, passed, keeps)
         known = self._known(t)
@@ -237,7 +237,7 @@ class EventIntegrator:
     def _phases(self, t: float, q: Real, v: Real) -> tuple[float, Real, Real] | None:
         """Integrate, by a compiled program, over events as long as it decides what follows; time, position and speed after the last
         one. None where it has to be done window by window."""
-        if not len(q) or isinstance(self.chart.system, Curve) or self.triggers or self.chart.boundaries or self.separation:
+        if not len(q) or isinstance(self.chart.system, CurveEquations) or self.triggers or self.chart.boundaries or self.separation:
             return None
         friction = self.friction.known_signs(self.compiled)
         if friction is None or not (len(friction[1]) or self.stops.stops):
@@ -251,11 +251,11 @@ class EventIntegrator:
         self.evaluations += run.evaluations
         if not run.phases:
             return None
-        made: list[Segment] = []
+        made: list[MotionSegment] = []
         limited = [e for e in self.compiled.model.once(applied_effects) if e.limited]
         for phase in run.phases:
             self.friction.go_on(phase.start, phase.signs)
-            segment = Segment(phase.start, phase.end, self.compiled, Solution(phase.windows), self._system())
+            segment = MotionSegment(phase.start, phase.end, self.compiled, Solution(phase.windows), self._system())
             made.append(segment)
             if limited or self.progress is not None or self.observe is not None:
                 self._tell(segment, limited)
@@ -273,7 +273,7 @@ class EventIntegrator:
         loose = None if last.ending is Ending.SLIP else (last.number, last.sense)
         return t, *self._slide(t, q, v, loose)
 
-    def _tell(self, segment: Segment, limited: Sequence[Effect]) -> None:
+    def _tell(self, segment: MotionSegment, limited: Sequence[Effect]) -> None:
         """Tell those who want to know of a segment that a program has made, and check what loads are asked for."""
         assert isinstance(segment.solution, Solution)
         for window in segment.solution.windows:
@@ -362,11 +362,11 @@ class EventIntegrator:
         self.friction.begin(self.compiled, t, q, v)
         return q, self._settle(t, q, v)
 
-    def _segment(self, start: float, end: float, solution: Solution, system: System) -> Segment:
+    def _segment(self, start: float, end: float, solution: Solution, system: System) -> MotionSegment:
         """A segment in which the present stops and contacts hold."""
-        return Segment(start, end, self.compiled, solution, system, self.stops.rested, tuple(sorted(self.separated)))
+        return MotionSegment(start, end, self.compiled, solution, system, self.stops.rested, tuple(sorted(self.separated)))
 
-    def _simulation(self, segments: Sequence[Segment], evaluations: int, entries: LogEntries) -> Simulation:
+    def _simulation(self, segments: Sequence[MotionSegment], evaluations: int, entries: LogEntries) -> Simulation:
         method = "radau" if self.method == "radau" else "gauss"
         facts = entries.events, method, self.tolerance, evaluations, entries.lost
         return Simulation(self.original, tuple(segments), *facts, self.stops.stops, entries.work, self.separable_cams)

@@ -15,10 +15,10 @@ from mechcore.dynamics.integration.collocation import Window
 from mechcore.dynamics.integration.windows import Integrator, windows_of
 
 ENDINGS = tuple(Ending)
-MOST = 256  # windows in a row
+MOST_WINDOWS = 256  # windows in a row
 
 
-class Phase(NamedTuple):
+class ContactPhase(NamedTuple):
     """A phase from ``start`` to ``end`` [s], in which elements slide by ``signs`` (e,).
 
     What ends it: the ``number`` of an element or a stop, the ``sense`` in which rest ends, the energy ``lost`` in an impact [J] and
@@ -39,7 +39,7 @@ class Phase(NamedTuple):
 class PhaseRun(NamedTuple):
     """Phases one after the other, time [s], position, speed and signs after them, and the evaluations that they took."""
 
-    phases: list[Phase]
+    phases: list[ContactPhase]
     time: float
     q: Real
     v: Real
@@ -67,7 +67,7 @@ def run_phases(
         return PhaseRun([], t, q, v, friction[1], 0)
     least = by.least(t, duration)
     at = np.concatenate([[t], np.zeros(HEAD - 1), q, v, np.zeros(f * (len(rule.nodes) + 1))])
-    limits = by.limits(t, duration, least, MOST)
+    limits = by.limits(t, duration, least, MOST_WINDOWS)
     known = program.phases(rule, at, limits, (duration, soon, REST, STRAINED_RATE), (*friction, stops))
     if known is None:
         return PhaseRun([], t, q, v, friction[1], 0)
@@ -77,6 +77,6 @@ def run_phases(
         begun, end, until, kind, index, sense, lost, rate = mark
         last = int(until)
         ending = ENDINGS[abs(int(kind))]
-        phases.append(Phase(begun, end, windows[first:last], own, ending, kind >= 0.0, int(index), sense, lost, rate))
+        phases.append(ContactPhase(begun, end, windows[first:last], own, ending, kind >= 0.0, int(index), sense, lost, rate))
         first = last
     return PhaseRun(phases, float(at[0]), at[HEAD : HEAD + f], at[HEAD + f : HEAD + 2 * f], signs[-1], int(at[3]))

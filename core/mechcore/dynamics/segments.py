@@ -12,7 +12,7 @@ from mechcore.arrays import Real
 from mechcore.dynamics.contact.dry_friction import DrySystem, forces_with
 from mechcore.dynamics.contact.friction_state import senses
 from mechcore.dynamics.equations.charts import Chart, jacobian_of
-from mechcore.dynamics.equations.curve import Curve
+from mechcore.dynamics.equations.curve import CurveEquations
 from mechcore.dynamics.equations.energy import EnergyMotion
 from mechcore.dynamics.equations.program import Programmed
 from mechcore.dynamics.equations.reduced import forms_of, free_of, motion_at, tangents
@@ -68,7 +68,7 @@ def segment_forces(motion: Motion, system: System, q: Real, v: Real, resting: Se
 
 
 @dataclass(frozen=True, eq=False)
-class Segment:
+class MotionSegment:
     """A segment of the motion on which the same system holds: ``solution(t)`` gives q, v, a (n, f) in the chart of ``compiled``."""
 
     start: float
@@ -88,7 +88,7 @@ class Segment:
         """The mechanism's motion at times (n,) within the segment; accelerations not from a table, so that links are in balance to
         the last digits."""
         q, v, _ = self.solution(t)
-        system = Chart(self.compiled) if isinstance(self.system, Curve) else self.system
+        system = Chart(self.compiled) if isinstance(self.system, CurveEquations) else self.system
         return motion_at(self.compiled, q, v, t, system(q, v, t))
 
     def forces(self, t: Real, motion: Motion) -> Forces:
@@ -112,14 +112,14 @@ class Segment:
         boundaries = np.linspace(self.start, self.end, int(np.ceil(far)) + 5)
         return Known(boundaries, np.zeros(len(boundaries) - 1, bool), lambda t: self.solution(t)[2])
 
-    def goes_on(self, later: Segment) -> bool:
+    def goes_on(self, later: MotionSegment) -> bool:
         """Whether a later segment is more of the same: windows of one integration."""
         if not (isinstance(self.solution, Solution) and isinstance(later.solution, Solution)):
             return False
         same = self.system is later.system and (self.resting, self.separated) == (later.resting, later.separated)
         return same and self.end == later.start
 
-    def with_windows(self, later: Sequence[Segment]) -> Segment:
+    def with_windows(self, later: Sequence[MotionSegment]) -> MotionSegment:
         """This segment and those in which it goes on."""
         if not later:
             return self

@@ -17,7 +17,7 @@ from mechcore.constants import MOST_TURNS, TURN
 from mechcore.dynamics.active_chart import table_tolerance
 from mechcore.dynamics.equations.charts import Chart, curve_around
 from mechcore.dynamics.equations.contacts import contact_program, rubs
-from mechcore.dynamics.equations.curve import Curve
+from mechcore.dynamics.equations.curve import CurveEquations
 from mechcore.dynamics.equations.energy import by_energy
 from mechcore.dynamics.equations.program import EquationsProgram
 from mechcore.dynamics.equations.reduced import coordinate_scales, free_of, integrating, moving, reduce
@@ -25,8 +25,8 @@ from mechcore.dynamics.event_integrator import EventIntegrator, Method
 from mechcore.dynamics.events import EndStop, EventKind, EventTrigger, SeparableCam, SimulationEvent, with_slot_ends
 from mechcore.dynamics.integration.collocation import Window
 from mechcore.dynamics.integration.windows import Solution
-from mechcore.dynamics.rest.equilibrium import MANY_PERIODS, Fastest, beside, check_periods, fastest_vibration, vibrations
-from mechcore.dynamics.segments import Segment
+from mechcore.dynamics.rest.equilibrium import MANY_PERIODS, Fastest, check_periods, fastest_vibration, places_beside, vibrations
+from mechcore.dynamics.segments import MotionSegment
 from mechcore.dynamics.simulation import Simulation
 from mechcore.effects.registry import effects_of
 from mechcore.errors import Fault, MechanismError
@@ -83,7 +83,7 @@ def simulate(
     q = np.array([float(d.law(0.0)[0]) for d in drives])
     v = np.array([float(d.law(0.0)[1]) for d in drives])
     _refuse_knocks(compiled, q, v, separable_cams)
-    system: Chart | Curve = Chart(compiled)
+    system: Chart | CurveEquations = Chart(compiled)
     valid_range: tuple[float, float] | None = None
     alone = len(q) == len(compiled.mechanism.drives) == 1 and not separable_cams and not integrating(compiled)
     if alone and not rubs(compiled) and not _by_program(compiled, method, stops):
@@ -94,13 +94,13 @@ def simulate(
     word = None if stops or separable_cams else _rest(compiled, q, v, system, around)
     if word is not None:
         still = Solution([Window(0.0, duration, q, v, np.zeros((2, len(q))))])
-        rest = Simulation(compiled, (Segment(0.0, duration, compiled, still, system),), (word,), "gauss", tolerance, 0)
+        rest = Simulation(compiled, (MotionSegment(0.0, duration, compiled, still, system),), (word,), "gauss", tolerance, 0)
         if observe is not None:
             observe(rest)
         return rest
     if warn is not None:
         progress = _counted(duration, warn, progress)
-    if isinstance(system, Curve) and system.conservative and not stops and not triggers and method in ("auto", "energy"):
+    if isinstance(system, CurveEquations) and system.conservative and not stops and not triggers and method in ("auto", "energy"):
         fine = min(max(1e-3 * tolerance, 1e-13), 1e-7)
         energy = by_energy(system, q[0], v[0], duration, tolerance=fine, progress=progress)
         if energy is not None:
@@ -108,7 +108,7 @@ def simulate(
                 periods = duration / energy.period
                 why = f"{duration:.6g} s are {periods:.6g} periods; motions are followed over {MOST_TURNS:,} at most."
                 raise MechanismError(Fault("run.duration", why, f"Give at most {MOST_TURNS * energy.period:.3g} s."))
-            whole = Simulation(compiled, (Segment(0.0, duration, compiled, energy, system),), (), "energy", tolerance, 0)
+            whole = Simulation(compiled, (MotionSegment(0.0, duration, compiled, energy, system),), (), "energy", tolerance, 0)
             if observe is not None:
                 observe(whole)
             return whole
@@ -170,19 +170,19 @@ def _by_program(compiled: Compiled, method: Method, stops: Sequence[EndStop]) ->
 
 def _curve(
     original: Compiled, compiled: Compiled, q: float, tolerance: float, *, keep: bool
-) -> tuple[Chart | Curve, tuple[float, float] | None]:
+) -> tuple[Chart | CurveEquations, tuple[float, float] | None]:
     """The mechanism on its curve around its start; ``keep``: for further motions of the ``original``, whose start is the same."""
     kept = original.once(_tables)
     if not keep or tolerance not in kept:
         system, valid_range = curve_around(compiled, q, tolerance)
-        if not (keep and isinstance(system, Curve)):
+        if not (keep and isinstance(system, CurveEquations)):
             return system, valid_range
         kept[tolerance] = system, valid_range
     curve, valid_range = kept[tolerance]
     return replace(curve, compiled=compiled), valid_range
 
 
-def _tables(_: Compiled) -> dict[float, tuple[Curve, tuple[float, float] | None]]:
+def _tables(_: Compiled) -> dict[float, tuple[CurveEquations, tuple[float, float] | None]]:
     return {}
 
 
@@ -274,23 +274,23 @@ def _refuse_knocks(compiled: Compiled, q: Real, v: Real, separable_cams: Sequenc
         raise MechanismError(faults)
 
 
-def _around(compiled: Compiled, q: Real, system: Chart | Curve) -> tuple[Real, Real] | None:
-    """M (n, f, f) and Q - h (n, f) at rest at a start (f,), at places `beside` it, then a little away to either side, by a program
+def _around(compiled: Compiled, q: Real, system: Chart | CurveEquations) -> tuple[Real, Real] | None:
+    """M (n, f, f) and Q - h (n, f) at rest at a start (f,), at `places_beside` it, then a little away to either side, by a program
     in C where one is wanted, and wherever the mechanism is."""
-    if not len(q) or (isinstance(system, Curve) and not system.rest):
+    if not len(q) or (isinstance(system, CurveEquations) and not system.rest):
         return None
     contacts = contact_program(compiled, ()) if rubs(compiled) else None
     program: EquationsProgram | None = system.program() if contacts is None else contacts if contacts.has_phases else None
     if program is None or not (program.everywhere or (program.followed and not program.partial)):
         return None
     away = FORCE_DISTANCE * compiled.once(coordinate_scales)
-    places = np.vstack([beside(compiled, q), q - away, q + away])
+    places = np.vstack([places_beside(compiled, q), q - away, q + away])
     return program.reduced(places, np.zeros_like(places), np.zeros(len(places)))
 
 
-def _weigh(compiled: Compiled, q: Real, system: Chart | Curve, around: tuple[Real, Real] | None) -> None:
+def _weigh(compiled: Compiled, q: Real, system: Chart | CurveEquations, around: tuple[Real, Real] | None) -> None:
     """Refuse a start (f,) at which a free coordinate moves no mass."""
-    if isinstance(system, Curve):
+    if isinstance(system, CurveEquations):
         inertia = system.table(q)[:1, :1]
     elif around is not None:
         inertia = around[0][0]
@@ -319,7 +319,9 @@ def _calm(compiled: Compiled, around: tuple[Real, Real] | None, duration: float)
     return squares is None or not max(squares[0][-1], 0.0) * duration**2 >= (TURN * MANY_PERIODS) ** 2
 
 
-def _rest(compiled: Compiled, q: Real, v: Real, system: Chart | Curve, around: tuple[Real, Real] | None) -> SimulationEvent | None:
+def _rest(
+    compiled: Compiled, q: Real, v: Real, system: Chart | CurveEquations, around: tuple[Real, Real] | None
+) -> SimulationEvent | None:
     """A word where the start (f,) is rest in an equilibrium of forces that do not depend on time; dry friction is another matter.
 
     However unstable that is, as on a dead point, it stays: without this, rounding would decide when and which way it leaves.
@@ -329,7 +331,7 @@ def _rest(compiled: Compiled, q: Real, v: Real, system: Chart | Curve, around: t
         return None
     if any("time" in e.needs for e in effects_of(compiled.mechanism)):
         return None
-    if isinstance(system, Curve) and not system.rest:
+    if isinstance(system, CurveEquations) and not system.rest:
         largest = np.abs(system.table.coefficients[:, :, 1]).max()
         if abs(system.table(q)[0, 1]) > LEAST_PUSH * largest:
             return None

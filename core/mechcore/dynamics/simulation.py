@@ -23,7 +23,7 @@ from mechcore.dynamics.events import EndStop, SeparableCam, SimulationEvent
 from mechcore.dynamics.integration.collocation import integrals
 from mechcore.dynamics.integration.windows import Solution
 from mechcore.dynamics.joined import JoinedForces, JoinedMotion
-from mechcore.dynamics.segments import Segment
+from mechcore.dynamics.segments import MotionSegment
 from mechcore.effects.base import power_of
 from mechcore.effects.masses import kinetic_energy
 from mechcore.effects.registry import potential
@@ -48,7 +48,7 @@ class Simulation:
     """
 
     compiled: Compiled
-    segments: tuple[Segment, ...]
+    segments: tuple[MotionSegment, ...]
     events: tuple[SimulationEvent, ...]
     method: str
     tolerance: float
@@ -77,7 +77,7 @@ class Simulation:
     def followed_by(self, others: Sequence[Simulation]) -> Simulation:
         """This motion and the segments that follow it, in order. Works that all of them know are not found anew."""
         parts = (self, *others)
-        runs: list[list[Segment]] = []
+        runs: list[list[MotionSegment]] = []
         for segment in (segment for s in parts for segment in s.segments):
             if runs and runs[-1][-1].goes_on(segment):
                 runs[-1].append(segment)
@@ -109,12 +109,12 @@ class Simulation:
         q, v, a = self(t)
         return q, v, t, a
 
-    def _rows(self, t: Real) -> list[tuple[Segment, Index]]:
+    def _rows(self, t: Real) -> list[tuple[MotionSegment, Index]]:
         """The segments that hold some of the times, with the places of those."""
         which = np.searchsorted(np.array([p.end for p in self.segments[:-1]]), t, side="left")
         return [(self.segments[k], np.flatnonzero(which == k)) for k in np.unique(which)]
 
-    def _original(self, segment: Segment, t: Real) -> Real:
+    def _original(self, segment: MotionSegment, t: Real) -> Real:
         """The free coordinates that were stated, and their rates (3, n, f), where other joints lead."""
         motion = segment.motion(t)
         return np.stack([motion.coordinate(joint).T for joint in self._stated], axis=-1)

@@ -93,7 +93,7 @@ def known_load(model: Model, load: PointLoad) -> KnownLoad:
     return KnownLoad(load, load.link, model.angles.rotation_class[load.link], arm, opposed, not nothing(load.inertia))
 
 
-def point_of(at: Configuration, wrench: Wrench) -> Plane:
+def wrench_point(at: Configuration, wrench: Wrench) -> Plane:
     """Where a wrench acts in the world."""
     origin = at.origins[wrench.link]
     return origin if nothing(wrench.arm) else origin + wrench.arm

@@ -38,7 +38,8 @@ def factor_of(at: Configuration, factor: Factor | None, load: str) -> Real | flo
     if factor is None:
         return 1.0
     if factor.values is not None:
-        return factor_of(at, replace(factor, values=None), load) + (factor.values - value_of(factor.values))  # type: ignore[no-any-return]
+        change: Real = factor.values - value_of(factor.values)
+        return factor_of(at, replace(factor, values=None), load) + change
     known = _argument(at, factor)
     if isinstance(known, Symbol):
         return _of_symbol(factor, known)
@@ -151,7 +152,7 @@ def _argument(at: Configuration, factor: Factor) -> Values:
     return np.abs(z) if factor.of == "speed" else z.real if factor.of in ("x", "vx") else z.imag
 
 
-class Varied(LoadEffect[Multiplied]):
+class FactoredLoad(LoadEffect[Multiplied]):
     """A load that a factor multiplies."""
 
     def __init__(self, load: Multiplied):
@@ -177,7 +178,7 @@ class Varied(LoadEffect[Multiplied]):
         return None if self.load.factor is None else _argument(at, self.load.factor)
 
 
-class AppliedForce(Varied[Force]):
+class AppliedForce(FactoredLoad[Force]):
     """A force at a named point of a link."""
 
     def wrenches(self, at: Configuration) -> list[Wrench]:
@@ -201,7 +202,7 @@ class AppliedForce(Varied[Force]):
         return [PointLoad(load.name, "force", k, model.points[k][load.point], force=plane(*load.vector))]
 
 
-class AppliedTorque(Varied[Torque]):
+class AppliedTorque(FactoredLoad[Torque]):
     """A free moment on a link."""
 
     def wrenches(self, at: Configuration) -> list[Wrench]:
@@ -211,7 +212,7 @@ class AppliedTorque(Varied[Torque]):
         return [Wrench(load.name, "torque", at.model.index[load.link], 0j, moment, 0j, other=other)]
 
 
-class ConstantThrust(Varied[Actuator], Line[Actuator]):
+class ConstantThrust(FactoredLoad[Actuator], Line[Actuator]):
     """``force`` times the factor pushes the two points apart, or the joint's links in the direction of its coordinate."""
 
     kind = "actuator"

@@ -12,7 +12,7 @@ from typing import cast
 import numpy as np
 
 from mechcore.arrays import Index, Plane, Real, Values
-from mechcore.effects.base import Wrench, point_of, power_of, sum_up
+from mechcore.effects.base import Wrench, power_of, sum_up, wrench_point
 from mechcore.effects.masses import kinetic_energy
 from mechcore.effects.registry import applied_effects, potential, totals, wrenches
 from mechcore.forces import equilibrium
@@ -20,7 +20,7 @@ from mechcore.forces.friction.solve import FrictionResult, solve_friction
 from mechcore.forces.program import forces_program, rubbing_forces
 from mechcore.kinematics.dyads import cross
 from mechcore.motion.motion import Motion
-from mechcore.numerics.frames import PLAIN, added, lazy, less, rows_of, stacked
+from mechcore.numerics.frames import PLAIN, added, lazy, less, plane_rows, stacked
 from mechcore.numerics.interpolation import integral_so_far
 from mechcore.numerics.tape import Traced
 from mechcore.numerics.tape_functions import integral
@@ -96,21 +96,21 @@ class Forces:
                 joint in self.motion.model.joint_index
             ):  # rolling: the normal force passes through the wheel's centre and the contact
                 force = force + self._transmitted[self._joint(joint)][0] - self._drive(self._joint(joint))[0]
-            return rows_of(self._shape, force, 0.0)
+            return plane_rows(self._shape, force, 0.0)
         model = self.motion.model
         j = model.joint_index[joint]
         force, couple = self._transmitted[j]
         if j not in model.driven:
-            return rows_of(self._shape, force, added(couple, self._carried(joint)) if model.relations else couple)
+            return plane_rows(self._shape, force, added(couple, self._carried(joint)) if model.relations else couple)
         if model.joints[j].coordinate == "angle":  # the drive is all of the couple
-            return rows_of(self._shape, force, self._carried(joint) if model.relations else 0.0)
+            return plane_rows(self._shape, force, self._carried(joint) if model.relations else 0.0)
         drive_force, drive_moment = self._drive(j)
-        return rows_of(self._shape, less(force, drive_force), less(couple, drive_moment))
+        return plane_rows(self._shape, less(force, drive_force), less(couple, drive_moment))
 
     def position(self, joint: str) -> Real:
         """Where the reaction of a joint is stated (F, 2) [m]: at the pin, the sliding point, the pitch point, the contact."""
         if joint in self._contacts:
-            return rows_of(self._shape, self._contacts[joint][0], 0.0)[:, :2]
+            return plane_rows(self._shape, self._contacts[joint][0], 0.0)[:, :2]
         return self.motion.joint_position(joint)
 
     def wrench(self, joint: str) -> Real:
@@ -119,7 +119,7 @@ class Forces:
         force, moment = self._drive(j)
         if joint in self._contacts:  # a driven wheel: the force acts at its centre, the joint is where it touches
             moment = moment + cross(self.motion.joint_point(j) - self._contacts[joint][0], force)
-        return rows_of(self._shape, force, moment)
+        return plane_rows(self._shape, force, moment)
 
     def effort(self, joint: str) -> Real:
         """Driving torque [N m] or force [N] along the guide in the direction of the drive's coordinate (F,)."""
@@ -134,7 +134,7 @@ class Forces:
         k = self.motion.model.index[link]
         for w in self.applied:
             if w.kind == "inertia" and w.link == k:
-                return rows_of(self._shape, w.force, w.moment)
+                return plane_rows(self._shape, w.force, w.moment)
         return np.zeros((self.motion.frames, 3))
 
     @cached_property
@@ -153,7 +153,7 @@ class Forces:
         }
 
     def _load(self, w: Wrench) -> Real:
-        place = point_of(self.motion, w)
+        place = wrench_point(self.motion, w)
         return stacked([w.force.real, w.force.imag, w.moment, place.real, place.imag], self._shape)
 
     # -- energy -------------------------------------------------------------------------------------------------------

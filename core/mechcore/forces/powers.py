@@ -46,7 +46,7 @@ class PowerItem:
 
     @property
     def label(self) -> str:
-        return label_of(self.kind, self.name)
+        return force_label(self.kind, self.name)
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,16 +83,16 @@ def works(power: Real, time: Real) -> tuple[float, float]:
     return float(np.nansum(up * dt)), float(np.nansum(down * dt))
 
 
-def label_of(kind: str, name: str) -> str:
+def force_label(kind: str, name: str) -> str:
     """The name of a force, with what it is where the name alone is a joint's."""
     return f"{kind} {name}" if kind in ("drive", "friction") else name
 
 
 def power_labels(forces: Forces) -> tuple[str, ...]:
     """Labels of all items of the table of powers, without the table."""
-    drives = [label_of("drive", d.joint) for d in forces.motion.mechanism.drives]
-    rubbing = [] if forces.friction is None else [label_of("friction", joint) for joint in forces.friction.joints]
-    return (*drives, *(label_of(w.kind, w.name) for w in forces.applied), *rubbing)
+    drives = [force_label("drive", d.joint) for d in forces.motion.mechanism.drives]
+    rubbing = [] if forces.friction is None else [force_label("friction", joint) for joint in forces.friction.joints]
+    return (*drives, *(force_label(w.kind, w.name) for w in forces.applied), *rubbing)
 
 
 def power_table(forces: Forces) -> PowerTable:

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from mechcore.arrays import Plane, Real, Values
-from mechcore.branches.unwrapped import LinkAngles, Range, StartPose
-from mechcore.compiled.kernels import Kernel, Rows
+from mechcore.branches.unwrapped import AngleRange, LinkAngles, StartPose
+from mechcore.compiled.kernels import Kernel, NumberRows
 from mechcore.compiled.motion import MOST_LINES
 from mechcore.compiled.steps import check_forces_traceable
 from mechcore.compiled.symbols import HELPERS, Symbol, Untraceable, on_symbols
@@ -25,13 +25,13 @@ from mechcore.kinematics.state import State
 from mechcore.motion.motion import Motion
 from mechcore.spec.mechanism import braked
 
-Transmitted = list[tuple[Plane, Values]]
+TransmittedSymbols = list[tuple[Plane, Values]]
 Contacts = dict[str, tuple[Plane, Plane]]
 
 
 def with_friction(
     motion: Motion, force: list[Any], moment: list[Any], signs: Iterable[Any] | None, tolerance: object
-) -> tuple[Transmitted, Contacts, list[Any]]:
+) -> tuple[TransmittedSymbols, Contacts, list[Any]]:
     """As `solve_friction` on symbols, for the ``signs`` of the elements' rates if they are given; and the normal loads, the error
     of their equations, the steps that these take, and whether they are found so, on the flanks that carry without friction.
 
@@ -72,7 +72,7 @@ class WrittenFriction(FrictionResult):
         return -element.sign * element.factor * self._loads[i]
 
 
-def rubbing_forces(motion: Motion, force: list[Any], moment: list[Any]) -> tuple[Transmitted, Contacts, FrictionResult]:
+def rubbing_forces(motion: Motion, force: list[Any], moment: list[Any]) -> tuple[TransmittedSymbols, Contacts, FrictionResult]:
     """As `with_friction`, and the friction, for a motion of symbols whose speeds have known peaks; NaN where it is not found so."""
     transmitted, contacts, (*loads, _, _, converged) = with_friction(motion, force, moment, None, motion.accuracy.friction)
     valid = converged / converged
@@ -129,7 +129,7 @@ class ForcesProgram:
         if isinstance(number, Symbol):
             self._kernel.put(number)
 
-    def __call__(self, motion: Motion) -> tuple[Transmitted, Contacts, FrictionResult | None] | None:
+    def __call__(self, motion: Motion) -> tuple[TransmittedSymbols, Contacts, FrictionResult | None] | None:
         """As `joint_forces` under the loads and effects of a motion, and the friction; None where numpy has to solve that.
 
         Raises `MechanismError` where it cannot be compiled."""
@@ -147,7 +147,7 @@ class ForcesProgram:
             check_friction(motion)
             elements = elements_of(motion)
             given |= {f"sign {i}": e.sign for i, e in enumerate(elements)} | {"tolerance": motion.accuracy.friction}
-        rows = Rows(self._kernel(motion.frames, given)[0])
+        rows = NumberRows(self._kernel(motion.frames, given)[0])
 
         def plane(value: object) -> Any:
             return rows.plane() if isinstance(value, Symbol) else value
@@ -181,7 +181,7 @@ class _GivenAngles(LinkAngles):
     def joint(self, name: str) -> Any:
         return self._given(f"angle {name}", lambda angles: angles.joint(name))
 
-    def relative(self, p: int, q: int, about: Range | None = None) -> Any:
+    def relative(self, p: int, q: int, about: AngleRange | None = None) -> Any:
         return self._given(f"angle {p} {q} {about}", lambda angles: angles.relative(p, q, about))
 
     def _given(self, key: str, of: Callable[[LinkAngles], Real]) -> Any:

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from mechcore.arrays import Complex, Plane, Real, Values
 from mechcore.forces.kinetostatics import Forces, loads_on
-from mechcore.forces.section_lines import Axis, Cuts, Mass, MassLine, axis_of, mass_line
+from mechcore.forces.section_lines import Cuts, MassLine, MassPart, SectionAxis, axis_of, mass_line
 from mechcore.kinematics.dyads import cross
 from mechcore.motion.motion import Motion
 from mechcore.numerics.frames import QUIET
@@ -67,7 +67,7 @@ class _DistributedLoad(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Extreme:
+class SectionExtreme:
     """Where the size of a quantity is largest at every frame: ``values`` (F,) with their signs, ``stations`` (F,) [m]."""
 
     values: Real
@@ -84,7 +84,7 @@ class SectionForces:
     """
 
     link: str
-    axis: Axis
+    axis: SectionAxis
     section: CrossSection | None
     stations: Real
     places: Complex
@@ -92,13 +92,13 @@ class SectionForces:
     normal: Real
     shear: Real
     moment: Real
-    bending: Extreme
+    bending: SectionExtreme
     unbalanced: Real
 
-    def extreme(self, values: Real) -> Extreme:
+    def extreme(self, values: Real) -> SectionExtreme:
         """Where a quantity (F, n) is largest in size, of the stations."""
         k = np.argmax(np.nan_to_num(np.abs(values), nan=-1.0), axis=1)[:, None]
-        return Extreme(np.take_along_axis(values, k, axis=1)[:, 0], np.take_along_axis(self.stations, k, axis=1)[:, 0])
+        return SectionExtreme(np.take_along_axis(values, k, axis=1)[:, 0], np.take_along_axis(self.stations, k, axis=1)[:, 0])
 
     @cached_property
     def bending_stress(self) -> Real | None:
@@ -132,11 +132,11 @@ def section_forces(forces: Forces, study: SectionStudy) -> SectionForces:
         return out
 
     arrays: dict[str, Any] = {name: joined(attrgetter(name)) for name in _ARRAYS}
-    bending = Extreme(*(joined(attrgetter(f"bending.{name}")) for name in ("values", "stations")))
+    bending = SectionExtreme(*(joined(attrgetter(f"bending.{name}")) for name in ("values", "stations")))
     return replace(parts[0][1], bending=bending, **arrays)
 
 
-def _of_part(forces: Forces, study: SectionStudy, axis: Axis) -> SectionForces:
+def _of_part(forces: Forces, study: SectionStudy, axis: SectionAxis) -> SectionForces:
     """Section forces of a motion with one model."""
     section_loads = _SectionLoads(forces, study, axis)
     cuts = section_loads.cuts()
@@ -163,15 +163,15 @@ _ARRAYS = ("stations", "places", "directions", "normal", "shear", "moment", "unb
 class _SectionLoads:
     """All that acts on a link in its own axes, moments about the start of its axis."""
 
-    def __init__(self, forces: Forces, study: SectionStudy, axis: Axis):
+    def __init__(self, forces: Forces, study: SectionStudy, axis: SectionAxis):
         self.forces, self.axis = forces, axis
         motion, model = forces.motion, forces.motion.model
         self.k = k = model.index[study.link]
         self.origin = _vectors(motion, motion.origins[k])
         self.back = np.conj(_vectors(motion, motion.rotation(k)))
         mass, centre, inertia = model.masses[k]
-        whole = Mass(mass, complex(centre), inertia)
-        self.masses: MassLine = mass_line(axis, whole, [Mass(m, complex(x, y), j) for m, x, y, j in study.masses])
+        whole = MassPart(mass, complex(centre), inertia)
+        self.masses: MassLine = mass_line(axis, whole, [MassPart(m, complex(x, y), j) for m, x, y, j in study.masses])
         self.field = np.zeros(motion.frames, complex)  # force per mass at the centre of mass
         self.turn = np.zeros(motion.frames, complex)  # of it per distance from there
         self.points: list[_ConcentratedLoad] = []
@@ -278,7 +278,7 @@ class _SectionLoads:
             force, moment = force + f, moment + m
         return force, moment
 
-    def largest_moment(self, cuts: Cuts, moment: Real) -> Extreme:
+    def largest_moment(self, cuts: Cuts, moment: Real) -> SectionExtreme:
         """The bending moment that is largest in size at every frame: between the neighbours of the largest of (F, n) it is looked
         at closer."""
         for _ in range(ZOOM_ROUNDS):
@@ -291,10 +291,10 @@ class _SectionLoads:
             cuts = Cuts(np.concatenate(near, axis=1), np.concatenate(sides, axis=1))
             moment = self.inside(cuts)[2]
         k = np.argmax(np.nan_to_num(np.abs(moment), nan=-1.0), axis=1)[:, None]
-        return Extreme(np.take_along_axis(moment, k, axis=1)[:, 0], cuts.taken(k).stations[:, 0])
+        return SectionExtreme(np.take_along_axis(moment, k, axis=1)[:, 0], cuts.taken(k).stations[:, 0])
 
 
-def _of_guide(line: _DistributedLoad, cuts: Cuts, axis: Axis) -> tuple[Complex, Real]:
+def _of_guide(line: _DistributedLoad, cuts: Cuts, axis: SectionAxis) -> tuple[Complex, Real]:
     """Force, and moment about the start of the axis, of the part of a guide's pressure that acts beyond cuts."""
     half, segments = 0.5 * line.length, axis.segment(cuts)
     y = np.clip(cuts.stations - line.station[:, None], -half, half)  # from the middle to the cut

@@ -47,7 +47,7 @@ class Cuts(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Axis:
+class SectionAxis:
     """The chain of segments between ``vertices`` (V,), complex places in the link's frame [m], the first at station 0."""
 
     vertices: Complex
@@ -91,7 +91,7 @@ class Axis:
         return np.asarray(np.take_along_axis(self.stations[:-1] + along, chosen, axis=-1)[..., 0])
 
 
-def axis_of(mechanism: Mechanism, link: str, points: Sequence[str] = ()) -> Axis:
+def axis_of(mechanism: Mechanism, link: str, points: Sequence[str] = ()) -> SectionAxis:
     """The axis of a link through the named points, or through those of `axis_points`. Raises `MechanismError`."""
     body = next(k for k in mechanism.links if k.name == link)
     names = points or axis_points(mechanism, body)
@@ -101,7 +101,7 @@ def axis_of(mechanism: Mechanism, link: str, points: Sequence[str] = ()) -> Axis
         k = int(np.argmin(steps)) if len(steps) else 0
         why = f"'{names[k]}' and '{names[k + 1]}' are at one place." if len(steps) else f"the axis has one point, '{names[0]}'."
         raise MechanismError(Fault(f"sections.{link}.along", why, "Name at least two points of the link, one after the other."))
-    return Axis(vertices)
+    return SectionAxis(vertices)
 
 
 def axis_points(mechanism: Mechanism, link: Link) -> tuple[str, ...]:
@@ -157,7 +157,7 @@ def _load_points(mechanism: Mechanism, link: str) -> list[str]:
 
 
 @dataclass(frozen=True)
-class Mass:
+class MassPart:
     """A part of a link's mass: ``mass`` [kg], ``centre`` in the link's frame [m], ``inertia`` about it [kg m^2]."""
 
     mass: float
@@ -186,7 +186,7 @@ class MassLine:
 
     centre: complex
     distributed: tuple[DistributedMass, ...]
-    points: tuple[tuple[float, Mass], ...]
+    points: tuple[tuple[float, MassPart], ...]
     extra: float
 
     def beyond(self, cuts: Cuts) -> tuple[Real, Complex, Real]:
@@ -214,26 +214,26 @@ class MassLine:
         return [station for station, _ in self.points]
 
 
-def mass_line(axis: Axis, whole: Mass, known: Sequence[Mass] = ()) -> MassLine:
+def mass_line(axis: SectionAxis, whole: MassPart, known: Sequence[MassPart] = ()) -> MassLine:
     """How the mass of a link is distributed along its axis. ``known``: parts of it, where they are; the rest is spread."""
     placed = [(float(axis.nearest(part.centre)), part) for part in known]
     mass = whole.mass - sum(part.mass for part in known)
     if mass <= NO_MASS * whole.mass:
         left = whole.inertia - sum(part.inertia + part.mass * abs(part.centre - whole.centre) ** 2 for part in known)
         if left > NO_MASS * whole.inertia:  # a moment of inertia without a mass
-            placed.append((float(axis.nearest(whole.centre)), Mass(0.0, whole.centre, left)))
+            placed.append((float(axis.nearest(whole.centre)), MassPart(0.0, whole.centre, left)))
         return MassLine(whole.centre, (), tuple(placed), 0.0)
     centre = (whole.mass * whole.centre - sum(part.mass * part.centre for part in known)) / mass
     inertia = whole.inertia - mass * abs(centre - whole.centre) ** 2
     inertia -= sum(part.inertia + part.mass * abs(part.centre - whole.centre) ** 2 for part in known)
-    rest = Mass(mass, centre, max(inertia, 0.0))
+    rest = MassPart(mass, centre, max(inertia, 0.0))
     distributed, points, extra = _straight(axis, rest) if axis.straight else _with_corners(axis, rest)
     # a couple per mass is that of the rest alone: the known parts have what they are
-    placed = [(s, Mass(p.mass, p.centre, p.inertia - extra * p.mass)) for s, p in placed]
+    placed = [(s, MassPart(p.mass, p.centre, p.inertia - extra * p.mass)) for s, p in placed]
     return MassLine(whole.centre, tuple(distributed), (*placed, *points), extra)
 
 
-def _straight(axis: Axis, whole: Mass) -> tuple[list[DistributedMass], list[tuple[float, Mass]], float]:
+def _straight(axis: SectionAxis, whole: MassPart) -> tuple[list[DistributedMass], list[tuple[float, MassPart]], float]:
     """Along a straight axis, in units of half its length h from its middle: mean and second moment of the density are wanted."""
     h, t = 0.5 * axis.length, axis.directions[0]
     middle = axis.vertices[0] + h * t
@@ -243,8 +243,8 @@ def _straight(axis: Axis, whole: Mass) -> tuple[list[DistributedMass], list[tupl
     free = max(0.0, min(variance, 1.0 - mean * mean))
     extra = (variance - free) * h * h
 
-    def point(x: float, share: float) -> tuple[float, Mass]:
-        return h * float(np.clip(1.0 + x, 0.0, 2.0)), Mass(share * whole.mass, aside + x * h * t, 0.0)
+    def point(x: float, share: float) -> tuple[float, MassPart]:
+        return h * float(np.clip(1.0 + x, 0.0, 2.0)), MassPart(share * whole.mass, aside + x * h * t, 0.0)
 
     if abs(mean) >= 1.0:  # beyond the axis
         return [], [point(mean, 1.0)], extra
@@ -274,7 +274,7 @@ def _straight(axis: Axis, whole: Mass) -> tuple[list[DistributedMass], list[tupl
     return ([DistributedMass(0.0, axis.length, aside - h * t, t, density)] if share > NO_MASS else []), points, extra
 
 
-def _with_corners(axis: Axis, whole: Mass) -> tuple[list[DistributedMass], list[tuple[float, Mass]], float]:
+def _with_corners(axis: SectionAxis, whole: MassPart) -> tuple[list[DistributedMass], list[tuple[float, MassPart]], float]:
     """Along an axis with corners."""
     lengths = np.diff(axis.stations)
     middles = 0.5 * (axis.vertices[1:] + axis.vertices[:-1])
@@ -288,5 +288,5 @@ def _with_corners(axis: Axis, whole: Mass) -> tuple[list[DistributedMass], list[
         for s0, s1, z, t in zip(axis.stations[:-1], axis.stations[1:], axis.vertices[:-1], axis.directions, strict=True)
     ]
     rest = (1.0 - share) * whole.mass
-    points = [(float(axis.nearest(whole.centre)), Mass(rest, whole.centre, 0.0))] if 1.0 - share > NO_MASS else []
+    points = [(float(axis.nearest(whole.centre)), MassPart(rest, whole.centre, 0.0))] if 1.0 - share > NO_MASS else []
     return distributed, points, extra

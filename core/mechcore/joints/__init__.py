@@ -1,1 +1,1 @@
-"""Joints by families: the constraints and couplings that each makes. `parts.KINDS` lists them."""
+"""Joints by families: the constraints and couplings that each makes. `registry.JOINT_KINDS` lists them."""

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from mechcore.cams.closures import conjugate
-from mechcore.cams.contour import Contour, moved
+from mechcore.cams.contour import Contour, moved_contour
 from mechcore.cams.followers import Flat, Follower, Oscillating, Roller, Translating
 from mechcore.cams.limits import Requirement, find_limits
 from mechcore.cams.placement.inverse import PlacedInverse
@@ -190,7 +190,8 @@ def _mate(
             raise fault_of(joint, "second", f"the second arm lies {as_angle(apart)} from the first, on its far side.", "Swap them.")
         other, flip = conjugate(cam, radius, arm=arm, angle=total)[0], 1.0 + 0j
     else:
-        at = place_on(builder, carrier, guide, second) - place_on(builder, carrier, guide, first)  # type: ignore[arg-type]  # prismatic
+        # prismatic
+        at = place_on(builder, carrier, guide, second) - place_on(builder, carrier, guide, first)  # type: ignore[arg-type]
         away = at / made["axes"]
         if not away.imag < 0.0:
             raise fault_of(
@@ -207,7 +208,7 @@ def _mate(
 @lru_cache(maxsize=16)
 def _given(contour: Contour, own: complex, axes: complex, follower: Follower) -> tuple[Contour, GivenLift]:
     """A profile of the link's axes in the theory's, and the lift that it gives; a mechanism is built several times in a run."""
-    profile = moved(contour, -own / axes, 1.0 / axes)
+    profile = moved_contour(contour, -own / axes, 1.0 / axes)
     return profile, lift_of(profile, follower)
 
 

@@ -1,7 +1,8 @@
 """The kinds of joints, in the common forms that the rest of the core works with.
 
 A lower pair is a `LoopJoint` (points that coincide or slide); gears, belts, racks, rolling and cams add a `Relation`.
-To add a joint: its spec in `mechcore.spec.mechanism`, a function that builds it in the module of its family, a line in `KINDS`.
+To add a joint: its spec in `mechcore.spec.mechanism`, a function in the module of its family that builds it, a line in
+`JOINT_KINDS`.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ from mechcore.spec.mechanism import (
     Weld,
 )
 
-KINDS: dict[type, Callable[[Any, Builder], None]] = {
+JOINT_KINDS: dict[type, Callable[[Any, Builder], None]] = {
     Revolute: build_pinned,
     Prismatic: build_guided,
     Weld: build_pinned,
@@ -49,5 +50,5 @@ def build_joints(mechanism: Mechanism) -> Builder:
     """Joints, relations and links of a whole mechanism."""
     builder = Builder(mechanism=mechanism, links={link.name: link for link in mechanism.links})
     for joint in mechanism.joints:
-        KINDS[type(joint)](joint, builder)
+        JOINT_KINDS[type(joint)](joint, builder)
     return builder

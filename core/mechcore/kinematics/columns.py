@@ -21,7 +21,7 @@ from mechcore.numerics.frames import determined, imaginary, less, nothing, stack
 from mechcore.numerics.newton import solve_many
 
 
-class Vectors(NamedTuple):
+class LoopVectors(NamedTuple):
     """A loop's vectors in the world, all known: (class, Z) of the rotation classes that turn, slides included, and (joint, class,
     D) of its guides."""
 
@@ -44,12 +44,12 @@ class Columns(NamedTuple):
     inverse: Any = None
 
 
-def all_vectors(model: Model, state: State) -> list[Vectors]:
+def all_vectors(model: Model, state: State) -> list[LoopVectors]:
     """The vectors of every loop at known positions."""
     return [_vectors(loop, state) for loop in model.program.loop_equations]
 
 
-def _vectors(loop: LoopEquation, state: State) -> Vectors:
+def _vectors(loop: LoopEquation, state: State) -> LoopVectors:
     rot, slide = state.rot, state.slide
     slides = [(j, s, d * rot[s]) for j, s, d in loop.guides]
     arms = []
@@ -58,15 +58,15 @@ def _vectors(loop: LoopEquation, state: State) -> Vectors:
         for i in carried:
             z = z + slide[slides[i][0]] * slides[i][2]
         arms.append((rotation_class, z))
-    return Vectors(arms, slides)
+    return LoopVectors(arms, slides)
 
 
-def all_columns(model: Model, vectors: Sequence[Vectors]) -> list[Columns]:
+def all_columns(model: Model, vectors: Sequence[LoopVectors]) -> list[Columns]:
     """The columns of every block."""
     return [columns(model, block, vectors) for block in model.blocks]
 
 
-def columns(model: Model, block: Block, vectors: Sequence[Vectors]) -> Columns:
+def columns(model: Model, block: Block, vectors: Sequence[LoopVectors]) -> Columns:
     """Derivatives of the block's loops by its unknowns, from the ``vectors`` of all loops."""
     loops = model.program.loop_equations
     if block.dyad:
@@ -85,7 +85,7 @@ def columns(model: Model, block: Block, vectors: Sequence[Vectors]) -> Columns:
     return Columns(table, tuple(tuple(constraint_coefficient(model, r, x) for x in unknowns) for r in block.relations))
 
 
-def column(vectors: Vectors, unknown: Unknown, numbers: Sequence[int]) -> Plane:
+def column(vectors: LoopVectors, unknown: Unknown, numbers: Sequence[int]) -> Plane:
     """Derivative of a loop by an unknown that moves the vectors with these ``numbers`` (see `program.moved_by`), plain zero for
     none."""
     if not numbers:
@@ -93,7 +93,7 @@ def column(vectors: Vectors, unknown: Unknown, numbers: Sequence[int]) -> Plane:
     return vectors.slides[numbers[0]][2] if unknown[0] == "slide" else 1j * summed([vectors.arms[i][1] for i in numbers])
 
 
-def _turned_back(vectors: Vectors, unknown: Unknown, numbers: Sequence[int]) -> Plane:
+def _turned_back(vectors: LoopVectors, unknown: Unknown, numbers: Sequence[int]) -> Plane:
     """`column` turned back by a right angle: for an angle simply the sum of the vectors that it turns."""
     first, *others = numbers
     if unknown[0] == "slide":

@@ -19,7 +19,7 @@ from mechcore.numerics.frames import nothing
 from mechcore.records import dataclass
 from mechcore.spec.mechanism import Link, Mechanism
 from mechcore.topology.graph import Angles, Loop, Tree
-from mechcore.topology.order import Order
+from mechcore.topology.order import SolvingOrder
 
 T = TypeVar("T")
 MOST_VECTORS = 6  # vectors of a point's sum: beyond, it is cheaper to go from link to link and share what is common
@@ -45,7 +45,7 @@ class Model:
     driven: Mapping[int, int]  # joint -> drive
     angles: Angles
     tree: Tree
-    order: Order  # in absolute coordinates
+    order: SolvingOrder  # in absolute coordinates
     loops: tuple[Loop, ...]  # vector loops, by links
     loop_sums: tuple[VectorSum, ...]  # of the loops: zero where they close
     relations: tuple[Relation, ...]

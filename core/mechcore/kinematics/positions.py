@@ -35,13 +35,13 @@ def place_all(
     a block's positions are given. ``tolerance``: residual at which Newton's method stops, in sizes of the mechanism."""
     state = initial_state(model, drives, constants, starts, tolerance)
     for i, (block, mode) in enumerate(zip(model.blocks, modes, strict=True)):
-        place(model, block, state, mode, None if starts is None else starts.get(block.name))
+        place_block(model, block, state, mode, None if starts is None else starts.get(block.name))
         for interpolant in interpolants.get(i, ()) if interpolants else ():
             apply(model, block, state, interpolant, onto=True)
     return state
 
 
-def place(model: Model, block: Block, state: State, mode: Values, start: Real | None = None) -> None:
+def place_block(model: Model, block: Block, state: State, mode: Values, start: Real | None = None) -> None:
     """Solve a block's positions into ``state``, NaN where it is out of reach. ``start``: unknowns (..., n) to start Newton from
     (general blocks only)."""
     if block.kind == "general":

@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Protocol
 
 from mechcore.arrays import Plane, Real, Values
-from mechcore.kinematics.columns import Columns, Vectors, rates
+from mechcore.kinematics.columns import Columns, LoopVectors, rates
 from mechcore.kinematics.model import Model
 from mechcore.kinematics.program import Block, LoopEquation, NonlinearTerm
 from mechcore.numerics.frames import imaginary, nothing, purely_imaginary, summed
@@ -75,7 +75,7 @@ class Rates:
             self.angular[s] = rate + self.angular[s] if driven[s] else rate
             self.factor[s] = self.factor[s] + turn if known or driven[s] else turn
 
-    def drift(self, loop: LoopEquation, vectors: Vectors) -> Plane:
+    def drift(self, loop: LoopEquation, vectors: LoopVectors) -> Plane:
         """Rates of a loop's sum while the rates of its unknowns are zero."""
         (arms, slides), factor, before = vectors, self.factor, self.before
         if before is None:
@@ -119,7 +119,7 @@ class Rates:
 
 def velocities(
     model: Model,
-    vectors: Sequence[Vectors],
+    vectors: Sequence[LoopVectors],
     cols: Sequence[Columns],
     drive_speeds: Sequence[Values],
     interpolants: Interpolants | None = None,
@@ -131,7 +131,7 @@ def velocities(
 
 def accelerations(
     model: Model,
-    vectors: Sequence[Vectors],
+    vectors: Sequence[LoopVectors],
     cols: Sequence[Columns],
     speeds: Rates,
     drive_accelerations: Sequence[Values],
@@ -142,7 +142,7 @@ def accelerations(
 
 
 def _solved(
-    model: Model, vectors: Sequence[Vectors], cols: Sequence[Columns], unknown: Rates, interpolants: Interpolants | None
+    model: Model, vectors: Sequence[LoopVectors], cols: Sequence[Columns], unknown: Rates, interpolants: Interpolants | None
 ) -> Rates:
     """Rates filled in block by block, those frames replaced at which a patch gives them."""
     loops = model.program.loop_equations

@@ -21,7 +21,7 @@ from mechcore.arrays import Flags, Index, Real, Values
 from mechcore.constants import TURN
 from mechcore.kinematics.columns import all_columns, all_vectors
 from mechcore.kinematics.model import Model
-from mechcore.kinematics.positions import apply, place
+from mechcore.kinematics.positions import apply, place_block
 from mechcore.kinematics.program import Block
 from mechcore.kinematics.rates import accelerations, velocities
 from mechcore.kinematics.state import Interpolant, State, initial_state, wrapped_angle
@@ -146,7 +146,7 @@ def make_interpolants(
         throughs.setdefault(c.block, []).append(_Through(c, own, beside, away))
     with np.errstate(**QUIET):
         for i, (block, mode) in enumerate(zip(model.blocks, modes, strict=True)):
-            place(model, block, state, mode * singular_points.signs(i, nodes), near.get(block.name))
+            place_block(model, block, state, mode * singular_points.signs(i, nodes), near.get(block.name))
             for through in throughs.get(i, ()):
                 given = through.fit(unknowns_of(model, block, state, through.own))
                 apply(model, block, state, Interpolant(through.near, given, given, given))

@@ -12,7 +12,7 @@ least peaks); ``program``: segments over a turn or over time, and drives that fo
 """
 
 from mechcore.laws.boundary_conditions import (
-    Condition,
+    BoundaryCondition,
     Smoothing,
     from_acceleration,
     measured_table,
@@ -21,17 +21,17 @@ from mechcore.laws.boundary_conditions import (
 )
 from mechcore.laws.catalogue import RISES, acceleration_zones, harmonic_sum, rise, scca
 from mechcore.laws.curve import MotionCurve
-from mechcore.laws.factors import Extreme, Jump, PeakFactors, extremes, jumps, peak, peak_factors
+from mechcore.laws.factors import Jump, LawExtreme, PeakFactors, extremes, jumps, peak, peak_factors
 from mechcore.laws.program import CurveOverMaster, Segment, over_time, program
 from mechcore.laws.segment_laws import (
+    BoundaryPolynomial,
     Dwell,
     GivenAcceleration,
     GivenPosition,
     GivenVelocity,
     LeastPeak,
     NormalisedLaw,
-    Optimum,
-    Polynomial,
+    OptimalLaw,
     SegmentLaw,
     Spline,
     fourier_curve,
@@ -53,25 +53,25 @@ from mechcore.laws.timed import (
 
 __all__ = [
     "RISES",
+    "BoundaryCondition",
+    "BoundaryPolynomial",
     "Chirp",
-    "Condition",
     "ConstantSpeed",
     "CurveOverMaster",
     "Dwell",
-    "Extreme",
     "GivenAcceleration",
     "GivenPosition",
     "GivenVelocity",
     "Jump",
     "Law",
+    "LawExtreme",
     "LeastPeak",
     "MotionCurve",
     "NormalisedLaw",
-    "Optimum",
+    "OptimalLaw",
     "Oscillation",
     "PeakFactors",
     "Piecewise",
-    "Polynomial",
     "Ramp",
     "Rest",
     "Segment",

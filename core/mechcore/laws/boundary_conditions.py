@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Condition:
+class BoundaryCondition:
     """The derivative ``order`` (0 value, 1 velocity, 2 acceleration, 3 jerk, ...) is ``value`` at ``angle``."""
 
     angle: float
@@ -28,7 +28,7 @@ class Condition:
     order: int = 0
 
 
-def _sorted(conditions: Sequence[Condition], least: int) -> tuple[Real, Real, Real]:
+def _sorted(conditions: Sequence[BoundaryCondition], least: int) -> tuple[Real, Real, Real]:
     if len(conditions) < least:
         raise MechanismError(
             Fault("law.conditions", f"{len(conditions)} conditions.", f"Give at least {least}, two of them at different angles.")
@@ -50,7 +50,7 @@ def _sorted(conditions: Sequence[Condition], least: int) -> tuple[Real, Real, Re
     )
 
 
-def polynomial_law(conditions: Sequence[Condition], powers: Sequence[int] | None = None) -> MotionCurve:
+def polynomial_law(conditions: Sequence[BoundaryCondition], powers: Sequence[int] | None = None) -> MotionCurve:
     """The polynomial of least degree through any conditions at any angles (Hermite-Birkhoff interpolation).
 
     ``powers``: exponents of (x - x0)/(x1 - x0) to use instead of 0 ... n - 1, one for each condition (3-4-5 is the outcome of
@@ -89,7 +89,7 @@ def _of_ppoly(spline: PPoly, repeats: bool = False) -> MotionCurve:
     return MotionCurve.of(knots.tolist(), list(spline.c[::-1, keep].T), repeats=repeats)
 
 
-def spline_law(conditions: Sequence[Condition], degree: int = 5) -> MotionCurve:
+def spline_law(conditions: Sequence[BoundaryCondition], degree: int = 5) -> MotionCurve:
     """A B-spline of the stated degree through points and any further conditions on derivatives, over their range of angles.
 
     As many basis functions as conditions; the inner knots are averages of neighbouring angles (as for plain interpolation),

@@ -36,7 +36,7 @@ class Jump:
 
 
 @dataclass(frozen=True)
-class Extreme:
+class LawExtreme:
     """A stationary point, or an end of a piece where the derivative jumps."""
 
     angle: float
@@ -107,18 +107,18 @@ def _stationary(piece: Piece, order: int) -> Real:
     return np.sort(np.concatenate([exact, x]))
 
 
-def extremes(curve: MotionCurve, order: int) -> list[Extreme]:
+def extremes(curve: MotionCurve, order: int) -> list[LawExtreme]:
     """Stationary points of the derivative ``order`` and its one-sided values at every knot, by angle."""
-    out: list[Extreme] = []
+    out: list[LawExtreme] = []
     for piece, x0 in zip(curve.pieces, curve.knots, strict=False):
         u = np.concatenate([[0.0], _stationary(piece, order), [piece.length]])
         value = np.empty((1, u.size))
         piece.fill(u, value, order)
-        out += [Extreme(float(x0 + ui), float(v)) for ui, v in zip(u, value[0], strict=True)]
+        out += [LawExtreme(float(x0 + ui), float(v)) for ui, v in zip(u, value[0], strict=True)]
     return out
 
 
-def peak(curve: MotionCurve, order: int, sign: int = 0) -> Extreme:
+def peak(curve: MotionCurve, order: int, sign: int = 0) -> LawExtreme:
     """The largest (``sign`` 1), smallest (-1) or in size largest (0) value of a derivative and its first angle."""
     all_extremes = extremes(curve, order)
     sizes = np.array([abs(e.value) if sign == 0 else sign * e.value for e in all_extremes])

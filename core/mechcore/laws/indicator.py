@@ -123,7 +123,7 @@ class FourStroke:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Diagram:
+class IndicatorDiagram:
     """A measured diagram of two strokes: pressures [Pa] over the displacement [m], moving away from the head and towards it."""
 
     stroke: float

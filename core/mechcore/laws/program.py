@@ -14,11 +14,9 @@ from mechcore.errors import Fault, MechanismError
 from mechcore.laws.catalogue import rise
 from mechcore.laws.curve import MotionCurve
 from mechcore.laws.factors import jumps
-from mechcore.laws.segment_laws import Dwell, NormalisedLaw, Polynomial, SegmentLaw, Spline, State
-from mechcore.laws.timed import ConstantSpeed, Law, Piecewise
+from mechcore.laws.segment_laws import BoundaryPolynomial, BoundaryState, Dwell, NormalisedLaw, SegmentLaw, Spline
+from mechcore.laws.timed import ConstantSpeed, Law, Piecewise, Triple
 from mechcore.records import dataclass
-
-Triple = tuple[Real, Real, Real]
 
 
 @dataclass(frozen=True)
@@ -44,13 +42,13 @@ class Segment:
         if self.to is None and isinstance(law, str | MotionCurve):
             return Dwell()
         if law == "polynomial":
-            return Polynomial()
+            return BoundaryPolynomial()
         if isinstance(law, str | MotionCurve):
             return NormalisedLaw(rise(law) if isinstance(law, str) else law, self.mirrored)
         return law
 
 
-def _state(to: float | Sequence[float | None]) -> State:
+def _state(to: float | Sequence[float | None]) -> BoundaryState:
     given = tuple(to) if isinstance(to, Sequence) else (to,)
     return given + (0.0,) * (3 - len(given))
 
@@ -67,7 +65,7 @@ def program(
     """
     if not segments:
         raise MechanismError(Fault("program", "it has no segments.", "Give at least one."))
-    states: list[State] = [_state(start)]
+    states: list[BoundaryState] = [_state(start)]
     laws: list[SegmentLaw] = []
     for k, segment in enumerate(segments):
         path = f"program[{k}]"
@@ -88,7 +86,7 @@ def program(
     return MotionCurve(tuple(p for c in curves for p in c.pieces), at, repeats)
 
 
-def _filled(laws: list[SegmentLaw], states: list[State], overs: list[float], repeats: bool) -> list[MotionCurve]:
+def _filled(laws: list[SegmentLaw], states: list[BoundaryState], overs: list[float], repeats: bool) -> list[MotionCurve]:
     """The curves of the segments, after what is free in ``states`` has been found (they are changed)."""
     n = len(laws)
     curves: dict[int, MotionCurve] = {}
@@ -123,7 +121,7 @@ def _filled(laws: list[SegmentLaw], states: list[State], overs: list[float], rep
         (k, order)
         for k in range(n + 1)
         for order, value in enumerate(states[k])
-        if value is None and any(0 <= i < n and isinstance(laws[i], Polynomial | Spline) for i in (k - 1, k))
+        if value is None and any(0 <= i < n and isinstance(laws[i], BoundaryPolynomial | Spline) for i in (k - 1, k))
     ]
     for place, value in zip(unknown, _least_jerk(laws, states, overs, unknown, repeats), strict=True):
         known(*place, value)
@@ -134,7 +132,7 @@ def _filled(laws: list[SegmentLaw], states: list[State], overs: list[float], rep
     return [curves[k] for k in range(n)]
 
 
-def _joined(law: SegmentLaw, start: State, end: State, over: float, k: int) -> MotionCurve:
+def _joined(law: SegmentLaw, start: BoundaryState, end: BoundaryState, over: float, k: int) -> MotionCurve:
     """The curve of segment ``k``, whose faults name it."""
     try:
         return law.join(start, end, over)
@@ -143,7 +141,7 @@ def _joined(law: SegmentLaw, start: State, end: State, over: float, k: int) -> M
 
 
 def _least_jerk(
-    laws: list[SegmentLaw], states: list[State], overs: list[float], unknown: list[tuple[int, int]], repeats: bool
+    laws: list[SegmentLaw], states: list[BoundaryState], overs: list[float], unknown: list[tuple[int, int]], repeats: bool
 ) -> list[float]:
     """Values of the unknown entries (knot, order) of states for the least integral of the squared jerk."""
     if not unknown:
@@ -154,7 +152,7 @@ def _least_jerk(
     nodes, weights = np.polynomial.legendre.leggauss(12)  # exact up to degree 23
     rows: list[Real] = []
     for k, law in enumerate(laws):
-        if not isinstance(law, Polynomial | Spline):
+        if not isinstance(law, BoundaryPolynomial | Spline):
             continue
         h = overs[k]
         mine = [(i, p) for i, p in enumerate(unknown) if p[0] in (k, k + 1)]

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 
 from mechcore.arrays import Real
 from mechcore.errors import Fault, MechanismError
-from mechcore.laws.boundary_conditions import Condition, from_acceleration, polynomial_law, spline_law
+from mechcore.laws.boundary_conditions import BoundaryCondition, from_acceleration, polynomial_law, spline_law
 from mechcore.laws.curve import MotionCurve, Piece
 from mechcore.laws.factors import peak
 from mechcore.records import dataclass
@@ -31,7 +31,7 @@ _ORDER = {"velocity": 1, "acceleration": 2, "jerk": 3, "snap": 4}
 
 
 @dataclass(frozen=True, eq=False)
-class Optimum:
+class OptimalLaw:
     """The law, the peak that it reaches (of the goal), and the peaks of velocity, acceleration and jerk."""
 
     curve: MotionCurve
@@ -54,7 +54,7 @@ def least_peak(
     load: float = 0.0,
     least_force: float | None = None,
     steps: int = 64,
-) -> Optimum:
+) -> OptimalLaw:
     """The rise over ``over`` between two states with the least peak of the goal.
 
     ``start``, ``end``: (value, velocity, acceleration, ...) with respect to the master; what is left out, or None, is free.
@@ -143,10 +143,10 @@ def least_peak(
     curve = MotionCurve(tuple(pieces)).scaled(0.0, over, float(states[0, 0]), 1.0)
     peaks = [abs(peak(curve, i).value) for i in (1, 2, 3)]
     top = float(np.asarray(solution.x)[-1]) if goal == "force" else abs(peak(curve, order).value)
-    return Optimum(curve, top, *peaks)
+    return OptimalLaw(curve, top, *peaks)
 
 
-State = tuple[float | None, ...]
+BoundaryState = tuple[float | None, ...]
 
 
 class SegmentLaw(Protocol):
@@ -161,7 +161,7 @@ class SegmentLaw(Protocol):
         """The value at the end where the law itself says it, from that at the start; None where it is prescribed."""
         ...
 
-    def join(self, start: State, end: State, over: float) -> MotionCurve:
+    def join(self, start: BoundaryState, end: BoundaryState, over: float) -> MotionCurve:
         """The curve from one state to the other, its values as they are, over 0 ... ``over``."""
         ...
 
@@ -177,7 +177,7 @@ class NormalisedLaw:
     def end(self, start: float) -> float | None:
         return None
 
-    def join(self, start: State, end: State, over: float) -> MotionCurve:
+    def join(self, start: BoundaryState, end: BoundaryState, over: float) -> MotionCurve:
         if abs(self.curve.advance) < 1e-12:
             raise MechanismError(Fault("law", "the curve returns to its start.", "Give it as a table of positions."))
         shape = self.curve.mirrored() if self.mirrored else self.curve
@@ -193,22 +193,22 @@ class Dwell:
     def end(self, start: float) -> float | None:
         return start
 
-    def join(self, start: State, end: State, over: float) -> MotionCurve:
+    def join(self, start: BoundaryState, end: BoundaryState, over: float) -> MotionCurve:
         return MotionCurve((Piece(over, np.array([_value(start)]), np.zeros((0, 3))),))
 
 
 @dataclass(frozen=True)
-class Polynomial:
+class BoundaryPolynomial:
     """The polynomial of least degree through both states and any conditions between them (at distances from the start)."""
 
-    conditions: tuple[Condition, ...] = ()
+    conditions: tuple[BoundaryCondition, ...] = ()
     powers: tuple[int, ...] | None = None
     meets: bool = field(default=True, init=False)
 
     def end(self, start: float) -> float | None:
         return None
 
-    def join(self, start: State, end: State, over: float) -> MotionCurve:
+    def join(self, start: BoundaryState, end: BoundaryState, over: float) -> MotionCurve:
         return polynomial_law(_conditions(start, end, over, self.conditions), self.powers)
 
 
@@ -216,14 +216,14 @@ class Polynomial:
 class Spline:
     """A B-spline through both states and conditions between them (at distances from the start)."""
 
-    conditions: tuple[Condition, ...]
+    conditions: tuple[BoundaryCondition, ...]
     degree: int = 5
     meets: bool = field(default=True, init=False)
 
     def end(self, start: float) -> float | None:
         return None
 
-    def join(self, start: State, end: State, over: float) -> MotionCurve:
+    def join(self, start: BoundaryState, end: BoundaryState, over: float) -> MotionCurve:
         return spline_law(_conditions(start, end, over, self.conditions), self.degree)
 
 
@@ -244,7 +244,7 @@ class GivenAcceleration:
     def end(self, start: float) -> float | None:
         return None if self.scaled or self.balanced else start
 
-    def join(self, start: State, end: State, over: float) -> MotionCurve:
+    def join(self, start: BoundaryState, end: BoundaryState, over: float) -> MotionCurve:
         value, change = _value(start), _value(end) - _value(start)
         if self.balanced:
             velocity = (start[1] if len(start) > 1 else None) or 0.0
@@ -269,7 +269,7 @@ class GivenVelocity:
     def end(self, start: float) -> float | None:
         return start + self.curve.integrated(0.0).advance
 
-    def join(self, start: State, end: State, over: float) -> MotionCurve:
+    def join(self, start: BoundaryState, end: BoundaryState, over: float) -> MotionCurve:
         value, change, own = _value(start), _value(end) - _value(start), self.curve.integrated(0.0).advance
         nothing = 1e-12 * over * max(np.abs(self.curve(np.linspace(0.0, over, 65), 0)).max(), 1e-300)
         if abs(own - change) < nothing:
@@ -289,7 +289,7 @@ class GivenPosition:
     def end(self, start: float) -> float | None:
         return float(self.curve.pieces[0].at(0.0, 0)[0]) + self.curve.advance
 
-    def join(self, start: State, end: State, over: float) -> MotionCurve:
+    def join(self, start: BoundaryState, end: BoundaryState, over: float) -> MotionCurve:
         return self.curve
 
 
@@ -309,7 +309,7 @@ class LeastPeak:
     def end(self, start: float) -> float | None:
         return None
 
-    def join(self, start: State, end: State, over: float) -> MotionCurve:
+    def join(self, start: BoundaryState, end: BoundaryState, over: float) -> MotionCurve:
         stroke = _value(end) - _value(start)
         size = stroke or max([abs(v or 0.0) * over**k for s in (start, end) for k, v in enumerate(s) if k], default=0.0) or 1.0
         first, last = ([None if v is None else v * over**k / size for k, v in enumerate(s)] for s in (start, end))
@@ -318,14 +318,16 @@ class LeastPeak:
         return optimum.curve.scaled(0.0, over, _value(start), size)
 
 
-def _value(state: State) -> float:
+def _value(state: BoundaryState) -> float:
     if state[0] is None:
         raise MechanismError(Fault("to", "a free position beside a law that starts or ends there.", "Give it."))
     return state[0]
 
 
-def _conditions(start: State, end: State, over: float, inner: Sequence[Condition]) -> list[Condition]:
-    ends = [Condition(at, v, k) for at, state in ((0.0, start), (over, end)) for k, v in enumerate(state) if v is not None]
+def _conditions(
+    start: BoundaryState, end: BoundaryState, over: float, inner: Sequence[BoundaryCondition]
+) -> list[BoundaryCondition]:
+    ends = [BoundaryCondition(at, v, k) for at, state in ((0.0, start), (over, end)) for k, v in enumerate(state) if v is not None]
     return [*ends, *inner]
 
 

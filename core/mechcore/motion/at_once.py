@@ -24,7 +24,7 @@ from mechcore.numerics.frames import added, crossed, stacked
 from mechcore.numerics.tape import Untraced
 from mechcore.records import dataclass
 
-Row = dict[int, Any]
+EquationRow = dict[int, Any]
 """Coefficients by the numbers of coordinates, three of each link: numbers, or arrays over frames."""
 
 MOST_OPERATIONS = 200_000_000  # operations for the frames at which rates are checked: seconds
@@ -33,7 +33,7 @@ SPARSE_OPERATIONS = 4_000  # operations for an unknown of a sparse matrix
 RANK_RATIO = 1e-12  # of the least singular value to the largest
 
 
-class Rows:
+class JointEquations:
     """The equations of a motion's joints at ``frames``, one number or a slice."""
 
     def __init__(self, motion: Motion, frames: Any):
@@ -43,7 +43,7 @@ class Rows:
         """Values of the motion at the frames."""
         return np.broadcast_to(values, self.motion.frames)[self.frames]
 
-    def joint(self, j: int) -> Iterator[Row]:
+    def joint(self, j: int) -> Iterator[EquationRow]:
         """Equations of a joint: two of its point, or one across its guide; one more where it does not turn."""
         joint, (p, q) = self.model.joints[j], self.model.ends[j]
         x, y = self._point(j, {p: 1.0, q: -1.0})
@@ -55,19 +55,19 @@ class Rows:
         if not joint.turns:
             yield {3 * p + 2: 1.0, 3 * q + 2: -1.0}
 
-    def slide(self, j: int) -> Row:
+    def slide(self, j: int) -> EquationRow:
         """The rate of a sliding joint's coordinate: relative velocity along the guide at the sliding point."""
         d = self.at(self.motion.guide(j))
         owner, other = self.owner(j)
         x, y = self._point(j, {other: 1.0, owner: -1.0})
         return {c: d.real * x.get(c, 0.0) + d.imag * y.get(c, 0.0) for c in x | y}
 
-    def coordinate(self, j: int) -> Row:
+    def coordinate(self, j: int) -> EquationRow:
         """The rate of the coordinate that a drive on this joint prescribes."""
         p, q = self.model.ends[j]
         return self.slide(j) if self.model.joints[j].slide is not None else {3 * q + 2: 1.0, 3 * p + 2: -1.0}
 
-    def relation(self, constraint: LinearConstraint) -> Row:
+    def relation(self, constraint: LinearConstraint) -> EquationRow:
         """The rate of a relation between coordinates."""
         relation = next(r for r in self.model.relations if r.name == constraint.name)
         angles, slides = list(relation.angles), list(constraint.slides)
@@ -77,9 +77,9 @@ class Rows:
             slides += [(j, slope * c) for j, c in constraint.curve.slides]
         return self.sum(angles, slides)
 
-    def sum(self, angles: Any, slides: Any) -> Row:
+    def sum(self, angles: Any, slides: Any) -> EquationRow:
         """A sum of angular rates (link, factor [m]) and rates of slides (joint, factor)."""
-        row: Row = {}
+        row: EquationRow = {}
         for link, c in angles:
             k = 3 * self.model.index[link] + 2
             row[k] = row.get(k, 0.0) + c / self.model.length_scale
@@ -93,10 +93,10 @@ class Rows:
         p, q = self.model.ends[j]
         return (p, q) if self.model.joints[j].guide == 0 else (q, p)
 
-    def _point(self, j: int, signs: Mapping[int, float]) -> tuple[Row, Row]:
+    def _point(self, j: int, signs: Mapping[int, float]) -> tuple[EquationRow, EquationRow]:
         """Velocity of the joint's point as a point of links, added up with signs."""
-        x: Row = {}
-        y: Row = {}
+        x: EquationRow = {}
+        y: EquationRow = {}
         for k, sign in signs.items():
             arm = self.arm(j, k) / self.model.length_scale
             x |= {3 * k: sign, 3 * k + 2: -sign * arm.imag}
@@ -113,10 +113,10 @@ def rates_at_once(motion: Motion, frames: slice) -> tuple[Real, Real, int]:
 
     At singular positions, where they do not decide all rates, the shortest ones; of more unknowns than ``DENSE_UNKNOWNS`` NaN.
     """
-    rows, model = Rows(motion, frames), motion.model
+    rows, model = JointEquations(motion, frames), motion.model
     scale, size = model.length_scale, 3 * len(model.links)
     count = len(rows.at(0.0))
-    table: list[Row] = []
+    table: list[EquationRow] = []
     driven: list[tuple[int, int]] = []  # number of the row, joint
     for j in range(len(model.joints)):
         table += rows.joint(j)
@@ -146,7 +146,7 @@ Solve = Callable[[Real], Real]
 """Right sides (frames, equations) to the rates (frames, unknowns) of moving links."""
 
 
-def _full(table: Sequence[Row], count: int, size: int) -> Solve:
+def _full(table: Sequence[EquationRow], count: int, size: int) -> Solve:
     matrix = np.zeros((count, len(table), size))
     for r, row in enumerate(table):
         for c, value in row.items():
@@ -155,7 +155,7 @@ def _full(table: Sequence[Row], count: int, size: int) -> Solve:
     return lambda right: np.asarray((inverse @ right[..., None])[..., 0])
 
 
-def _sparse(table: Sequence[Row], count: int, size: int) -> Solve:
+def _sparse(table: Sequence[EquationRow], count: int, size: int) -> Solve:
     """Least squares frame by frame, as one square system with the residuals (Bjorck 1967): more equations than unknowns are as
     welcome as equally many."""
     from scipy.sparse import coo_array
@@ -182,7 +182,7 @@ def _sparse(table: Sequence[Row], count: int, size: int) -> Solve:
     return solve
 
 
-def _quadratic(rows: Rows, first: Real, equations: int) -> Real:
+def _quadratic(rows: JointEquations, first: Real, equations: int) -> Real:
     """Centripetal and Coriolis terms, those of bends of curves too, of the equations of accelerations (frames, equations)."""
     model, scale = rows.model, rows.model.length_scale
     right = np.zeros((len(first), equations))
@@ -227,7 +227,7 @@ def _quadratic(rows: Rows, first: Real, equations: int) -> Real:
     return right
 
 
-def _times(row: Row, rates: Real) -> Real:
+def _times(row: EquationRow, rates: Real) -> Real:
     return np.asarray(sum(value * rates[:, c] for c, value in row.items()))
 
 

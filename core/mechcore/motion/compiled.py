@@ -16,7 +16,7 @@ from mechcore.branches.assembly import Assembly
 from mechcore.branches.modes import TWO_MODES
 from mechcore.branches.paths import BranchPath, path_for
 from mechcore.branches.singular_points import SingularPoints, find_singular_points, needs_span, passages
-from mechcore.branches.unwrapped import Frames, UnwrappedAngles
+from mechcore.branches.unwrapped import SolvedFrames, UnwrappedAngles
 from mechcore.compiled.motion import Executor, motion_program
 from mechcore.constants import MOST_TURNS, TURN
 from mechcore.kinematics.model import Model
@@ -92,7 +92,7 @@ def follow(
     return place(compiled, time, drive_values(compiled.mechanism, time, drives), given=drives is not None).motion
 
 
-class Placed(NamedTuple):
+class PlacedMotion(NamedTuple):
     """A motion; where groups are followed, their path and the frames' ``parameter`` on it; the singular points that are known."""
 
     motion: Motion
@@ -101,7 +101,7 @@ class Placed(NamedTuple):
     singular_points: SingularPoints | None
 
 
-def place(compiled: Compiled, time: Real, values: DriveValues, *, given: bool) -> Placed:
+def place(compiled: Compiled, time: Real, values: DriveValues, *, given: bool) -> PlacedMotion:
     """The motion at times (F,) [s] and values of the drives; ``given``: other ones than their laws'."""
     model = compiled.model
     positions = [v[0] for v in values]
@@ -147,7 +147,7 @@ def place(compiled: Compiled, time: Real, values: DriveValues, *, given: bool) -
     angles = source.angles.at_frames(frames, near)
     by_c = None if program is None else (program, origins)
     motion = Motion(model, time, values, state, angles, interpolants, passed, again, compiled.accuracy, by_c)
-    return Placed(motion, path, parameter, singular_points)
+    return PlacedMotion(motion, path, parameter, singular_points)
 
 
 def _beyond(known: SingularPoints | None, span: float) -> bool:
@@ -159,7 +159,7 @@ def _angles(compiled: Compiled, positions: Sequence[Values], time: Real, raw: Re
     follow from the time alone."""
     drives, unwrapped = compiled.mechanism.drives, compiled.angles
 
-    def placed(time: Real, given: Real | None = None) -> Frames:
+    def placed(time: Real, given: Real | None = None) -> SolvedFrames:
         rest = np.zeros(len(time))
         wanted = None if given is None else {d.joint: (q, rest, rest) for d, q in zip(drives, given.T, strict=True)}
         motion = follow(compiled, time, wanted)

@@ -23,7 +23,7 @@ from mechcore.kinematics.state import State, initial_state, wrapped_angle
 from mechcore.laws.timed import ConstantSpeed, Law
 from mechcore.motion.compiled import Compiled, DriveValues, drive_values
 from mechcore.motion.motion import Motion
-from mechcore.records import Place
+from mechcore.records import NumberPlace
 from mechcore.spec.mechanism import Mechanism, braked
 
 FRAMES_TO_LOAD = 200_000  # frames of all designs from which on a program that is kept from before pays for being written and loaded
@@ -31,7 +31,7 @@ FRAMES_TO_COMPILE = 3_000_000  # from which on compiling it pays: 0.3 s and half
 FRAMES_TO_COMPILE_FRICTION = 20_000  # from which on both pay where numpy solves designs one by one: with dry friction, 10 ms each
 Collect = Callable[[Motion], Mapping[str, Real]]
 Weights = tuple[Real, Complex, Real]  # masses (D, 1), centres of mass, moments of inertia
-Varied = Callable[[Compiled, Mapping[Any, Any], Mapping[str, Any], Mapping[Place, Any]], Model]
+VariedModel = Callable[[Compiled, Mapping[Any, Any], Mapping[str, Any], Mapping[NumberPlace, Any]], Model]
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,10 +78,10 @@ class DesignProgram:
     def __init__(
         self,
         compiled: Compiled,
-        varied: Varied,
+        varied: VariedModel,
         points: Sequence[tuple[str, str]],
         masses: Sequence[str],
-        loads: Sequence[Place],
+        loads: Sequence[NumberPlace],
         own: Sequence[int],
         paced: bool,
         time: Real,
@@ -166,7 +166,7 @@ class DesignProgram:
         self,
         points: Mapping[tuple[str, str], Real],
         masses: Mapping[str, Weights],
-        loads: Mapping[Place, Real],
+        loads: Mapping[NumberPlace, Real],
         time: Real,
         driven: DrivenDesigns,
     ) -> tuple[dict[str, Real], Flags, Flags]:
@@ -207,8 +207,8 @@ class DesignProgram:
 
 def design_program(
     compiled: Compiled,
-    varied: Varied,
-    keys: tuple[Sequence[tuple[str, str]], Sequence[str], Sequence[Place], Sequence[int], bool],
+    varied: VariedModel,
+    keys: tuple[Sequence[tuple[str, str]], Sequence[str], Sequence[NumberPlace], Sequence[int], bool],
     time: Real,
     collect: Collect,
     count: int,

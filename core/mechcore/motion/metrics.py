@@ -154,7 +154,7 @@ def curvature(motion: Motion, link: str, point: str) -> Real:
 
 
 @dataclass(frozen=True)
-class Grashof:
+class GrashofLoop:
     """A four-bar loop: its joints, its links (crank, coupler, rocker, frame) with their lengths [m], its margin and its type.
 
     ``margin``: p + q - s - l [m]; positive where the shortest link can turn fully (Grashof), 0 at a change-point linkage.
@@ -167,7 +167,7 @@ class Grashof:
     type: str
 
 
-def grashof(model: Model) -> tuple[Grashof, ...]:
+def grashof(model: Model) -> tuple[GrashofLoop, ...]:
     """Every four-bar loop (four links, four revolute joints) among the loops."""
     out = []
     at: dict[int, set[int]] = {}
@@ -194,7 +194,7 @@ def grashof(model: Model) -> tuple[Grashof, ...]:
         a, b, c_, d = (length[k] for k in order)
         s = sorted((a, b, c_, d))
         out.append(
-            Grashof(
+            GrashofLoop(
                 joints=tuple(model.joints[j].name for j in joints),
                 links=tuple(model.links[k] for k in order),
                 lengths=(a, b, c_, d),

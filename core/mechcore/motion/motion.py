@@ -14,12 +14,12 @@ from mechcore.arrays import Complex, Index, Plane, Real, Values
 from mechcore.branches.singular_points import SingularPoint
 from mechcore.branches.unwrapped import LinkAngles
 from mechcore.compiled.motion import CompiledRates, MotionProgram
-from mechcore.kinematics.columns import Columns, Vectors, all_columns, all_vectors, condition
+from mechcore.kinematics.columns import Columns, LoopVectors, all_columns, all_vectors, condition
 from mechcore.kinematics.model import Model
 from mechcore.kinematics.program import VectorSum
 from mechcore.kinematics.rates import Rates, accelerations, velocities
 from mechcore.kinematics.state import Interpolant, State, value
-from mechcore.numerics.frames import PLAIN, added, lazy, less, nothing, rows_of, stacked
+from mechcore.numerics.frames import PLAIN, added, lazy, less, nothing, plane_rows, stacked
 from mechcore.numerics.interpolation import differentiate
 from mechcore.spec.mechanism import Mechanism
 from mechcore.topology.graph import FRAME
@@ -180,7 +180,7 @@ class Motion:
 
     # -- solved stages ------------------------------------------------------------------------------------------------
     @lazy
-    def loop_vectors(self) -> list[Vectors]:
+    def loop_vectors(self) -> list[LoopVectors]:
         """The vectors of every loop in the world."""
         return all_vectors(self.model, self.state)
 
@@ -352,7 +352,7 @@ class Motion:
     def _rows(self, z: Plane, angle: Values | None = None, *, fresh: bool = False) -> Real:
         """Plane vectors, and an angle where given, as rows of numbers of their own; ``fresh``: nobody else holds ``z``."""
         if angle is not None:
-            return rows_of(self.shape, z, angle)
+            return plane_rows(self.shape, z, angle)
         if not isinstance(z, PLAIN):
             return stacked([z.real, z.imag], self.shape)
         if not isinstance(z, np.ndarray) or z.shape != self.shape or z.dtype is not COMPLEX:
@@ -387,7 +387,7 @@ class Motion:
             worst = np.maximum(worst, condition(self.model, block, cols))
         return worst
 
-    def _loop_rate(self, v: Vectors, derivative: int) -> Plane:
+    def _loop_rate(self, v: LoopVectors, derivative: int) -> Plane:
         total: Plane = 0j
         for rotation_class, z in v.arms:
             w = self.speeds.angular[rotation_class]

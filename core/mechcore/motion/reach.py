@@ -22,7 +22,7 @@ from mechcore.branches.paths import branch_by_drive, branch_path, largest_steps
 from mechcore.branches.singular_points import dead_point_instants, rounding_of
 from mechcore.constants import TURN
 from mechcore.kinematics.model import Model
-from mechcore.kinematics.positions import dead_point_margin, equations, group_closure_error, place, place_all
+from mechcore.kinematics.positions import dead_point_margin, equations, group_closure_error, place_all, place_block
 from mechcore.kinematics.program import Block
 from mechcore.kinematics.state import State, initial_state
 from mechcore.motion.compiled import Compiled, follow
@@ -254,7 +254,7 @@ def _least_closure_errors(model: Model, assembly: Assembly, block: Block, drives
         for b, mode in zip(model.blocks, assembly.modes, strict=True):
             if b is block:
                 break
-            place(model, b, state, mode, assembly.starts.get(b.name))
+            place_block(model, b, state, mode, assembly.starts.get(b.name))
         return np.nan_to_num(least_closure_error(model, block, state), nan=0.0, posinf=np.inf)
 
 

@@ -12,7 +12,7 @@ from mechcore.arrays import Real
 from mechcore.constants import SINGULAR
 from mechcore.joints.base import Relation
 from mechcore.kinematics.model import Model
-from mechcore.motion.at_once import Rows
+from mechcore.motion.at_once import JointEquations
 from mechcore.motion.motion import Motion
 from mechcore.records import dataclass
 
@@ -57,7 +57,7 @@ def rank_mobility(motion: Motion, frame: int = 0, *, tolerance: float = 1e-9) ->
     freedoms = sum(model.joints[j].freedoms for j in leaves)
     kept = [k for k in range(1, len(model.links)) if k not in leaves.values()]
     rows: list[dict[int, float]] = []  # coefficients of a constraint by the numbers of coordinates, three of each link
-    equations = Rows(motion, frame)
+    equations = JointEquations(motion, frame)
     for j in range(len(model.joints)):
         if j not in leaves:
             rows += equations.joint(j)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from mechcore.arrays import Complex, Flags, Real, numbers
-from mechcore.branches.unwrapped import Frames, along_designs
+from mechcore.branches.unwrapped import SolvedFrames, along_designs
 from mechcore.errors import Fault, MechanismError
 from mechcore.kinematics.build import loop_sum
 from mechcore.kinematics.model import Model
@@ -19,7 +19,7 @@ from mechcore.laws.timed import ConstantSpeed
 from mechcore.motion.compiled import Compiled
 from mechcore.motion.design_program import DesignProgram, DrivenDesigns, design_program
 from mechcore.motion.motion import Motion
-from mechcore.records import Place, dataclass, with_numbers
+from mechcore.records import NumberPlace, dataclass, with_numbers
 from mechcore.spec.mechanism import braked
 from mechcore.topology.graph import vector_loops
 
@@ -44,7 +44,7 @@ def sweep(
     time: ArrayLike,
     collect: Callable[[Motion], Mapping[str, Real]],
     masses: Mapping[str, tuple[ArrayLike, ArrayLike, ArrayLike]] | None = None,
-    loads: Mapping[Place, ArrayLike] | None = None,
+    loads: Mapping[NumberPlace, ArrayLike] | None = None,
     of: int = 0,
     pace: ArrayLike | None = None,
     drives: Mapping[str, tuple[ArrayLike, ArrayLike]] | None = None,
@@ -149,7 +149,7 @@ def _rows_of_masses(stated: tuple[ArrayLike, ArrayLike, ArrayLike], start: int, 
 
 
 def varied_model(
-    compiled: Compiled, points: Mapping[tuple[str, str], Any], masses: Mapping[str, Any], loads: Mapping[Place, Any]
+    compiled: Compiled, points: Mapping[tuple[str, str], Any], masses: Mapping[str, Any], loads: Mapping[NumberPlace, Any]
 ) -> Model:
     """The model with other places of points (complex), masses of links and numbers of loads: arrays (designs, 1) or symbols."""
     model = compiled.model
@@ -177,7 +177,7 @@ def _motion(
     compiled: Compiled,
     points: Mapping[tuple[str, str], Real],
     masses: Mapping[str, tuple[Real, Complex, Real]],
-    loads: Mapping[Place, Real],
+    loads: Mapping[NumberPlace, Real],
     time: Real,
     driven: DrivenDesigns,
 ) -> Motion:
@@ -185,7 +185,7 @@ def _motion(
     modes, values = compiled.assembly.modes, driven.values(time)
     state = place_all(variant, [v[0] for v in values], modes)
 
-    def placed(x: Real) -> Frames:
+    def placed(x: Real) -> SolvedFrames:
         q = [v[0] for v in driven.values(x[:, 0])]
         return q, place_all(variant, q, modes), (*variant.designs, len(x))
 

@@ -95,7 +95,7 @@ def imaginary(a: Values) -> Plane:
     return out
 
 
-def rows_of(shape: tuple[int, ...], z: Plane, third: Values) -> Real:
+def plane_rows(shape: tuple[int, ...], z: Plane, third: Values) -> Real:
     """Plane vectors and a third number as rows of three (*shape, 3)."""
     if not isinstance(z, PLAIN) or not isinstance(third, PLAIN):  # what stands for arrays
         return stacked([z.real, z.imag, third], shape)

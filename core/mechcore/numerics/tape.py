@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from mechcore.arrays import Real
 
-Numbers: TypeAlias = NDArray[Any]  # real or complex
+NumberArray: TypeAlias = NDArray[Any]  # real or complex
 Functions: TypeAlias = Mapping[str, Callable[..., Any]]
 BY_VALUE = ("less", "less_equal", "greater", "greater_equal", "isfinite", "isnan", "isinf")
 
@@ -26,14 +26,14 @@ class Untraced(TypeError):
     """Raised where a computation has no slope here: a conversion to a plain number, or a function that is not known."""
 
 
-class Step(NamedTuple):
+class TapeStep(NamedTuple):
     """How a result follows from its operands: ``forward`` gives its derivatives (P, ...) from theirs, None standing for zero;
     ``back`` the weights (M, ...) of the operands from its own."""
 
     result: int
     operands: tuple[int, ...]
-    forward: Callable[[list[Any]], Numbers]
-    back: Callable[[Numbers], list[Numbers]]
+    forward: Callable[[list[Any]], NumberArray]
+    back: Callable[[NumberArray], list[NumberArray]]
 
 
 class Tape:
@@ -41,14 +41,14 @@ class Tape:
 
     def __init__(self, ufuncs: Functions, functions: Functions) -> None:
         self.ufuncs, self.functions = ufuncs, functions  # of traced arrays, by numpy's names
-        self.steps: list[Step] = []
-        self.values: list[Numbers] = []  # of every traced result
+        self.steps: list[TapeStep] = []
+        self.values: list[NumberArray] = []  # of every traced result
 
     def variable(self, value: Any) -> Traced:
         """A traced array that follows from nothing before it: derivatives are taken by it, or stated."""
         return self.result(np.asarray(value))
 
-    def result(self, value: Numbers) -> Traced:
+    def result(self, value: NumberArray) -> Traced:
         """A traced array without a step."""
         self.values.append(value)
         return Traced(self, len(self.values) - 1, value)
@@ -58,7 +58,7 @@ class Tape:
     ) -> Traced:
         """The result of a step."""
         made = self.result(np.asarray(value))
-        self.steps.append(Step(made.number, tuple(x.number for x in operands), forward, back))
+        self.steps.append(TapeStep(made.number, tuple(x.number for x in operands), forward, back))
         return made
 
     def elementwise(self, value: Any, slopes: Sequence[tuple[Any, Any, Any]]) -> Any:
@@ -77,7 +77,7 @@ class Tape:
                 total = term if total is None else total + term
             return total.real if real else total
 
-        def back(w: Numbers) -> list[Numbers]:
+        def back(w: NumberArray) -> list[NumberArray]:
             tangents = []
             for x, h, g in traced:
                 own = np.conj(h) * w if g is None else np.conj(h) * w + g * np.conj(w)
@@ -106,14 +106,14 @@ class Tape:
                 solution = np.where(left <= 1e-9 * size, solution, np.nan)
             return solution
 
-        def back(w: Numbers) -> list[Numbers]:
+        def back(w: NumberArray) -> list[NumberArray]:
             rows = -(np.swapaxes(inverse, -1, -2) @ w[..., None])[..., 0]
             return [gathered(rows[..., i], r.value) for i, r in traced]
 
         both = self.step(np.zeros((*shape, matrix.shape[-1])), [r for _, r in traced], forward, back)
         return [both[..., k] for k in range(matrix.shape[-1])]
 
-    def forward(self, given: Mapping[int, Numbers], wanted: Sequence[Traced]) -> list[Numbers]:
+    def forward(self, given: Mapping[int, NumberArray], wanted: Sequence[Traced]) -> list[NumberArray]:
         """Derivatives (P, ...) of results from those of variables (P, ...), by their numbers; zero of those that are not given."""
         count = len(next(iter(given.values())))
         known: list[Any] = [None] * len(self.values)
@@ -133,9 +133,9 @@ class Tape:
             )
         return tangents
 
-    def adjoint(self, wanted: Traced, weights: Numbers) -> dict[int, Numbers]:
+    def adjoint(self, wanted: Traced, weights: NumberArray) -> dict[int, NumberArray]:
         """Derivatives of sums of a real result, each with ``weights`` (M, ...), by everything on the tape, by number: (M, ...)."""
-        known: dict[int, Numbers] = {wanted.number: weights}
+        known: dict[int, NumberArray] = {wanted.number: weights}
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
             for step in reversed(self.steps):
                 w = known.get(step.result)
@@ -151,7 +151,7 @@ def spread(d: Any, own: int, wanted: int) -> Any:
     return d if own == wanted else d.reshape(d.shape[0], *(1,) * (wanted - own), *d.shape[1:])
 
 
-def gathered(w: Any, value: Numbers) -> Any:
+def gathered(w: Any, value: NumberArray) -> Any:
     """Weights (M, ...) summed over the axes along which an operand was repeated, real where it is."""
     w = np.asarray(w)
     extra = w.ndim - 1 - value.ndim
@@ -169,7 +169,7 @@ class Traced(NDArrayOperatorsMixin):
     __slots__ = ("number", "tape", "value")
     __hash__ = object.__hash__
 
-    def __init__(self, tape: Tape, number: int, value: Numbers):
+    def __init__(self, tape: Tape, number: int, value: NumberArray):
         self.tape, self.number, self.value = tape, number, value
 
     def __repr__(self) -> str:
@@ -205,7 +205,7 @@ class Traced(NDArrayOperatorsMixin):
     def __getitem__(self, key: Any) -> Any:
         keys = (slice(None), *(key if isinstance(key, tuple) else (key,)))
 
-        def back(w: Numbers) -> list[Numbers]:
+        def back(w: NumberArray) -> list[NumberArray]:
             whole = np.zeros((len(w), *self.value.shape), w.dtype)
             np.add.at(whole, keys, w)
             return [whole]

@@ -9,7 +9,7 @@ import numpy as np
 
 from mechcore.arrays import Real
 from mechcore.numerics.interpolation import integral_so_far
-from mechcore.numerics.tape import Functions, Numbers, Tape, Traced, Untraced, gathered, spread, value_of
+from mechcore.numerics.tape import Functions, NumberArray, Tape, Traced, Untraced, gathered, spread, value_of
 
 
 def new_tape() -> Tape:
@@ -92,7 +92,7 @@ def _with_tips(size: Traced, parts: Sequence[Any]) -> Any:
         grown = np.sqrt(sum(d * d for d in known))
         return np.where(tip, grown, 0.0 if slope is None else slope)
 
-    def back(w: Numbers) -> list[Numbers]:
+    def back(w: NumberArray) -> list[NumberArray]:
         lost = np.where(tip & (w != 0.0), np.nan, w)
         return [lost, *(np.zeros((len(w), *x.value.shape), x.value.dtype) for x in traced)]
 
@@ -193,7 +193,7 @@ def _solve(a: Any, b: Any) -> Any:
                 total = total + (d if x is b else -(d @ solution))
         return inverse @ total
 
-    def back(w: Numbers) -> list[Numbers]:
+    def back(w: NumberArray) -> list[NumberArray]:
         rhs = np.swapaxes(inverse, -1, -2) @ w
         return [gathered(rhs if x is b else -(rhs @ np.swapaxes(solution, -1, -2)), x.value) for x in traced]
 
@@ -228,7 +228,7 @@ def integral(values: Any, time: Any) -> Any:
             out += np.where(even[:, None], growth * total, np.nan)
         return out
 
-    def back(_: Numbers) -> list[Numbers]:
+    def back(_: NumberArray) -> list[NumberArray]:
         raise Untraced("a work over the run goes back to all values before it")
 
     return _tape(values, time).step(total, traced, forward, back)

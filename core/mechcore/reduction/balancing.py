@@ -97,7 +97,7 @@ class Counterweight:
 
 
 @dataclass(frozen=True)
-class FourBar:
+class FourBarLinks:
     """Links of a four-bar, and the points (link frame) of crank A B, coupler B C, rocker D C."""
 
     crank: Link
@@ -107,7 +107,7 @@ class FourBar:
 
 
 @dataclass(frozen=True)
-class SliderCrank:
+class SliderCrankLinks:
     """Links of a slider-crank, and the points (link frame) of crank A B and rod B C."""
 
     crank: Link
@@ -116,7 +116,7 @@ class SliderCrank:
     points: dict[str, tuple[complex, complex]]
 
 
-def find_linkage(m: Mechanism) -> FourBar | SliderCrank:
+def find_linkage(m: Mechanism) -> FourBarLinks | SliderCrankLinks:
     """The four-bar or slider-crank that a mechanism is; `MechanismError` where it is neither."""
     links = {k.name: k for k in m.links}
     wanted = Fault("balance", "the mechanism is neither a four-bar nor a slider-crank.", "Balance other mechanisms link by link.")
@@ -157,9 +157,9 @@ def find_linkage(m: Mechanism) -> FourBar | SliderCrank:
     a, b, c = between(ground, crank), between(crank, rod), between(rod, slider)
     points = {crank: (at(a, crank), at(b, crank)), rod: (at(b, rod), at(c, rod))}
     if sliding:
-        return SliderCrank(links[crank], links[rod], links[slider], points)
+        return SliderCrankLinks(links[crank], links[rod], links[slider], points)
     points[slider] = (at(between(ground, slider), slider), at(c, slider))
-    return FourBar(links[crank], links[rod], links[slider], points)
+    return FourBarLinks(links[crank], links[rod], links[slider], points)
 
 
 def _share(link: Link, points: dict[str, tuple[complex, complex]]) -> complex:
@@ -169,7 +169,7 @@ def _share(link: Link, points: dict[str, tuple[complex, complex]]) -> complex:
 
 
 def counterweights(
-    linkage: FourBar | SliderCrank, radius: float | tuple[float, float], *, fraction: float = 1.0
+    linkage: FourBarLinks | SliderCrankLinks, radius: float | tuple[float, float], *, fraction: float = 1.0
 ) -> tuple[Counterweight, ...]:
     """Counterweights at a radius [m] from the fixed pivots (of crank and rocker, where two are given).
 
@@ -180,7 +180,7 @@ def counterweights(
     if min(radii) <= 0.0:
         raise MechanismError(Fault("balance.radius", f"{as_length(min(radii))} is no radius.", "Give a positive radius."))
     crank = linkage.crank
-    if isinstance(linkage, FourBar):
+    if isinstance(linkage, FourBarLinks):
         coupler, rocker = linkage.coupler, linkage.rocker
         s = _share(coupler, linkage.points)
         on_crank = fraction * (crank.mass * _share(crank, linkage.points) + coupler.mass * (1.0 - s))

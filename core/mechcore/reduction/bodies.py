@@ -14,12 +14,10 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mechcore.arrays import Real
+from mechcore.arrays import Real, Vec2
 from mechcore.errors import Fault, MechanismError
 from mechcore.records import dataclass
 from mechcore.texts import as_length
-
-Vec2 = tuple[float, float]
 
 
 @dataclass(frozen=True)
@@ -54,7 +52,7 @@ def combine(parts: Iterable[Body]) -> Body:
 
 
 @dataclass(frozen=True)
-class Solid:
+class StandardSolid:
     """A standard solid: ``sizes`` it needs, its volume [m^3] (None: it has none, only a mass), and i^2 = J / m [m^2]."""
 
     what: str
@@ -63,14 +61,14 @@ class Solid:
     square: Callable[..., float]
 
 
-def _entry(what: str, volume: Callable[..., float] | None, square: Callable[..., float]) -> Solid:
+def _entry(what: str, volume: Callable[..., float] | None, square: Callable[..., float]) -> StandardSolid:
     sizes = dict.fromkeys([*(inspect.signature(volume).parameters if volume else ()), *inspect.signature(square).parameters])
-    return Solid(what, tuple(sizes), volume, square)
+    return StandardSolid(what, tuple(sizes), volume, square)
 
 
 _PI = math.pi
 
-SOLIDS: Mapping[str, Solid] = {
+SOLIDS: Mapping[str, StandardSolid] = {
     "point": _entry("point mass at a radius from the axis", None, lambda radius: radius**2),
     "rod": _entry("thin rod, axis across its centre", None, lambda length: length**2 / 12.0),
     "rod end": _entry("thin rod, axis across its end", None, lambda length: length**2 / 3.0),

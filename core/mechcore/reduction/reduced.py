@@ -109,7 +109,7 @@ def _rows(motion: Motion, values: ArrayLike) -> Real:
     return np.ascontiguousarray(np.broadcast_to(np.asarray(values, float), (motion.frames,)))
 
 
-KINDS = ("equilibrium", "couple", "single force")
+REDUCED_KINDS = ("equilibrium", "couple", "single force")
 
 
 def _cross(a: Real, b: Real) -> Real:
@@ -137,8 +137,8 @@ def reduce_to(
 class Resultant:
     """The simplest system that replaces a force system.
 
-    ``kind`` (...): one of `KINDS`. ``force`` (..., 2) [N]; ``moment`` (...) [N m] about the origin, which of a couple is the same
-    about any point. ``point`` (..., 2) [m]: the point of the line of action nearest to the origin, NaN where there is no
+    ``kind`` (...): one of `REDUCED_KINDS`. ``force`` (..., 2) [N]; ``moment`` (...) [N m] about the origin, of a couple about any
+    point. ``point`` (..., 2) [m]: the point of the line of action nearest to the origin, NaN where there is no
     single force.
     """
 
@@ -156,7 +156,7 @@ class Resultant:
         """Unit vector (..., 2) of a single force, NaN where there is none."""
         with np.errstate(invalid="ignore", divide="ignore"):
             unit = self.force / self.magnitude[..., None]
-        return np.where((self.kind == KINDS[2])[..., None], unit, np.nan)
+        return np.where((self.kind == REDUCED_KINDS[2])[..., None], unit, np.nan)
 
     def nearest(self, to: ArrayLike) -> Real:
         """The point (..., 2) [m] of the line of action that is nearest to a given one (..., 2)."""
@@ -184,7 +184,7 @@ def resultant(points: ArrayLike, forces: ArrayLike, couples: ArrayLike | None = 
     square = (force**2).sum(axis=-1)
     pushes = np.sqrt(square) > ZERO_SUM * sizes.sum(axis=-1)
     turns = np.abs(moment) > ZERO_SUM * turning
-    kind = np.where(pushes, KINDS[2], np.where(turns, KINDS[1], KINDS[0]))
+    kind = np.where(pushes, REDUCED_KINDS[2], np.where(turns, REDUCED_KINDS[1], REDUCED_KINDS[0]))
     force = np.where(pushes[..., None], force, 0.0)
     moment = np.where(pushes | turns, moment, 0.0)
     with np.errstate(invalid="ignore", divide="ignore"):

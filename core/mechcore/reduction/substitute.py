@@ -20,7 +20,7 @@ from mechcore.constants import ZERO_SUM
 from mechcore.errors import Fault, MechanismError
 from mechcore.records import dataclass
 
-Unknown = tuple[int, str]  # index of a mass, "mass", "x" or "y"
+MassUnknown = tuple[int, str]  # index of a mass, "mass", "x" or "y"
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ def substitute_masses(mass: float, inertia: float, points: Sequence[PointMass]) 
     wrong, or where the choice leaves the equations contradictory by form or satisfied by a whole family of places.
     """
     n = len(points)
-    unknown: list[Unknown] = [(i, k) for i, p in enumerate(points) for k in ("mass", "x", "y") if getattr(p, k) is None]
+    unknown: list[MassUnknown] = [(i, k) for i, p in enumerate(points) for k in ("mass", "x", "y") if getattr(p, k) is None]
     if not (mass > 0.0 and inertia >= 0.0):
         raise MechanismError(
             Fault("substitute", f"a body of {mass:g} kg and {inertia:g} kg m^2.", "Give a positive mass and inertia.")
@@ -94,7 +94,7 @@ class _Task:
     def value(self, i: int, what: str) -> float:
         return self.given[what][i] or 0.0
 
-    def solve(self, unknown: Sequence[Unknown]) -> Iterable[Mapping[Unknown, float]]:
+    def solve(self, unknown: Sequence[MassUnknown]) -> Iterable[Mapping[MassUnknown, float]]:
         """Real solutions as values of the unknowns, not yet polished."""
         masses = [u for u in unknown if u[1] == "mass"]
         coordinates = [u for u in unknown if u[1] != "mass"]
@@ -107,7 +107,7 @@ class _Task:
     def _columns(self, i: int, x: float, y: float) -> list[float]:
         return [1.0, x, y, x * x + y * y]
 
-    def _by_determinant(self, masses: list[Unknown], coordinates: list[Unknown]) -> list[Mapping[Unknown, float]]:
+    def _by_determinant(self, masses: list[MassUnknown], coordinates: list[MassUnknown]) -> list[Mapping[MassUnknown, float]]:
         """Four masses unknown: a linear system. Three and a coordinate: it has a solution where a determinant vanishes."""
         one = [c for c, _ in coordinates]
 
@@ -134,14 +134,14 @@ class _Task:
             a, b = system(c)
             values.append(float(np.linalg.det(np.column_stack([a, b]))))
         quadratic = [values[1], 0.5 * (values[2] - values[0]), 0.5 * (values[2] + values[0]) - values[1]]
-        out: list[Mapping[Unknown, float]] = []
+        out: list[Mapping[MassUnknown, float]] = []
         for c in _real_roots(quadratic, 1.0):
             a, b = system(c)
             m, *_ = np.linalg.lstsq(a, b, rcond=None)
             out.append({**dict(zip(masses, m, strict=True)), coordinates[0]: c})
         return out
 
-    def _by_mass(self, masses: list[Unknown], coordinates: list[Unknown]) -> list[Mapping[Unknown, float]]:
+    def _by_mass(self, masses: list[MassUnknown], coordinates: list[MassUnknown]) -> list[Mapping[MassUnknown, float]]:
         """One or two masses unknown: with ``t`` the first of them all masses are linear in t."""
         rest = 1.0 - sum(self.value(i, "mass") for i in range(self.n))
         t = Polynomial([0.0, 1.0]) if len(masses) == 2 else Polynomial([rest])
@@ -170,9 +170,9 @@ class _Task:
             start = [0.0]
             if not near:
                 raise _form(float(sums[few](0.0)), few)
-        out: list[Mapping[Unknown, float]] = []
+        out: list[Mapping[MassUnknown, float]] = []
         for at in start:
-            known: dict[Unknown, float] = {u: float(of[u[0]](at)) for u in masses}
+            known: dict[MassUnknown, float] = {u: float(of[u[0]](at)) for u in masses}
             left = float(square(at))
             if near:
                 mu = float(m[near[0]](at))
@@ -185,13 +185,13 @@ class _Task:
         return out
 
     def _one_of_each(
-        self, masses: list[Unknown], m: list[Polynomial], sums: Mapping[str, Polynomial], square: Polynomial, p: int, q: int
-    ) -> list[Mapping[Unknown, float]]:
+        self, masses: list[MassUnknown], m: list[Polynomial], sums: Mapping[str, Polynomial], square: Polynomial, p: int, q: int
+    ) -> list[Mapping[MassUnknown, float]]:
         """One x and one y unknown: both follow from t, and the last equation is a polynomial in t."""
         sx, sy = sums["x"], sums["y"]
         parts = square * m[p] * m[q] + sx * sx * m[q] + sy * sy * m[p]
         whole = square * m[p] + sx * sx + sy * sy if p == q else parts
-        out: list[Mapping[Unknown, float]] = []
+        out: list[Mapping[MassUnknown, float]] = []
         for t in _real_roots(list(whole.coef), 1.0):
             mu, nu = float(m[p](t)), float(m[q](t))
             if abs(mu) <= 1e-9 or abs(nu) <= 1e-9:  # a mass of zero somewhere: no solution of the equations themselves
@@ -200,7 +200,7 @@ class _Task:
             out.append({**known, (p, "x"): -float(sx(t)) / mu, (q, "y"): -float(sy(t)) / nu})
         return out
 
-    def polished(self, unknowns: Mapping[Unknown, float], unknown: Sequence[Unknown]) -> tuple[Real, Real] | None:
+    def polished(self, unknowns: Mapping[MassUnknown, float], unknown: Sequence[MassUnknown]) -> tuple[Real, Real] | None:
         """Masses and places after Newton steps on the four equations; None where these are not satisfied after all."""
         v = {k: np.array([self.value(i, k) for i in range(self.n)]) for k in ("mass", "x", "y")}
         for (i, k), value in unknowns.items():
@@ -226,7 +226,7 @@ class _Task:
 
 def _line_and_conic(
     m: list[Polynomial], joint: list[int], what: str, at: float, linear: float, left: float
-) -> list[dict[Unknown, float]]:
+) -> list[dict[MassUnknown, float]]:
     """mu u + nu v = -linear and mu u^2 + nu v^2 = -left, for the unknown coordinates u, v of two masses."""
     p, q = sorted(joint, key=lambda i: -abs(float(m[i](at))))
     mu, nu = float(m[p](at)), float(m[q](at))

@@ -1,5 +1,6 @@
 """Descriptions of mechanisms: links, joints, drives, loads. Frozen dataclasses in SI units, names instead of indices."""
 
+from mechcore.arrays import Vec2
 from mechcore.spec.loads import (
     Actuator,
     BeltTension,
@@ -28,7 +29,6 @@ from mechcore.spec.loads import (
     TorsionDamper,
     TorsionSpring,
     Use,
-    Vec2,
     Viscous,
 )
 from mechcore.spec.mechanism import (

@@ -12,12 +12,11 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mechcore.arrays import Real
+from mechcore.arrays import Real, Vec2
 from mechcore.laws.indicator import Cycle
 from mechcore.laws.timed import Law
 from mechcore.records import dataclass
 
-Vec2 = tuple[float, float]
 Use = Literal["useful", "harmful"]
 
 

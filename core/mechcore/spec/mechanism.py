@@ -12,6 +12,7 @@ from dataclasses import field
 from functools import cached_property
 from typing import TYPE_CHECKING, Literal
 
+from mechcore.arrays import Vec2
 from mechcore.laws.curve import MotionCurve
 from mechcore.laws.timed import Law, moves
 from mechcore.records import dataclass
@@ -22,8 +23,6 @@ if TYPE_CHECKING:
     from mechcore.cams.contour import Contour
     from mechcore.cams.followers import Face
 
-
-Vec2 = tuple[float, float]
 
 EFFECTS: Mapping[str, str] = {
     "inertia": "inertia forces -m a_S and moments -J_S alpha of the links that have a mass",

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from mechcore.arrays import Vec2
 from mechcore.records import dataclass
 
-Vec2 = tuple[float, float]
-Place = tuple[str, str]  # link, point
+PointPlace = tuple[str, str]  # link, point
 
 POLYGONS: Mapping[str, str] = {
     "velocity": "velocity polygon: images of the points, joined by omega x r and sliding velocities",
@@ -96,9 +96,9 @@ class Studies:
     substitutes: tuple[SubstituteStudy, ...] = ()
     sections: tuple[SectionStudy, ...] = ()
     instant_centres: tuple[str, ...] = ()  # links
-    evolutes: tuple[Place, ...] = ()
+    evolutes: tuple[PointPlace, ...] = ()
     inflection: tuple[str, ...] = ()  # links
-    percussion: tuple[Place, ...] = ()  # points about which their links turn
+    percussion: tuple[PointPlace, ...] = ()  # points about which their links turn
     inversion: tuple[str, ...] = ()  # cams
     pens: tuple[PenStudy, ...] = ()
 

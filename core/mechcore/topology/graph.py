@@ -17,7 +17,7 @@ from operator import itemgetter
 
 from mechcore.joints.base import LoopJoint
 from mechcore.records import dataclass
-from mechcore.topology.order import Order, block_order
+from mechcore.topology.order import SolvingOrder, block_order
 
 FRAME = 0  # the frame among the links; also the set of links that do not turn among the `Angles.rotation_class`
 
@@ -127,7 +127,7 @@ def _turned(drives: tuple[tuple[int, int], ...], drive: int, sign: int) -> tuple
 
 def structure(
     n: int, ends: Sequence[tuple[int, int]], joints: Sequence[LoopJoint], driven: dict[int, int]
-) -> tuple[Order, tuple[tuple[int, ...], ...]]:
+) -> tuple[SolvingOrder, tuple[tuple[int, ...], ...]]:
     """The constraints in absolute coordinates x, y, angle of every moving link: their block order, and each joint's equations."""
     pattern: list[list[int]] = []
     of_joint: list[tuple[int, ...]] = []
@@ -142,7 +142,7 @@ def structure(
     return block_order(pattern, 3 * (n - 1)), tuple(of_joint)
 
 
-def spanning_tree(n: int, ends: Sequence[tuple[int, int]], order: Order, equations: Sequence[tuple[int, ...]]) -> Tree:
+def spanning_tree(n: int, ends: Sequence[tuple[int, int]], order: SolvingOrder, equations: Sequence[tuple[int, ...]]) -> Tree:
     """Minimum spanning tree from the frame (Prim); among equals the one with short paths to the frame."""
     rank: dict[int, int] = {e: k for k, (block, _) in enumerate(order.blocks) for e in block}
     last = len(order.blocks)
@@ -170,8 +170,8 @@ def spanning_tree(n: int, ends: Sequence[tuple[int, int]], order: Order, equatio
     return Tree(order=tuple(outwards), parent=tuple(parent), joint=tuple(joint), closing=closing)
 
 
-Vectors = dict[int, complex]  # link -> vector in its axes
-Slides = list[tuple[int, int, complex]]  # (joint, link with the guide, its direction)
+LinkVectors = dict[int, complex]  # link -> vector in its axes
+LoopSlides = list[tuple[int, int, complex]]  # (joint, link with the guide, its direction)
 
 
 def vector_loops(ends: Sequence[tuple[int, int]], joints: Sequence[LoopJoint], tree: Tree) -> tuple[Loop, ...]:
@@ -182,10 +182,10 @@ def vector_loops(ends: Sequence[tuple[int, int]], joints: Sequence[LoopJoint], t
     out = []
     for c in tree.closing:
         p, q = ends[c]
-        vectors: Vectors = {}
-        slides: Slides = []
+        vectors: LinkVectors = {}
+        slides: LoopSlides = []
 
-        def add(j: int, link: int, side: int, sign: int, vectors: Vectors = vectors, slides: Slides = slides) -> None:
+        def add(j: int, link: int, side: int, sign: int, vectors: LinkVectors = vectors, slides: LoopSlides = slides) -> None:
             """``sign`` times the vector from the origin of ``link`` to its point of joint ``j``, the slide included."""
             joint = joints[j]
             vectors[link] = vectors.get(link, 0j) + sign * (joint.b if side else joint.a)

@@ -14,7 +14,7 @@ from mechcore.records import dataclass
 
 
 @dataclass(frozen=True)
-class Order:
+class SolvingOrder:
     """``blocks``: (equations, unknowns) in an order in which each needs only earlier ones. ``redundant``: equations that no unknown
     is left for (redundant constraints). ``free``: unknowns that no equation is left for (freedoms without a drive).
     ``unmatched``: all unknowns that cannot be found because of those (the under-determined part)."""
@@ -25,7 +25,7 @@ class Order:
     unmatched: frozenset[int]
 
 
-def block_order(pattern: Sequence[Sequence[int]], unknowns: int) -> Order:
+def block_order(pattern: Sequence[Sequence[int]], unknowns: int) -> SolvingOrder:
     """Pattern: for each equation the unknowns in it -> its blocks in solving order."""
     rows = len(pattern)
     match = maximum_matching(pattern, unknowns)
@@ -51,7 +51,7 @@ def block_order(pattern: Sequence[Sequence[int]], unknowns: int) -> Order:
     # equation e depends on the equations that own its other unknowns
     needs = [[owner[u] for u in p if owner[u] >= 0 and owner[u] != e] if match[e] >= 0 else [] for e, p in enumerate(pattern)]
     blocks = tuple((tuple(sorted(c)), tuple(sorted(match[e] for e in c))) for c in _components(needs) if match[c[0]] >= 0)
-    return Order(blocks=blocks, redundant=redundant, free=free, unmatched=frozenset(unmatched))
+    return SolvingOrder(blocks=blocks, redundant=redundant, free=free, unmatched=frozenset(unmatched))
 
 
 def maximum_matching(pattern: Sequence[Sequence[int]], unknowns: int) -> list[int]:

@@ -62,7 +62,7 @@ def _setting(text: str) -> tuple[str, float | str]:
         return name, value
 
 
-def quantity_of(scene: Scene, text: str | None, option: str, kind: str) -> float | None:
+def quantity_option(scene: Scene, text: str | None, option: str, kind: str) -> float | None:
     """A quantity of a kind, in SI units, from an option: a text with a unit, or a number in the scene's units."""
     return None if text is None else quantity(scene.units, text, option, kind)
 

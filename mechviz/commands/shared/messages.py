@@ -81,7 +81,7 @@ def orderly() -> Iterator[None]:
     except OutputError as e:
         fail(str(e), e.code)
     except OSError as e:
-        raise typer.Exit(no_output(e) if e.filename is None else refuse(e)) from None
+        raise typer.Exit(no_output(e) if e.filename is None else tell_unusable(e)) from None
 
 
 def check_targets(source: str, *paths: Path | None) -> None:
@@ -96,7 +96,7 @@ def check_targets(source: str, *paths: Path | None) -> None:
             taken[real] = "is wanted for two things"
 
 
-def refuse(error: OSError) -> int:
+def tell_unusable(error: OSError) -> int:
     """Says which file cannot be used; gives the exit code."""
     say(f"{error.filename}: {error.strerror or error}.")
     return 2
@@ -157,7 +157,7 @@ def interruptible(*libraries: str) -> Iterator[None]:
             signal.signal(number, handler)
 
 
-def aligned(rows: Iterable[Sequence[str]]) -> list[str]:
+def aligned_rows(rows: Iterable[Sequence[str]]) -> list[str]:
     """Rows of a table as lines, the first column to the left, the others to the right."""
     cells = [tuple(row) for row in rows]
     widths = [max(map(len, column)) for column in zip(*cells, strict=True)]

@@ -8,7 +8,7 @@ import numpy as np
 import typer
 
 from mechcore.arrays import Real
-from mechcore.design.burmester import Poses
+from mechcore.design.burmester import BodyPositions
 from mechcore.design.freudenstein import FunctionTask, chebyshev_points, fitted_generator, generators, slider_generator
 from mechcore.design.paths import PathTask, path_designs
 from mechviz.commands.shared.loading import SceneArg, SetOpt, clear_errors, load_scene
@@ -17,14 +17,14 @@ from mechviz.commands.synthesis.tasks import (
     MostOpt,
     OutputOpt,
     PlotOpt,
-    angle_of,
-    check,
+    angle_option,
+    check_targets,
     function_of,
     give,
     length_of,
+    option_rows,
     pairs_of,
     quantity_in,
-    rows_of,
 )
 from mechviz.runs import run_scene
 from mechviz.studies.synthesis import figures
@@ -67,10 +67,12 @@ def function(
     Try: mechviz synthesise function "1/x" --from 1 --to 2 --crank 90 --rocker -90 --points 4 --crank-start 30
     """
     with clear_errors("function"):
-        check(output, plot)
-        task = FunctionTask(*function_of(expression, start, end), angle_of(input_range, "crank"), angle_of(output_range, "rocker"))
+        check_targets(output, plot)
+        task = FunctionTask(
+            *function_of(expression, start, end), angle_option(input_range, "crank"), angle_option(output_range, "rocker")
+        )
         starts = tuple(
-            None if text is None else angle_of(text, name)
+            None if text is None else angle_option(text, name)
             for text, name in ((input_start, "crank-start"), (output_start, "rocker-start"))
         )
         if spacing == "chebyshev" and points <= 5:
@@ -105,11 +107,11 @@ def slider(
     Try: mechviz synthesise slider "x^2" --from 0 --to 1 --crank 60 --travel -40 --crank-start 20 --slider-start 150
     """
     with clear_errors("slider"):
-        check(output, None)
+        check_targets(output, None)
         task = FunctionTask(
-            *function_of(expression, start, end), angle_of(input_range, "crank"), quantity_in(travel, "travel", "length")
+            *function_of(expression, start, end), angle_option(input_range, "crank"), quantity_in(travel, "travel", "length")
         )
-        begin = angle_of(input_start, "crank-start"), quantity_in(output_start, "slider-start", "length")
+        begin = angle_option(input_start, "crank-start"), quantity_in(output_start, "slider-start", "length")
         made = slider_generator(*task.turned(chebyshev_points(task.start, task.end, points)), *begin)
         if made is None:
             fail("No slider-crank meets these points. Give another --crank-start, --slider-start or --travel.")
@@ -141,12 +143,12 @@ def motion(
     Try: mechviz synthesise motion 0,0,0 30,15,20 60,20,45 75,10,70 --plot curves.svg -o found
     """
     with clear_errors("positions"):
-        check(output, plot)
-        rows = rows_of(positions, 3, "position")
-        poses = Poses(rows[:, 0] + 1j * rows[:, 1], rows[:, 2])
+        check_targets(output, plot)
+        rows = option_rows(positions, 3, "position")
+        poses = BodyPositions(rows[:, 0] + 1j * rows[:, 1], rows[:, 2])
         pivots = [pairs_of(given) for given in (moving, fixed)]
         in_body = [(z - complex(poses.places[0])) / complex(poses.turns[0]) for z in pivots[0]]
-        w, c = dyads(poses, in_body, pivots[1], angle_of(swing, "swing"))
+        w, c = dyads(poses, in_body, pivots[1], angle_option(swing, "swing"))
         named = bool(moving or fixed)
         if slider:
             if plot is not None:
@@ -185,23 +187,23 @@ def path(
     Try: mechviz synthesise path 20,20 20,25 20,30 20,35 20,40 20,45 --shortest 5 --longest 60 --plot path.svg
     """
     with clear_errors("points"):
-        check(output, plot)
-        rows = rows_of(points, 2, "point")
+        check_targets(output, plot)
+        rows = option_rows(points, 2, "point")
         if step is not None and angles is not None:
             fail("--step and --angles both say when the points are passed. Give one of them.")
         steps: Real | None = None
         if step is not None:
-            steps = angle_of(step, "step") * np.arange(float(len(rows)))
+            steps = angle_option(step, "step") * np.arange(float(len(rows)))
         elif angles is not None:
-            steps = np.array([angle_of(word, "angles") for word in angles.split(",")])
+            steps = np.array([angle_option(word, "angles") for word in angles.split(",")])
         elif start is not None:
             fail("--start needs --step or --angles.")
         task = PathTask(
             rows[:, 0] + 1j * rows[:, 1],
             steps,
-            None if start is None else angle_of(start, "start"),
+            None if start is None else angle_option(start, "start"),
             None if pivot is None else pairs_of([pivot])[0],
-            None if frame_angle is None else angle_of(frame_angle, "frame-angle"),
+            None if frame_angle is None else angle_option(frame_angle, "frame-angle"),
             (length_of(shortest, "shortest"), np.inf if longest is None else length_of(longest, "longest")),
             np.inf if farthest is None else length_of(farthest, "farthest"),
             (1, -1) if start is None else (1,),
@@ -223,6 +225,6 @@ def cognates(
     Try: mechviz synthesise cognates crank-rocker -o found
     """
     with clear_errors(scene):
-        check(output, None)
+        check_targets(output, None)
         run = run_scene(load_scene(scene, values), outputs=("positions",))
         give(cognate_solutions(*traced_four_bar(run)), output, None, None)

@@ -13,7 +13,17 @@ from mechcore.design.strokes import best_crank_rocker, best_slider_crank, slider
 from mechcore.design.strokes import whitworth as quick_return
 from mechviz.commands.shared.loading import clear_errors
 from mechviz.commands.shared.messages import fail, interruptible, say
-from mechviz.commands.synthesis.tasks import MostOpt, OutputOpt, PlotOpt, angle_of, check, give, length_of, quantity_in, written
+from mechviz.commands.synthesis.tasks import (
+    MostOpt,
+    OutputOpt,
+    PlotOpt,
+    angle_option,
+    check_targets,
+    give,
+    length_of,
+    quantity_in,
+    tell_written,
+)
 from mechviz.figures import save_chart
 from mechviz.studies.synthesis import figures
 from mechviz.studies.synthesis.chains import chain_solutions
@@ -45,7 +55,7 @@ def stroke(
     Try: mechviz synthesise stroke 200 --ratio 1.2 -o press.toml
     """
     with clear_errors("stroke"):
-        check(output, None)
+        check_targets(output, None)
         travel = length_of(length, "STROKE")
         if sum(given is not None for given in (offset, frame, whitworth)) > 1:
             fail("--offset is for slider-cranks, --frame for slotted levers, --whitworth for its quick return. Give one of them.")
@@ -72,8 +82,8 @@ def swing(
     Try: mechviz synthesise swing 40 --ratio 1.1176
     """
     with clear_errors("swing"):
-        check(output, None)
-        wanted = angle_of(angle, "SWING")
+        check_targets(output, None)
+        wanted = angle_option(angle, "SWING")
         give(
             [crank_rocker_solution(best_crank_rocker(wanted, ratio, length_of(rocker, "rocker")), wanted, ratio)],
             output,
@@ -95,8 +105,8 @@ def line(
     Try: mechviz synthesise line hoecken --range 140 --travel 80 -o hoecken.toml
     """
     with clear_errors("line"):
-        check(output, None)
-        wanted = None if straight is None else angle_of(straight, "range")
+        check_targets(output, None)
+        wanted = None if straight is None else angle_option(straight, "range")
         give(straight_line_solutions(list(names or ()), length_of(travel, "travel"), wanted), output, None, None)
 
 
@@ -116,10 +126,10 @@ def dwell(
     Try: mechviz synthesise dwell 90 --swing 30 --plot dwell.svg -o dwell.toml
     """
     with clear_errors("dwell"):
-        check(output, plot)
+        check_targets(output, plot)
         with interruptible():
-            linkages = dwell_linkages(angle_of(rest, "DWELL"), angle_of(swing, "swing"), seed, most)
-        solutions = dwell_solutions(linkages, length_of(crank, "crank"), angle_of(rest, "DWELL"))
+            linkages = dwell_linkages(angle_option(rest, "DWELL"), angle_option(swing, "swing"), seed, most)
+        solutions = dwell_solutions(linkages, length_of(crank, "crank"), angle_option(rest, "DWELL"))
         give(solutions, output, plot, lambda: figures.dwell_figure(linkages))
 
 
@@ -144,10 +154,10 @@ def lid(
     Try: mechviz synthesise lid 12kg --arm 300 --hand 550 --box 250 --plot lid.svg -o lid.toml
     """
     with clear_errors("lid"):
-        check(output, plot)
+        check_targets(output, plot)
         task = LidTask(
-            quantity_in(mass, "MASS", "mass"), length_of(arm, "arm"), length_of(hand, "hand"), angle_of(start, "from"),
-            angle_of(end, "to"), length_of(box, "box"), quantity_in(effort, "effort", "force"), pushes,
+            quantity_in(mass, "MASS", "mass"), length_of(arm, "arm"), length_of(hand, "hand"), angle_option(start, "from"),
+            angle_option(end, "to"), length_of(box, "box"), quantity_in(effort, "effort", "force"), pushes,
         )  # fmt: skip
         with interruptible():
             springs = lid_springs(task, seed)[:most]
@@ -167,7 +177,7 @@ def chains(
     Try: mechviz synthesise chains 6 --plot chains.svg -o chains
     """
     with clear_errors("chains"):
-        check(output, plot)
+        check_targets(output, plot)
         if output is not None and freedom != 1:
             fail("--output is for chains of one degree of freedom: others need a drive for each. Leave it out, and take --plot.")
         drawn = kinematic_chains(links, freedom)
@@ -178,7 +188,7 @@ def chains(
         print(f"{len(drawn)} chains, {sum(len(chain.frames) for chain in drawn)} inversions.")
         with interruptible(*(() if plot is None else ("matplotlib.figure",))):
             if output is not None:
-                written(write(chain_solutions(drawn), output))
+                tell_written(write(chain_solutions(drawn), output))
             if plot is not None:
                 save_chart(figures.chains_figure(drawn), plot)
                 say(f"{plot} written.")

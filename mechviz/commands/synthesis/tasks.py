@@ -16,7 +16,7 @@ from mechviz.figures import check_ending, save_chart
 from mechviz.files import check_target, read_regular
 from mechviz.scene.expressions import Amount, parse_expression
 from mechviz.scene.units import QuantityError, Units
-from mechviz.studies.synthesis.linkages import Solution, check_folder, table, write
+from mechviz.studies.synthesis.linkages import LinkageSolution, check_folder, solution_table, write
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -32,23 +32,23 @@ PlotOpt = Annotated[Path | None, typer.Option("--plot", help="write a chart (.sv
 MostOpt = Annotated[int, typer.Option("--most", min=1, max=1000, help="solutions that are shown")]
 
 
-def give(solutions: Sequence[Solution], output: Path | None, plot: Path | None, figure: Callable[[], Figure] | None) -> None:
+def give(solutions: Sequence[LinkageSolution], output: Path | None, plot: Path | None, figure: Callable[[], Figure] | None) -> None:
     """Prints solutions, and writes their scenes and their chart."""
-    print("\n".join(table(solutions)))
+    print("\n".join(solution_table(solutions)))
     with interruptible(*(() if plot is None else ("matplotlib.figure",))):
         if output is not None:
-            written(write(solutions, output))
+            tell_written(write(solutions, output))
         if plot is not None and figure is not None:
             save_chart(figure(), plot)
             say(f"{plot} written.")
 
 
-def written(paths: list[Path]) -> None:
+def tell_written(paths: list[Path]) -> None:
     """Say which scenes were written."""
     say(f"{paths[0]} written." if len(paths) == 1 else f"{len(paths)} scenes written to {paths[0].parent}.")
 
 
-def check(output: Path | None, plot: Path | None) -> None:
+def check_targets(output: Path | None, plot: Path | None) -> None:
     """Refuse targets that cannot be written before anything is computed. Raises `OutputError`."""
     if output is not None:
         check_folder(output)
@@ -57,7 +57,7 @@ def check(output: Path | None, plot: Path | None) -> None:
         check_target(plot)
 
 
-def angle_of(text: str, option: str) -> float:
+def angle_option(text: str, option: str) -> float:
     """An angle [rad] of an option."""
     return quantity_in(text, option, "angle")
 
@@ -91,10 +91,10 @@ def _named(option: str) -> str:
 
 def pairs_of(given: Sequence[str] | None) -> list[complex]:
     """Places [m] of an option that is given again and again."""
-    return [complex(x, y) for x, y in rows_of(list(given), 2, "pivot", least=1)] if given else []
+    return [complex(x, y) for x, y in option_rows(list(given), 2, "pivot", least=1)] if given else []
 
 
-def rows_of(words: list[str], columns: int, what: str, least: int = 2) -> Real:
+def option_rows(words: list[str], columns: int, what: str, least: int = 2) -> Real:
     """Rows of two lengths, and perhaps an angle, in SI units: texts with commas, or the rows of a CSV file."""
     if len(words) == 1 and "," not in words[0]:
         text = read_regular(words[0], LARGEST_FILE).decode("utf-8", "replace")

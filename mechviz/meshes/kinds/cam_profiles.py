@@ -9,17 +9,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 from shapely.geometry import LineString, Point, Polygon
 
-from mechcore.arrays import Complex
+from mechcore.arrays import Complex, Vec2
 from mechcore.cams.followers import Oscillating
 from mechcore.joints.base import Builder, point_of
 from mechcore.records import dataclass
-from mechcore.spec.mechanism import CamJoint, Mechanism, Vec2
+from mechcore.spec.mechanism import CamJoint, Mechanism
 from mechviz.meshes import outline
-from mechviz.meshes.draft import Draft, Neck, Piece
+from mechviz.meshes.draft import Neck, PlacedPart, SolidsDraft
 
 if TYPE_CHECKING:
     from mechcore.cams.placement.plane import PlacedCam
-    from mechviz.meshes.model import Model
+    from mechviz.meshes.model import ScaledMechanism
 
 _PROFILE_POINTS = 1080  # points of a profile
 
@@ -165,18 +165,18 @@ def _group(drawing: InverseDrawing) -> str:
     return f"groove {drawing.joint}"
 
 
-def draw_inverse(model: Model, draft: Draft) -> None:
+def draw_inverse(model: ScaledMechanism, draft: SolidsDraft) -> None:
     """Pieces of all inverse cams."""
     r = model.proportions.r
     for drawing in model.inverse:
         group, mates = _group(drawing), frozenset([drawing.joint])
         body = drawing.groove.buffer(max(1.3 * r, 0.9 * drawing.radius), quad_segs=32).difference(drawing.groove)
-        draft.pieces.append(Piece(drawing.driven, outline.largest(body), group, "wheel", mates))
+        draft.pieces.append(PlacedPart(drawing.driven, outline.largest(body), group, "wheel", mates))
         for end in drawing.ends:
             spot = outline.polygons(Point(end).buffer(0.5 * r).intersection(body.buffer(-0.05 * r)))
             if spot:
                 draft.necks.append(Neck(drawing.driven, spot[0], (draft.groups[drawing.driven], group)))
         roller = outline.disc(drawing.tip, drawing.radius, _ROLLER_SIDES)
-        draft.pieces.append(Piece(drawing.crank, roller, group, "wheel", mates))
+        draft.pieces.append(PlacedPart(drawing.crank, roller, group, "wheel", mates))
         pin = outline.disc(drawing.tip, 0.5 * min(drawing.radius, r), model.segments)
         draft.necks.append(Neck(drawing.crank, pin, (draft.groups[drawing.crank], group)))

@@ -19,9 +19,9 @@ from mechcore.cams.closures import breadth
 from mechcore.cams.followers import Arc, Flat, Oscillating, Roller
 from mechcore.records import dataclass
 from mechviz.meshes import outline
-from mechviz.meshes.draft import Draft, Neck, Piece, joined
+from mechviz.meshes.draft import Neck, PlacedPart, SolidsDraft, share_a_pin
 from mechviz.meshes.kinds.cam_profiles import CamDrawing
-from mechviz.meshes.model import Model
+from mechviz.meshes.model import ScaledMechanism
 
 _PROFILE_POINTS = 1080  # points of a profile
 _ROLLER_SIDES = 256  # sides of a roller: it has to touch as exactly as the profile
@@ -32,7 +32,7 @@ _CHEEK_HEIGHT = 0.2  # height of the cheeks of a fork, in thicknesses of a plate
 # -- layers ---------------------------------------------------------------------------------------------------------------
 
 
-def group_cams(model: Model, draft: Draft, taken: set[str]) -> set[str]:
+def group_cams(model: ScaledMechanism, draft: SolidsDraft, taken: set[str]) -> set[str]:
     """Put cams and what touches them onto common layers -> links that need no plate of their own, those ``taken`` included."""
     plain = set(taken)
     for drawing in model.spatial:  # its shaft lies in the plane: it has no layer of its own
@@ -48,7 +48,7 @@ def group_cams(model: Model, draft: Draft, taken: set[str]) -> set[str]:
         if cam.grounded and cam.follower not in plain:
             plain.add(cam.follower)
             own = draft.groups[cam.follower]
-            if not _before(cam) and own != group and not joined(model, draft, own, group):
+            if not _before(cam) and own != group and not share_a_pin(model, draft, own, group):
                 draft.merge(own, draft.cams[-1])
         for number, axle in enumerate(model.axles):
             at = axle.centres.get(cam.cam)
@@ -62,7 +62,7 @@ def _before(cam: CamDrawing) -> bool:
     return cam.placed.groove or cam.placed.mate is not None
 
 
-def _holds(model: Model, cam: CamDrawing) -> bool:
+def _holds(model: ScaledMechanism, cam: CamDrawing) -> bool:
     """Whether all pins of the cam's link are inside the profile."""
     r = model.proportions.r
     own = [at for at in (*model.pins(cam.cam), *model.marks[cam.cam]) if math.dist(at, cam.bore) > 1e-9]
@@ -73,7 +73,7 @@ def _holds(model: Model, cam: CamDrawing) -> bool:
 # -- drawing --------------------------------------------------------------------------------------------------------------
 
 
-def draw_cams(model: Model, draft: Draft) -> None:
+def draw_cams(model: ScaledMechanism, draft: SolidsDraft) -> None:
     """Pieces of all cams and followers."""
     for k, cam in enumerate(model.cams):
         group = draft.cams[k]
@@ -89,16 +89,16 @@ def draw_cams(model: Model, draft: Draft) -> None:
             _draw_bed(model, draft, cam, group)
 
 
-def _draw_cam(model: Model, draft: Draft, cam: CamDrawing, group: str, *, home: bool) -> None:
+def _draw_cam(model: ScaledMechanism, draft: SolidsDraft, cam: CamDrawing, group: str, *, home: bool) -> None:
     r = model.proportions.r
     mates = frozenset([cam.joint])
     kind = "plate" if home else "wheel"
-    draft.pieces.append(Piece(cam.cam, cam.profile, group, kind, mates))
+    draft.pieces.append(PlacedPart(cam.cam, cam.profile, group, kind, mates))
     if cam.placed.groove and not cam.bed:
         outer = _outer_flank(cam)
         rim = outer.buffer(1.4 * r, quad_segs=32)
         rim = outline.disc(cam.bore, max(math.dist(cam.bore, xy) for xy in rim.exterior.coords), _ROLLER_SIDES)
-        draft.pieces.append(Piece(cam.cam, rim.difference(outer), group, "wheel", mates))
+        draft.pieces.append(PlacedPart(cam.cam, rim.difference(outer), group, "wheel", mates))
         heads = [  # other pins through the cam need room for their heads
             outline.disc(a.centres[cam.cam], 1.06 * a.sleeve, model.segments)
             for a in model.axles
@@ -106,7 +106,7 @@ def _draw_cam(model: Model, draft: Draft, cam: CamDrawing, group: str, *, home: 
         ]
         floor = rim.buffer(-0.06 * r, quad_segs=32)  # no edge of it coincides with one of the rim
         floor = outline.largest(floor.difference(unary_union(heads))) if heads else floor
-        draft.pieces.append(Piece(cam.cam, floor, group, "disc", mates, height=(-_CHEEK_HEIGHT, 0.0)))
+        draft.pieces.append(PlacedPart(cam.cam, floor, group, "disc", mates, height=(-_CHEEK_HEIGHT, 0.0)))
     if not home and cam.cam in draft.groups:
         draft.necks.append(Neck(cam.cam, outline.disc(cam.bore, 0.8 * r, model.segments), (draft.groups[cam.cam], group)))
 
@@ -119,7 +119,7 @@ def _outer_flank(cam: CamDrawing) -> Polygon:
     return Polygon(np.column_stack([w.real, w.imag])).buffer(0.0)
 
 
-def _draw_bed(model: Model, draft: Draft, cam: CamDrawing, group: str) -> None:
+def _draw_bed(model: ScaledMechanism, draft: SolidsDraft, cam: CamDrawing, group: str) -> None:
     """The ground below a wedge, over its way."""
     r, placed = model.proportions.r, cam.placed
     back = [(complex(x, y) - placed.own / cam.size) / placed.mount for x, y in cam.profile.exterior.coords]
@@ -134,7 +134,7 @@ def _draw_bed(model: Model, draft: Draft, cam: CamDrawing, group: str) -> None:
     ends = [placed.centre / cam.size + placed.axes * complex(x, deep - 0.05 * r) for x in (high, low)]
     a, b = ((z.real, z.imag) for z in ends)
     bar = outline.hatched_bar(b, a, r, thickness=0.42 * r)
-    draft.pieces.append(Piece(model.frame, bar, group, "rail", frozenset([cam.joint])))
+    draft.pieces.append(PlacedPart(model.frame, bar, group, "rail", frozenset([cam.joint])))
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,7 +153,7 @@ def _cycle(cam: CamDrawing) -> Any:
     return cam.placed.cam.at(start + length * np.arange(721) / 720)
 
 
-def _head(model: Model, cam: CamDrawing) -> _Head:
+def _head(model: ScaledMechanism, cam: CamDrawing) -> _Head:
     """The head of a follower; of an oscillating one as it stands at ``theta``."""
     r, placed = model.proportions.r, cam.placed
     face, s = placed.cam.follower.face, _cycle(cam)
@@ -224,12 +224,12 @@ def _yoke(cam: CamDrawing, r: float) -> _Head:
     return _Head(inner.buffer(0.8 * r, join_style="mitre").difference(inner), 0.8 * r)
 
 
-def _draw_head(model: Model, draft: Draft, cam: CamDrawing, group: str) -> None:
+def _draw_head(model: ScaledMechanism, draft: SolidsDraft, cam: CamDrawing, group: str) -> None:
     """The head alone, on the cam's layer, held by the plate of the follower."""
     r = model.proportions.r
     head = _head(model, cam)
     shape = _moved(head.touching, complex(*cam.tip), cam.turn)
-    draft.pieces.append(Piece(cam.follower, shape, group, "wheel", frozenset([cam.joint])))
+    draft.pieces.append(PlacedPart(cam.follower, shape, group, "wheel", frozenset([cam.joint])))
     if draft.groups.get(cam.follower) != group and cam.follower in draft.groups:
         inside = shape.buffer(-0.12 * r)
         spot = outline.disc(cam.tip, 0.6 * r, model.segments).intersection(inside if not inside.is_empty else shape)
@@ -238,7 +238,7 @@ def _draw_head(model: Model, draft: Draft, cam: CamDrawing, group: str) -> None:
         draft.necks.append(Neck(cam.follower, outline.largest(spot), (draft.groups[cam.follower], group)))
 
 
-def _draw_stem(model: Model, draft: Draft, cam: CamDrawing, group: str) -> None:
+def _draw_stem(model: ScaledMechanism, draft: SolidsDraft, cam: CamDrawing, group: str) -> None:
     """A translating follower on a guide of the ground: head, stem and rails."""
     r, placed = model.proportions.r, cam.placed
     head, mates = _head(model, cam), frozenset([cam.joint])
@@ -280,7 +280,7 @@ def _draw_stem(model: Model, draft: Draft, cam: CamDrawing, group: str) -> None:
             rod = rod.difference(outline.disc((0.0, 0.0), 1.06 * head.top, _ROLLER_SIDES))
         roller = _moved(head.touching, complex(*cam.tip), cam.turn)
         height = (_ROLLER_CLEARANCE, 1.0) if placed.groove else (0.0, 1.0)  # clear of the groove's floor
-        draft.pieces.append(Piece(cam.follower, roller, group, "wheel", mates, height=height))
+        draft.pieces.append(PlacedPart(cam.follower, roller, group, "wheel", mates, height=height))
         if _before(cam):
             foot = (0.0, bottom + r) if placed.mate is None else (0.0, head.top)
             cheek = outline.hull([((0.0, 0.0), 0.6 * min(head.top, r)), (foot, half)], model.segments)
@@ -290,25 +290,25 @@ def _draw_stem(model: Model, draft: Draft, cam: CamDrawing, group: str) -> None:
         else:
             for height in ((-_CHEEK_HEIGHT, 0.02), (0.98, 1.0 + _CHEEK_HEIGHT)):
                 draft.pieces.append(
-                    Piece(cam.follower, _moved(cheek, complex(*cam.tip), cam.turn), own, "wheel", mates, height=height)
+                    PlacedPart(cam.follower, _moved(cheek, complex(*cam.tip), cam.turn), own, "wheel", mates, height=height)
                 )
     else:
         rod = unary_union([head.touching, *stem])
         if own != group:
-            draft.pieces.append(Piece(cam.follower, _moved(head.touching, complex(*cam.tip), cam.turn), group, "wheel", mates))
+            draft.pieces.append(PlacedPart(cam.follower, _moved(head.touching, complex(*cam.tip), cam.turn), group, "wheel", mates))
             spot = head.touching.buffer(-0.1 * r)
             spot = outline.largest(spot if not spot.is_empty else head.touching)
             draft.necks.append(Neck(cam.follower, _moved(spot, complex(*cam.tip), cam.turn), (own, group)))
     whole = outline.largest(_moved(rod, complex(*cam.tip), cam.turn))
-    draft.pieces.append(Piece(cam.follower, whole, own, "plate", mates))
+    draft.pieces.append(PlacedPart(cam.follower, whole, own, "plate", mates))
     offset = placed.offset / cam.size
     origin = placed.centre / cam.size + placed.axes * offset
     up = placed.axes * 1j
     strips = outline.guide_rails((origin.real, origin.imag), (up.real, up.imag), low, high, half, r)
-    draft.pieces += [Piece(model.frame, strip, own, "rail", mates) for strip in strips]
+    draft.pieces += [PlacedPart(model.frame, strip, own, "rail", mates) for strip in strips]
 
 
-def _guide_height(model: Model, cam: CamDrawing) -> float:
+def _guide_height(model: ScaledMechanism, cam: CamDrawing) -> float:
     """Height of the guide's own point on the ground above the cam's axis."""
     at = model.guide_points.get(cam.guide)
     return -math.inf if at is None else float(((complex(*at) - cam.placed.centre / cam.size) * np.conj(cam.placed.axes)).imag)

@@ -11,14 +11,15 @@ import numpy as np
 from shapely import affinity
 from shapely.geometry import Point, Polygon
 
+from mechcore.arrays import Vec2
 from mechcore.joints.base import LoopJoint
 from mechcore.records import dataclass
-from mechcore.spec.mechanism import Cylinder, Mechanism, Prismatic, Revolute, Vec2
+from mechcore.spec.mechanism import Cylinder, Mechanism, Prismatic, Revolute
 from mechviz.meshes import outline
-from mechviz.meshes.draft import Draft, Neck, Piece, joined
+from mechviz.meshes.draft import Neck, PlacedPart, SolidsDraft, share_a_pin
 
 if TYPE_CHECKING:
-    from mechviz.meshes.model import Model, Slot, Weldment
+    from mechviz.meshes.model import ScaledMechanism, Slot, Weldment
 
 _SEAM_WIDTH = 0.05  # width of the seam between plates that are welded, in half widths of a plate
 
@@ -26,7 +27,7 @@ _SEAM_WIDTH = 0.05  # width of the seam between plates that are welded, in half 
 # --- pins in slots ------------------------------------------------------------------------------------------------------
 
 
-def _pin_axle(model: Model, slot: Slot) -> int:
+def _pin_axle(model: ScaledMechanism, slot: Slot) -> int:
     """The axle whose pin slides in a slot."""
     return next(
         k
@@ -35,14 +36,14 @@ def _pin_axle(model: Model, slot: Slot) -> int:
     )
 
 
-def group_slots(model: Model, draft: Draft) -> None:
+def group_slots(model: ScaledMechanism, draft: SolidsDraft) -> None:
     """A pin reaches through the layer of the slot that it slides in."""
     for slot in model.slots:
         group = f"rails of {slot.joint}" if slot.link == model.frame else draft.groups[slot.link]
         draft.through.setdefault(_pin_axle(model, slot), set()).add(group)
 
 
-def slot_of(model: Model, slot: Slot) -> Polygon:
+def slot_of(model: ScaledMechanism, slot: Slot) -> Polygon:
     """The opening in a slotted plate: the path of the pin with a little play."""
     axle = model.axles[_pin_axle(model, slot)]
     low, high = slot.travel
@@ -51,7 +52,7 @@ def slot_of(model: Model, slot: Slot) -> Polygon:
     return outline.hull([(end, 1.06 * axle.pin) for end in ends], model.segments)
 
 
-def draw_slots(model: Model, draft: Draft) -> None:
+def draw_slots(model: ScaledMechanism, draft: SolidsDraft) -> None:
     """Slots of the ground: two rails with a roller on the pin between them."""
     r = model.proportions.r
     for slot in model.slots:
@@ -60,14 +61,14 @@ def draw_slots(model: Model, draft: Draft) -> None:
         group = f"rails of {slot.joint}"
         low, high = slot.travel
         strips = outline.guide_rails(slot.origin, slot.along, low - 1.6 * r, high + 1.6 * r, 1.15 * r, r)
-        draft.pieces += [Piece(model.frame, strip, group, "rail") for strip in strips]
-        draft.pieces.append(Piece(slot.pin, outline.disc(slot.point, 1.12 * r, model.segments), group, "block"))
+        draft.pieces += [PlacedPart(model.frame, strip, group, "rail") for strip in strips]
+        draft.pieces.append(PlacedPart(slot.pin, outline.disc(slot.point, 1.12 * r, model.segments), group, "block"))
 
 
 # --- welds --------------------------------------------------------------------------------------------------------------
 
 
-def on_shafts(model: Model) -> Model:
+def on_shafts(model: ScaledMechanism) -> ScaledMechanism:
     """The mechanism with links that are welded at the axis of a pin put on that pin, as two cranks at both ends of a shaft."""
     axles = list(model.axles)
     for weld in model.welds:
@@ -80,7 +81,7 @@ def on_shafts(model: Model) -> Model:
     return replace(model, axles=tuple(axles))
 
 
-def join_welds(model: Model, draft: Draft, plates: dict[str, Polygon]) -> None:
+def join_welds(model: ScaledMechanism, draft: SolidsDraft, plates: dict[str, Polygon]) -> None:
     """Welded plates lie flush: on one layer, the second cut to the edge of the first; else on two, with a stud between them."""
     r = model.proportions.r
     for weld in model.welds:
@@ -95,7 +96,7 @@ def join_welds(model: Model, draft: Draft, plates: dict[str, Polygon]) -> None:
         a, b = draft.groups[first], draft.groups[second]
         if a == b and not {first, second} <= set(plates):
             continue
-        cut = _cut(model, weld, plates) if {first, second} <= set(plates) and not joined(model, draft, a, b) else None
+        cut = _cut(model, weld, plates) if {first, second} <= set(plates) and not share_a_pin(model, draft, a, b) else None
         if cut is not None:
             plates[second] = cut
             draft.merge(b, a)
@@ -103,7 +104,7 @@ def join_welds(model: Model, draft: Draft, plates: dict[str, Polygon]) -> None:
             draft.necks.append(Neck(first, outline.disc(weld.points[0], 0.75 * r, model.segments), (a, b)))
 
 
-def _by_shaft(model: Model, weld: Weldment) -> bool:
+def _by_shaft(model: ScaledMechanism, weld: Weldment) -> bool:
     """Whether a pin joins two welded links."""
     ends = list(zip(weld.links, weld.points, strict=True))
     return any(
@@ -112,7 +113,7 @@ def _by_shaft(model: Model, weld: Weldment) -> bool:
     )
 
 
-def _cut(model: Model, weld: Weldment, plates: dict[str, Polygon]) -> Polygon | None:
+def _cut(model: ScaledMechanism, weld: Weldment, plates: dict[str, Polygon]) -> Polygon | None:
     """The second plate without what the first one covers; None if that cuts away a place for one of its pins."""
     first, second = weld.links
     (ax, ay), (bx, by) = weld.points
@@ -132,13 +133,13 @@ def _cut(model: Model, weld: Weldment, plates: dict[str, Polygon]) -> Polygon | 
 # --- cylinders ----------------------------------------------------------------------------------------------------------
 
 
-def group_telescopes(model: Model, draft: Draft) -> None:
+def group_telescopes(model: ScaledMechanism, draft: SolidsDraft) -> None:
     """Barrel and rod lie on one layer."""
     for telescope in model.telescopes:
         draft.merge(draft.groups[telescope.rod], draft.groups[telescope.barrel])
 
 
-def lug(model: Model, link: str) -> list[outline.Disc]:
+def lug(model: ScaledMechanism, link: str) -> list[outline.Disc]:
     """Strap by which the plate of a barrel or rod holds on to the round part beside its pin."""
     r = model.proportions.r
     for telescope in model.telescopes:
@@ -148,7 +149,7 @@ def lug(model: Model, link: str) -> list[outline.Disc]:
     return []
 
 
-def draw_telescopes(model: Model, draft: Draft) -> None:
+def draw_telescopes(model: ScaledMechanism, draft: SolidsDraft) -> None:
     for telescope in model.telescopes:
         group = draft.groups[telescope.barrel]
         mates = frozenset([telescope.joint])
@@ -158,10 +159,10 @@ def draw_telescopes(model: Model, draft: Draft) -> None:
             low, high, radius = min(xs), max(xs), max(radii)
             line = telescope.line(link)
             shape = outline.rectangle(_along(*line, 0.5 * (low + high)), line[1], high - low, 2.0 * radius, 0.0)
-            draft.pieces.append(Piece(link, shape, group, kind, mates, profile=profile, line=line))
+            draft.pieces.append(PlacedPart(link, shape, group, kind, mates, profile=profile, line=line))
 
 
-def _profiles(model: Model, telescope: Telescope) -> tuple[tuple[Vec2, ...], tuple[Vec2, ...]]:
+def _profiles(model: ScaledMechanism, telescope: Telescope) -> tuple[tuple[Vec2, ...], tuple[Vec2, ...]]:
     """Profiles (radius, x) of the barrel, a cup, and of the rod with its piston, x along their line from their pins.
 
     Barrel and rod are as long as the shortest length of the cylinder allows; where its stroke is longer than they can cover, the

@@ -89,7 +89,7 @@ def rack_teeth(low: float, high: float, phase: float, angle: float, body: float)
 
 
 @dataclass(frozen=True)
-class Loop:
+class BeltLoop:
     """A belt's middle line in the axes of its carrier [m]: over the far side of the first pulley counter-clockwise, along a span to
     the second, over that (clockwise where the spans cross) and back."""
 
@@ -103,7 +103,7 @@ class Loop:
     low: float = 0.0  # of the belt in z
     high: float = 0.0
 
-    def placed(self, size: float, low: float, high: float) -> Loop:
+    def placed(self, size: float, low: float, high: float) -> BeltLoop:
         """The loop so many times as large, between two heights in its present unit."""
         (c1, c2), (r1, r2) = self.centres, self.radii
         return replace(

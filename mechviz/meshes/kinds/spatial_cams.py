@@ -13,18 +13,18 @@ import numpy as np
 from shapely.geometry import LineString, Polygon
 from shapely.ops import unary_union
 
-from mechcore.arrays import Real
+from mechcore.arrays import Real, Vec2
 from mechcore.joints.base import Builder, point_of
 from mechcore.records import dataclass
-from mechcore.spec.mechanism import CamJoint, Mechanism, Vec2
+from mechcore.spec.mechanism import CamJoint, Mechanism
 from mechviz.meshes.extrude import Part, Prism, Shell, bored, plate, revolve
 from mechviz.meshes.outline import disc, key_outline, keyed_bore, keyway_reach
-from mechviz.meshes.shading import PIN_COLOR, Color
+from mechviz.meshes.shading import PIN_COLOR, SolidColor
 
 if TYPE_CHECKING:
     from mechcore.cams.placement.spatial import PlacedSpatial
     from mechviz.meshes.layers import Levels
-    from mechviz.meshes.model import Model
+    from mechviz.meshes.model import ScaledMechanism
 
 _BORE_SIDES = 48  # sides of bore and shaft
 _SHAFT_FIT = 0.995  # radius of the shaft in its bore
@@ -172,7 +172,7 @@ def _space(drawing: SpatialDrawing, p: Real, height: float) -> Real:
     return np.column_stack([w.real / drawing.size, w.imag / drawing.size, out / drawing.size + height])
 
 
-def spatial_parts(model: Model, levels: Levels) -> tuple[list[Part], dict[str, Spin]]:
+def spatial_parts(model: ScaledMechanism, levels: Levels) -> tuple[list[Part], dict[str, Spin]]:
     """Solids of all spatial cams with their shafts, bearings and rollers, and about what the cams' links turn."""
     parts: list[Part] = []
     spins: dict[str, Spin] = {}
@@ -186,20 +186,20 @@ def spatial_parts(model: Model, levels: Levels) -> tuple[list[Part], dict[str, S
     return parts, spins
 
 
-def _height(model: Model, levels: Levels, drawing: SpatialDrawing) -> float:
+def _height(model: ScaledMechanism, levels: Levels, drawing: SpatialDrawing) -> float:
     low, high = levels.plate(levels.of(drawing.follower))
     if drawing.flat:
         return 0.5 * (low + high)
     return low - 0.5 * model.proportions.r - drawing.placed.blank.radius / drawing.size
 
 
-def turrets_reach(model: Model, levels: Levels) -> float:
+def turrets_reach(model: ScaledMechanism, levels: Levels) -> float:
     """How far down rollers reach that lie all around their turret's pivot; infinite where there are none."""
     lying = [drawing for drawing in model.spatial if drawing.flat and drawing.placed.blank.rollers]
     return min((_height(model, levels, d) - d.placed.cam.radius / d.size for d in lying), default=np.inf)
 
 
-def _cam_parts(model: Model, drawing: SpatialDrawing, height: float) -> list[Part]:
+def _cam_parts(model: ScaledMechanism, drawing: SpatialDrawing, height: float) -> list[Part]:
     placed, r = drawing.placed, model.proportions.r
     least = placed.blank.radius - placed.blank.depth
     if drawing.flat and placed.pivot is not None:
@@ -214,7 +214,7 @@ def _cam_parts(model: Model, drawing: SpatialDrawing, height: float) -> list[Par
     mates = frozenset([drawing.joint])
     spot = disc(drawing.bore, 0.2 * r, 12)
 
-    def part(link: str, kind: str, shell: Shell, color: Color | None = None) -> Part:
+    def part(link: str, kind: str, shell: Shell, color: SolidColor | None = None) -> Part:
         points = _space(drawing, shell.vertices, height) if link == drawing.cam else _still(drawing, shell.vertices, height)
         low, high = float(points[:, 2].min()), float(points[:, 2].max())
         return Part(link, kind, _outwards(Shell(points, shell.faces)), color, (Prism(spot, low, high),), mates)
@@ -267,7 +267,7 @@ def _outwards(shell: Shell) -> Shell:
     return shell if volume > 0.0 else Shell(shell.vertices, shell.faces[:, ::-1])
 
 
-def _rollers(model: Model, levels: Levels, drawing: SpatialDrawing, height: float) -> list[Part]:
+def _rollers(model: ScaledMechanism, levels: Levels, drawing: SpatialDrawing, height: float) -> list[Part]:
     placed, size = drawing.placed, drawing.size
     radius, pin = placed.cam.radius / size, 0.55 * placed.cam.radius / size
     depth = placed.blank.depth / size
@@ -312,7 +312,7 @@ def _rollers(model: Model, levels: Levels, drawing: SpatialDrawing, height: floa
     return [*parts, *_turret(model, levels, drawing, star)]
 
 
-def _turret(model: Model, levels: Levels, drawing: SpatialDrawing, shape: Polygon) -> list[Part]:
+def _turret(model: ScaledMechanism, levels: Levels, drawing: SpatialDrawing, shape: Polygon) -> list[Part]:
     """Carrier of the rollers of a turret: a disc, or a star where they stand on it."""
     if not drawing.placed.blank.rollers or drawing.hinge is None:
         return []

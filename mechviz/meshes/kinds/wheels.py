@@ -14,17 +14,17 @@ from typing import Literal
 
 import numpy as np
 
-from mechcore.arrays import Real
+from mechcore.arrays import Real, Vec2
 from mechcore.joints.base import Builder, point_of
 from mechcore.records import dataclass
-from mechcore.spec.mechanism import Belt, Gear, Mechanism, Prismatic, Rack, Rolling, Vec2
+from mechcore.spec.mechanism import Belt, Gear, Mechanism, Prismatic, Rack, Rolling
 
 _FEWEST_TEETH, _MOST_TEETH = 6, 400  # sizes within these bounds that are whole numbers are numbers of teeth
 _USUAL_TEETH = range(16, 49)  # teeth of the smallest wheel where none are stated
 _RACK_PINION = 20  # teeth of a pinion that meshes with racks only
 _SAME_SIZE = 1e-6
 
-Poses = Mapping[str, Real]
+PosesByLink = Mapping[str, Real]
 
 
 @dataclass(frozen=True)
@@ -105,7 +105,7 @@ class _Finder:
     mechanism: Mechanism
     parts: Builder
     size: float
-    poses: Poses  # in units of the size
+    poses: PosesByLink  # in units of the size
     wheels: list[Wheel] = field(default_factory=list)
     meshes: list[tuple[int, int, complex, complex]] = field(default_factory=list)  # wheels, world directions to the pitch point
     racks: list[tuple[RackBar, complex, float]] = field(default_factory=list)  # bar; way to it and its angle in the world
@@ -318,7 +318,7 @@ class _Finder:
         return tuple(out)
 
 
-def find_wheels(mechanism: Mechanism, parts: Builder, size: float, poses: Poses) -> Wheels:
+def find_wheels(mechanism: Mechanism, parts: Builder, size: float, poses: PosesByLink) -> Wheels:
     """Wheels, racks, tracks and bands of a mechanism; ``poses`` (F, 3) in units of the size, empty if not known."""
     finder = _Finder(mechanism, parts, size, poses)
     for joint in mechanism.joints:

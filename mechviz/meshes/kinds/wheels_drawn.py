@@ -11,13 +11,13 @@ from shapely import affinity
 from shapely.geometry import LineString, Point, Polygon
 from shapely.ops import unary_union
 
+from mechcore.arrays import Vec2
 from mechcore.errors import Fault, MechanismError
-from mechcore.spec.mechanism import Vec2
 from mechviz.meshes import outline
-from mechviz.meshes.draft import Draft, Neck, Piece
-from mechviz.meshes.kinds.rims import ADDENDUM, DEDENDUM, Loop, external_wheel, rack_teeth, ring_teeth
+from mechviz.meshes.draft import Neck, PlacedPart, SolidsDraft
+from mechviz.meshes.kinds.rims import ADDENDUM, DEDENDUM, BeltLoop, external_wheel, rack_teeth, ring_teeth
 from mechviz.meshes.kinds.wheels import Band, RackBar, Track, Wheel
-from mechviz.meshes.model import Model, place
+from mechviz.meshes.model import ScaledMechanism, world_points
 
 _WHEEL_GAP = 0.02  # between a wheel and what it rolls on, a belt and its pulley; in half widths of a plate
 _FLANGE_HEIGHT = 1.6  # height of a pulley's flanges above the floor of its groove, in thicknesses of its belt
@@ -25,7 +25,7 @@ MOST_TEETH = 1_000  # of a rack: each takes part in every step of its outline
 _RIM_WIDTH = 2.2  # width of a ring's rim, in half widths of a plate
 
 
-def group_wheels(model: Model, draft: Draft) -> set[str]:
+def group_wheels(model: ScaledMechanism, draft: SolidsDraft) -> set[str]:
     """Put wheels that mesh onto one layer -> links that need no plate beside their wheels."""
     wheels = model.wheels
     plain: set[str] = set()
@@ -50,14 +50,14 @@ def group_wheels(model: Model, draft: Draft) -> set[str]:
     return plain
 
 
-def draw_wheels(model: Model, draft: Draft) -> None:
+def draw_wheels(model: ScaledMechanism, draft: SolidsDraft) -> None:
     """Pieces of all wheels, racks, tracks and belts."""
     for k, wheel in enumerate(model.wheels.wheels):
         group = draft.wheels[k]
         mates = frozenset(wheel.joints) if wheel.kind in ("gear", "ring") else frozenset()
         kind = "plate" if wheel.kind != "ring" and draft.groups.get(wheel.link) == group else "wheel"
         groove = _FLANGE_HEIGHT * _belt(model) if wheel.kind == "pulley" else 0.0
-        draft.pieces.append(Piece(wheel.link, _body(model, wheel), group, kind, mates, groove=groove))
+        draft.pieces.append(PlacedPart(wheel.link, _body(model, wheel), group, kind, mates, groove=groove))
         _hold(model, draft, k)
     for bar in model.wheels.racks:
         _draw_rack(model, draft, bar)
@@ -67,14 +67,14 @@ def draw_wheels(model: Model, draft: Draft) -> None:
         _draw_band(model, draft, band)
 
 
-def webs(model: Model, draft: Draft) -> list[str]:
+def webs(model: ScaledMechanism, draft: SolidsDraft) -> list[str]:
     """Groups of the spoked discs that carry turning rings."""
     rings = [(wheel, group) for wheel, group in zip(model.wheels.wheels, draft.wheels, strict=True) if wheel.kind == "ring"]
     own = [(draft.groups[wheel.link], group) for wheel, group in rings if wheel.link != model.frame]
     return [plate for plate, group in own if plate != group]
 
 
-def rail_ends(model: Model, link: str) -> list[outline.Disc]:
+def rail_ends(model: ScaledMechanism, link: str) -> list[outline.Disc]:
     """Discs by which the plate of a moving link reaches the rails and racks that it carries on another layer."""
     r = model.proportions.r
     if link == model.frame:
@@ -93,7 +93,7 @@ def rail_ends(model: Model, link: str) -> list[outline.Disc]:
 # --- wheels -------------------------------------------------------------------------------------------------------------
 
 
-def _root(model: Model, wheel: Wheel) -> float:
+def _root(model: ScaledMechanism, wheel: Wheel) -> float:
     """Radius of the solid body of a wheel: below its teeth, its groove or its tread; outside a ring's teeth."""
     if wheel.kind == "ring":
         return wheel.radius + DEDENDUM * wheel.module
@@ -104,13 +104,13 @@ def _root(model: Model, wheel: Wheel) -> float:
     return wheel.radius - _WHEEL_GAP * model.proportions.r
 
 
-def _belt(model: Model) -> float:
+def _belt(model: ScaledMechanism) -> float:
     """Thickness of belts."""
     smallest = min((wheel.radius for wheel in model.wheels.wheels if wheel.kind == "pulley"), default=1.0)
     return min(0.4 * model.proportions.r, 0.2 * smallest)
 
 
-def _home(model: Model, link: str) -> int | None:
+def _home(model: ScaledMechanism, link: str) -> int | None:
     """The wheel that serves as a link's plate: the widest one, if it holds all pins and marks of the link."""
     r = model.proportions.r
     if link == model.frame or _guided(model, link):
@@ -130,12 +130,12 @@ def _home(model: Model, link: str) -> int | None:
     return None
 
 
-def _guided(model: Model, link: str) -> bool:
+def _guided(model: ScaledMechanism, link: str) -> bool:
     """Whether a link needs a plate for a guide or a slot."""
     return any(link in (guide.rail, guide.block) for guide in model.guides) or any(link == slot.link for slot in model.slots)
 
 
-def _has_web(model: Model, link: str) -> bool:
+def _has_web(model: ScaledMechanism, link: str) -> bool:
     """Whether a link is a ring that turns: a spoked disc beside its teeth is its plate."""
     rings = any(model.wheels.wheels[k].kind == "ring" for k in model.wheels.of(link))
     return rings and not _still(model, link) and not _guided(model, link)
@@ -145,12 +145,12 @@ def _away(at: Vec2, wheel: Wheel) -> float:
     return float(np.hypot(at[0] - wheel.centre[0], at[1] - wheel.centre[1]))
 
 
-def _still(model: Model, link: str) -> bool:
+def _still(model: ScaledMechanism, link: str) -> bool:
     """Whether a weld holds a link to the ground."""
     return link == model.frame or any(set(weld.links) == {link, model.frame} for weld in model.welds)
 
 
-def _body(model: Model, wheel: Wheel) -> Polygon:
+def _body(model: ScaledMechanism, wheel: Wheel) -> Polygon:
     """Outline of a wheel with its teeth and windows, in the link's frame."""
     size = model.proportions
     if wheel.kind == "ring":
@@ -172,7 +172,7 @@ def _set_up(shape: Polygon, wheel: Wheel) -> Polygon:
     return affinity.affine_transform(turned, [m, 0.0, 0.0, m, *wheel.centre])
 
 
-def _windows(model: Model, wheel: Wheel) -> list[Polygon]:
+def _windows(model: ScaledMechanism, wheel: Wheel) -> list[Polygon]:
     """Round holes or openings between spokes, which also show that the wheel turns; clear of all pins."""
     size = model.proportions
     root = _root(model, wheel)
@@ -203,12 +203,12 @@ def _windows(model: Model, wheel: Wheel) -> list[Polygon]:
     return [part for part in outline.polygons(opened) if part.area > 1.5 * size.r**2 and not part.interiors]
 
 
-def _hold(model: Model, draft: Draft, k: int) -> None:
+def _hold(model: ScaledMechanism, draft: SolidsDraft, k: int) -> None:
     """Fastening of a wheel: its link's plate, by a hub or a web, or the ground."""
     wheel, size = model.wheels.wheels[k], model.proportions
     if wheel.kind == "ring" and _still(model, wheel.link):
         pose = model.poses[wheel.link][0] if model.frames and wheel.link != model.frame else np.zeros(3)
-        (x, y) = place(np.array([wheel.centre]), pose[None])[0, 0]
+        (x, y) = world_points(np.array([wheel.centre]), pose[None])[0, 0]
         for side in (-0.62, 0.62):  # two feet
             reach = _root(model, wheel) + 0.5 * _RIM_WIDTH * size.r
             foot = (float(x + reach * np.sin(side)), float(y - reach * np.cos(side)))
@@ -228,7 +228,7 @@ def _hold(model: Model, draft: Draft, k: int) -> None:
     draft.necks.append(Neck(wheel.link, hub, (own, draft.wheels[k])))
 
 
-def _web(model: Model, draft: Draft, wheel: Wheel, group: str) -> None:
+def _web(model: ScaledMechanism, draft: SolidsDraft, wheel: Wheel, group: str) -> None:
     """A spoked disc behind a ring that turns, joined to its rim."""
     size = model.proportions
     low, high = _root(model, wheel), _root(model, wheel) + _RIM_WIDTH * size.r
@@ -240,7 +240,7 @@ def _web(model: Model, draft: Draft, wheel: Wheel, group: str) -> None:
     held = [*model.pins(wheel.link), *model.marks[wheel.link]]
     arms += [outline.hull([(wheel.centre, size.r), (at, size.r)], model.segments) for at in held]
     hub = Point(wheel.centre).buffer(1.3 * size.r, quad_segs=12)
-    draft.pieces.append(Piece(wheel.link, outline.largest(unary_union([rim, hub, *arms])), draft.groups[wheel.link], "plate"))
+    draft.pieces.append(PlacedPart(wheel.link, outline.largest(unary_union([rim, hub, *arms])), draft.groups[wheel.link], "plate"))
     draft.necks.append(Neck(wheel.link, rim, (draft.groups[wheel.link], group)))
 
 
@@ -261,7 +261,7 @@ def _in_bar(bar: RackBar, at: Vec2) -> tuple[float, float]:
     return dx * bar.along[0] + dy * bar.along[1], dy * bar.along[0] - dx * bar.along[1]
 
 
-def _bar_extent(model: Model, bar: RackBar) -> tuple[float, float, float]:
+def _bar_extent(model: ScaledMechanism, bar: RackBar) -> tuple[float, float, float]:
     """From where to where a rack reaches along its pitch line, and its depth below it."""
     r, module = model.proportions.r, model.wheels.wheels[bar.wheel].module
     margin = 2.0 * np.pi * module
@@ -278,7 +278,7 @@ def _bar_extent(model: Model, bar: RackBar) -> tuple[float, float, float]:
     return low, high, depth
 
 
-def _is_plain(model: Model, bar: RackBar) -> bool:
+def _is_plain(model: ScaledMechanism, bar: RackBar) -> bool:
     """Whether a rack's bar holds all pins of its link, so that it is the plate."""
     module, r = model.wheels.wheels[bar.wheel].module, model.proportions.r
     if _guided(model, bar.link):
@@ -286,13 +286,13 @@ def _is_plain(model: Model, bar: RackBar) -> bool:
     return all(_in_bar(bar, at)[1] < -DEDENDUM * module - 0.8 * r for at in model.pins(bar.link))
 
 
-def _bar_hold(model: Model, bar: RackBar) -> Vec2:
+def _bar_hold(model: ScaledMechanism, bar: RackBar) -> Vec2:
     """A point in the middle of a rack's body."""
     low, high, depth = _bar_extent(model, bar)
     return _at(bar.origin, bar.along, 0.5 * (low + high), -depth + 0.7 * model.proportions.r)
 
 
-def _draw_rack(model: Model, draft: Draft, bar: RackBar) -> None:
+def _draw_rack(model: ScaledMechanism, draft: SolidsDraft, bar: RackBar) -> None:
     """The toothed bar and, on the ground, the rail on which its back slides."""
     wheel, r = model.wheels.wheels[bar.wheel], model.proportions.r
     m, group = wheel.module, draft.wheels[bar.wheel]
@@ -311,49 +311,49 @@ def _draw_rack(model: Model, draft: Draft, bar: RackBar) -> None:
     a, b = bar.along
     shape = affinity.affine_transform(shape, [m * a, -m * b, m * b, m * a, *bar.origin])
     plain = draft.groups[bar.link] == group
-    draft.pieces.append(Piece(bar.link, shape, group, "plate" if plain else "wheel", frozenset([bar.joint])))
+    draft.pieces.append(PlacedPart(bar.link, shape, group, "plate" if plain else "wheel", frozenset([bar.joint])))
     if not plain:
         neck = outline.disc(_bar_hold(model, bar), 0.6 * r, model.segments)
         draft.necks.append(Neck(bar.link, neck, (draft.groups[bar.link], group)))
     if bar.carrier == model.frame and model.frames:
         half = 0.3 * (high - low)
         ends = [_at(bar.origin, bar.along, s, -depth - _WHEEL_GAP * r) for s in (-half, half)]
-        start, end = place(np.array(ends), model.poses[bar.link][:1])[0]
+        start, end = world_points(np.array(ends), model.poses[bar.link][:1])[0]
         rail = outline.hatched_bar(tuple(start), tuple(end), r, thickness=0.42 * r)
-        draft.pieces.append(Piece(model.frame, rail, group, "rail"))
+        draft.pieces.append(PlacedPart(model.frame, rail, group, "rail"))
 
 
-def _track_span(model: Model, track: Track) -> tuple[float, float]:
+def _track_span(model: ScaledMechanism, track: Track) -> tuple[float, float]:
     margin = 0.6 * model.wheels.wheels[track.wheel].radius + model.proportions.r
     return track.travel[0] - margin, track.travel[1] + margin
 
 
-def _draw_track(model: Model, draft: Draft, track: Track) -> None:
+def _draw_track(model: ScaledMechanism, draft: SolidsDraft, track: Track) -> None:
     """The rail that a wheel rolls on."""
     r, group = model.proportions.r, draft.wheels[track.wheel]
     low, high = _track_span(model, track)
     start, end = (_at(track.origin, track.along, s) for s in (low, high))
     if track.link == model.frame:
-        draft.pieces.append(Piece(model.frame, outline.hatched_bar(start, end, r, thickness=0.5 * r), group, "rail"))
+        draft.pieces.append(PlacedPart(model.frame, outline.hatched_bar(start, end, r, thickness=0.5 * r), group, "rail"))
         return
     middle = _at(track.origin, track.along, 0.5 * (low + high), -0.5 * r)
     shape = outline.rectangle(middle, track.along, high - low, r)
-    draft.pieces.append(Piece(track.link, shape, group, "wheel"))
+    draft.pieces.append(PlacedPart(track.link, shape, group, "wheel"))
     draft.necks.append(Neck(track.link, shape.buffer(-0.2 * r), (draft.groups[track.link], group)))
 
 
-def find_loop(model: Model, band: Band) -> Loop:
+def find_loop(model: ScaledMechanism, band: Band) -> BeltLoop:
     """Where a belt runs, in sizes of the mechanism."""
     first, second = (model.wheels.wheels[k] for k in band.wheels)
     c1, c2 = (complex(*c) for c in band.centres)
-    return Loop(band.joint, band.carrier, first.link, (c1, c2), (first.radius, second.radius), band.crossed, _belt(model))
+    return BeltLoop(band.joint, band.carrier, first.link, (c1, c2), (first.radius, second.radius), band.crossed, _belt(model))
 
 
-def _draw_band(model: Model, draft: Draft, band: Band) -> None:
+def _draw_band(model: ScaledMechanism, draft: SolidsDraft, band: Band) -> None:
     """A closed belt around two pulleys, fixed to their carrier."""
     loop = find_loop(model, band)
     first, span, second = loop.pieces
     around, _ = loop.at(np.concatenate([np.linspace(0.0, first, 97), first + span + np.linspace(0.0, second, 97)]))
     path = LineString([(z.real, z.imag) for z in [*around, around[0]]])
     shape = outline.largest(path.buffer(0.5 * loop.thick, quad_segs=4).simplify(0.01 * loop.thick))
-    draft.pieces.append(Piece(band.carrier, shape, draft.wheels[band.wheels[0]], "belt", height=(0.27, 0.73)))
+    draft.pieces.append(PlacedPart(band.carrier, shape, draft.wheels[band.wheels[0]], "belt", height=(0.27, 0.73)))

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from mechcore.arrays import Real
 from mechviz.files import replacing
-from mechviz.outputs.exports.gltf_marks import ARROW_FAMILIES, Mark, Shape, find_marks
+from mechviz.outputs.exports.gltf_marks import ARROW_FAMILIES, MarkNode, MarkShape, find_marks
 from mechviz.outputs.presentation import Presentation
 from mechviz.picture.nodes import Body, Lines, Mesh
 from mechviz.picture.proportions import about_z
@@ -91,7 +91,7 @@ def glb_bytes(shown: Presentation, *, arrows: Iterable[str] = ARROW_FAMILIES) ->
     return out.file(document)
 
 
-def _add_mark(tree: _Tree, mark: Mark, parent: int) -> None:
+def _add_mark(tree: _Tree, mark: MarkNode, parent: int) -> None:
     """A node with what moves it, and those below it."""
     mesh = None
     if mark.shape is not None:
@@ -223,7 +223,7 @@ def _primitive(out: _Writer, vertices: Array, normals: Array, faces: Array, mate
     }
 
 
-def _shown(out: _Writer, shape: Shape) -> dict[str, Any]:
+def _shown(out: _Writer, shape: MarkShape) -> dict[str, Any]:
     """Material of a mark; flat ones are seen from both sides."""
     material = out.material(shape.color, both=bool(np.ptp(shape.vertices[:, 2]) == 0.0))
     primitive = _primitive(out, shape.vertices, shape.normals, shape.faces, material)

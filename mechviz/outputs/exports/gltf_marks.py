@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from mechcore.arrays import Complex, Real
 from mechcore.records import dataclass
 from mechviz.outputs.presentation import Presentation
-from mechviz.picture.nodes import Arc, Arrow, Lines
+from mechviz.picture.nodes import Arrow, Color, Lines, MomentArc
 from mechviz.picture.proportions import (
     ARC_WIDTH,
     ARROW_HEAD_LENGTH,
@@ -34,9 +34,7 @@ from mechviz.picture.proportions import (
 )
 from mechviz.picture.springs import BUSHING_RADIUS, RING_POINTS, axis_of_spiral, ends_of_strut
 from mechviz.picture.surface_marks import held
-from mechviz.quantities.vectors import FAMILIES
-
-Color = tuple[int, int, int]
+from mechviz.quantities.vectors import VECTOR_FAMILIES
 
 ARROW_FAMILIES = ("reaction", "applied", "inertia", "friction", "drive")
 """Families of arrows that are written unless others are asked for."""
@@ -50,7 +48,7 @@ MOST_TARGETS = 8  # of a morph: so many any viewer can do
 
 
 @dataclass(frozen=True, eq=False)
-class Shape:
+class MarkShape:
     """A mesh: ``vertices`` and unit ``normals`` (V, 3), ``faces`` (N, 3); ``targets`` (T, V, 3): what is added to the vertices."""
 
     vertices: Real
@@ -61,7 +59,7 @@ class Shape:
 
 
 @dataclass(frozen=True, eq=False)
-class Mark:
+class MarkNode:
     """A node: how it is moved at every frame (F, 3), turned about z (F,) [rad], scaled (F, 3), what it shows, and nodes below it.
     ``weights`` (F, T) of the targets of its shape. None: not at all."""
 
@@ -69,22 +67,22 @@ class Mark:
     places: Real | None = None
     turns: Real | None = None
     scales: Real | None = None
-    shape: Shape | None = None
+    shape: MarkShape | None = None
     weights: Real | None = None
-    below: tuple[Mark, ...] = ()
+    below: tuple[MarkNode, ...] = ()
 
 
-def find_marks(shown: Presentation, families: Iterable[str] = ARROW_FAMILIES) -> list[Mark]:
+def find_marks(shown: Presentation, families: Iterable[str] = ARROW_FAMILIES) -> list[MarkNode]:
     """The arrows and moments of some families, the struts, bushings and torsion springs of what is shown."""
     wanted, picture = set(families), shown.picture
     marks = []
     for arrow in (a for a in picture.of(Arrow) if a.group in wanted):
-        vector, family = arrow.vector, FAMILIES[arrow.group]
+        vector, family = arrow.vector, VECTOR_FAMILIES[arrow.group]
         lengths = vector.value / picture.scales.per_metre(family.name)
         marks.append(_arrow(f"{family.label}: {vector.item}", arrow.origin, lengths, arrow.height, picture.size, family.color))
-    largest = max((_largest(arc.moment.value) for arc in picture.of(Arc)), default=0.0)
-    for arc in (a for a in picture.of(Arc) if a.group in wanted):
-        moment, family = arc.moment, FAMILIES[arc.group]
+    largest = max((_largest(arc.moment.value) for arc in picture.of(MomentArc)), default=0.0)
+    for arc in (a for a in picture.of(MomentArc) if a.group in wanted):
+        moment, family = arc.moment, VECTOR_FAMILIES[arc.group]
         name = f"{family.label}: moment {moment.item}"
         marks.append(_moment(name, arc, moment.value / largest, picture.size, family.color))
     return [*marks, *_strut_glyphs(shown)]
@@ -95,7 +93,7 @@ def _largest(values: Real) -> float:
 
 
 # -- arrows and moments -----------------------------------------------------------------------------------------------
-def _arrow(name: str, origin: Real, vector: Real, height: float, size: float, color: Color) -> Mark:
+def _arrow(name: str, origin: Real, vector: Real, height: float, size: float, color: Color) -> MarkNode:
     """An arrow along ``vector`` (F, 2) [m]; one that is shorter than its head is a smaller one."""
     known = np.asarray(np.isfinite(np.column_stack([origin, vector])).all(axis=1), bool)
     length = np.where(known, np.hypot(vector[:, 0], vector[:, 1]), 0.0)
@@ -108,19 +106,19 @@ def _arrow(name: str, origin: Real, vector: Real, height: float, size: float, co
     one, none = np.ones(len(length)), np.zeros(len(length))
     rod = _turned([(ARROW_SHAFT_RADIUS * size, 0.0), (ARROW_SHAFT_RADIUS * size, 1.0)], color)
     tip = _turned([(ARROW_HEAD_RADIUS * size, 0.0), (0.0, ARROW_HEAD_LENGTH * size)], color)
-    return Mark(
+    return MarkNode(
         name,
         places,
         turn,
         np.column_stack([factor] * 3),
         below=(
-            Mark(f"{name} shaft", scales=np.column_stack([shaft, one, one]), shape=rod),
-            Mark(f"{name} head", places=np.column_stack([shaft, none, none]), shape=tip),
+            MarkNode(f"{name} shaft", scales=np.column_stack([shaft, one, one]), shape=rod),
+            MarkNode(f"{name} head", places=np.column_stack([shaft, none, none]), shape=tip),
         ),
     )
 
 
-def _moment(name: str, arc: Arc, part: Real, size: float, color: Color) -> Mark:
+def _moment(name: str, arc: MomentArc, part: Real, size: float, color: Color) -> MarkNode:
     """An arc, as large as the ``part`` (F,) of the largest moment, mirrored where it is negative."""
     origin = arc.moment.origin
     known = np.logical_and(np.isfinite(origin).all(axis=1), np.isfinite(part))
@@ -128,15 +126,15 @@ def _moment(name: str, arc: Arc, part: Real, size: float, color: Color) -> Mark:
     size_of = np.where(np.abs(size_of) < LEAST_SCALE, LEAST_SCALE, size_of)
     places = np.column_stack([held(origin[:, 0], known), held(origin[:, 1], known), np.full(len(origin), arc.height)])
     shape = _flat(arc_corners(ARC_TURN, arc.radius, ARC_WIDTH * size, ARC_STEPS), arc_faces(ARC_STEPS), color)
-    return Mark(name, places, None, np.column_stack([np.abs(size_of), size_of, np.abs(size_of)]), shape)
+    return MarkNode(name, places, None, np.column_stack([np.abs(size_of), size_of, np.abs(size_of)]), shape)
 
 
 # -- springs and dampers ----------------------------------------------------------------------------------------------
-def _strut_glyphs(shown: Presentation) -> list[Mark]:
+def _strut_glyphs(shown: Presentation) -> list[MarkNode]:
     """The loads that the picture draws as lines between links: what moves as a whole is a solid here."""
     picture, loads = shown.picture, shown.catalogue.numbers.loads
     size, top = picture.size, picture.top
-    marks: list[Mark] = []
+    marks: list[MarkNode] = []
     for node in picture.of(Lines, "springs"):
         load = node.owner[1]
         kind = loads[load].kind
@@ -155,7 +153,7 @@ def _strut_glyphs(shown: Presentation) -> list[Mark]:
     return marks
 
 
-def _bushing(name: str, centre: Real, place: Real, angle: Real, size: float, height: float) -> list[Mark]:
+def _bushing(name: str, centre: Real, place: Real, angle: Real, size: float, height: float) -> list[MarkNode]:
     """A ring about ``centre`` and a cross at ``place`` (F, 2), turned by ``angle`` (F,)."""
     half, around = 0.5 * RIBBON_WIDTH * size, np.exp(1j * np.linspace(0.0, 2.0 * np.pi, RING_POINTS))
     radius = BUSHING_RADIUS * size
@@ -163,8 +161,8 @@ def _bushing(name: str, centre: Real, place: Real, angle: Real, size: float, hei
     bar = np.array([-radius - 1j * half, -radius + 1j * half, radius - 1j * half, radius + 1j * half])
     z = np.full(len(centre), height)
     return [
-        Mark(f"{name} ring", np.column_stack([centre, z]), shape=_flat(ring, ribbon_faces(RING_POINTS), STRUT_COLOR)),
-        Mark(
+        MarkNode(f"{name} ring", np.column_stack([centre, z]), shape=_flat(ring, ribbon_faces(RING_POINTS), STRUT_COLOR)),
+        MarkNode(
             f"{name} cross",
             np.column_stack([place, z]),
             np.unwrap(angle),
@@ -173,7 +171,7 @@ def _bushing(name: str, centre: Real, place: Real, angle: Real, size: float, hei
     ]
 
 
-def _strut(name: str, a: Real, b: Real, size: float, height: float) -> list[Mark]:
+def _strut(name: str, a: Real, b: Real, size: float, height: float) -> list[MarkNode]:
     """A cylinder that hangs at ``a`` (F, 2) and a rod at ``b``, which keep their lengths: the rod goes into the cylinder."""
     d = b - a
     length = np.hypot(*d.T)
@@ -186,12 +184,12 @@ def _strut(name: str, a: Real, b: Real, size: float, height: float) -> list[Mark
     inner = _turned([(0.0, -(most - 0.92 * pot)), (0.35 * w, -(most - 0.92 * pot)), (0.35 * w, 0.0), (0.0, 0.0)], (150, 158, 170))
     z = np.full(len(a), height)
     return [
-        Mark(f"{name} cylinder", np.column_stack([a, z]), turn, shape=outer),
-        Mark(f"{name} rod", np.column_stack([b, z]), turn, shape=inner),
+        MarkNode(f"{name} cylinder", np.column_stack([a, z]), turn, shape=outer),
+        MarkNode(f"{name} rod", np.column_stack([b, z]), turn, shape=inner),
     ]
 
 
-def _spiral(name: str, centre: Real, start: Real, angle: Real, size: float, top: float) -> Mark:
+def _spiral(name: str, centre: Real, start: Real, angle: Real, size: float, top: float) -> MarkNode:
     """A ribbon that begins at the angle ``start`` (F,) inside and is ``angle`` (F,) [rad]: morph targets between its windings."""
     low, high = float(angle.min()), float(angle.max())
     grid = np.linspace(low, high, 1 + MOST_TARGETS) if high - low > 1e-6 else np.array([low])
@@ -202,16 +200,16 @@ def _spiral(name: str, centre: Real, start: Real, angle: Real, size: float, top:
     shape = _flat(edges[0], ribbon_faces(len(part)), STRUT_COLOR)
     places = np.column_stack([centre, np.full(len(centre), top + 0.01 * size)])
     if len(grid) == 1:
-        return Mark(name, places, start, shape=shape)
+        return MarkNode(name, places, start, shape=shape)
     targets = np.stack([np.column_stack([(w - edges[0]).real, (w - edges[0]).imag, np.zeros(len(w))]) for w in edges[1:]])
     at = (angle - low) / (high - low) * MOST_TARGETS  # between which two windings, and how far: a hat over each target
     weights = np.clip(1.0 - np.abs(at[:, None] - np.arange(1, MOST_TARGETS + 1)), 0.0, 1.0)
-    shape = Shape(shape.vertices, shape.normals, shape.faces, shape.color, targets)
-    return Mark(name, places, start, shape=shape, weights=weights)
+    shape = MarkShape(shape.vertices, shape.normals, shape.faces, shape.color, targets)
+    return MarkNode(name, places, start, shape=shape, weights=weights)
 
 
 # -- meshes -----------------------------------------------------------------------------------------------------------
-def _turned(profile: list[tuple[float, float]], color: Color) -> Shape:
+def _turned(profile: list[tuple[float, float]], color: Color) -> MarkShape:
     """A solid of revolution about the x axis through (radius, x), with an edge at every corner; open at its ends."""
     vertices: list[Real] = []
     normals: list[Real] = []
@@ -227,10 +225,10 @@ def _turned(profile: list[tuple[float, float]], color: Color) -> Shape:
             normals.append(lean[1] * ring + [lean[0], 0.0, 0.0])
         faces.append(start + np.column_stack([k, after, ROUND_SIDES + after]))
         faces.append(start + np.column_stack([k, ROUND_SIDES + after, ROUND_SIDES + k]))
-    return Shape(np.vstack(vertices), np.vstack(normals), np.vstack(faces).astype(np.uint32), color)
+    return MarkShape(np.vstack(vertices), np.vstack(normals), np.vstack(faces).astype(np.uint32), color)
 
 
-def _flat(z: Complex, faces: object, color: Color) -> Shape:
+def _flat(z: Complex, faces: object, color: Color) -> MarkShape:
     """Something flat, seen from the front."""
     vertices = np.column_stack([z.real, z.imag, np.zeros(len(z))])
-    return Shape(vertices, np.tile([0.0, 0.0, 1.0], (len(z), 1)), np.asarray(faces, np.uint32), color)
+    return MarkShape(vertices, np.tile([0.0, 0.0, 1.0], (len(z), 1)), np.asarray(faces, np.uint32), color)

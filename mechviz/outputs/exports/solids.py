@@ -135,7 +135,7 @@ def _free_name(folder: Path, link: str, taken: list[Path]) -> Path:
 SHEET_WIDTH = 220.0  # of a sheet or a print bed [mm]
 _SAME_LENGTH = 1e-3  # [mm]
 
-Placed = Sequence[tuple[FlatPart, float, float]]
+PlacedParts = Sequence[tuple[FlatPart, float, float]]
 
 
 def export_kit(run: Run, folder: Path | str, thickness: float, clearance: float, washer: float) -> list[Path]:
@@ -154,7 +154,7 @@ def export_kit(run: Run, folder: Path | str, thickness: float, clearance: float,
     plates = [entry for entry in placed if entry[0].kind == "plate"]
     plates = laid_out([part for part, _, _ in plates], SHEET_WIDTH)
     written = []
-    for name, text in (("plates.dxf", dxf_text(plates)), ("plates.svg", svg_text(plates)), ("parts.csv", list_text(parts))):
+    for name, text in (("plates.dxf", parts_dxf(plates)), ("plates.svg", parts_svg(plates)), ("parts.csv", list_text(parts))):
         with replacing(folder / name) as temporary:
             temporary.write_text(text, encoding="utf-8", newline="")
         written.append(folder / name)
@@ -172,7 +172,7 @@ def list_text(parts: Sequence[FlatPart]) -> str:
     return "\r\n".join(rows) + "\r\n"
 
 
-def dxf_text(placed: Placed) -> str:
+def parts_dxf(placed: PlacedParts) -> str:
     """Outlines and holes of parts (DXF, millimetres) on the layer CUT, round holes as circles; names on the layer NAME."""
     import ezdxf
 
@@ -193,7 +193,7 @@ def dxf_text(placed: Placed) -> str:
     return text.getvalue()
 
 
-def svg_text(placed: Placed) -> str:
+def parts_svg(placed: PlacedParts) -> str:
     """The same as a drawing true to scale (SVG, millimetres): cuts in red, names in blue."""
     bounds = np.array([[v + (dx, dy)[k % 2] for k, v in enumerate(part.outline.bounds)] for part, dx, dy in placed])
     wide, tall = float(bounds[:, 2].max()), float(bounds[:, 3].max())
@@ -213,7 +213,7 @@ def svg_text(placed: Placed) -> str:
     )
 
 
-def model_text(title: str, placed: Placed) -> str:
+def model_text(title: str, placed: PlacedParts) -> str:
     """All parts as bodies of their own that lie flat, pins upright: the model part of a 3MF file."""
     import trimesh
 

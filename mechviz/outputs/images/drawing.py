@@ -12,7 +12,7 @@ from shapely import Polygon, polygons, union_all
 
 from mechcore.arrays import Real
 from mechviz.files import replacing
-from mechviz.outputs.page.pack import MOST_FRAMES, Progress, quiet, unpack
+from mechviz.outputs.page.pack import MOST_FRAMES, PackProgress, quiet, unpack
 from mechviz.outputs.page.page import show_text
 from mechviz.outputs.presentation import Presentation
 
@@ -31,7 +31,7 @@ def write_svg(
     width: int = 1280,
     height: int = 800,
     dark: bool = False,
-    progress: Progress = quiet,
+    progress: PackProgress = quiet,
 ) -> Path:
     """Write the drawing at a time [s]; None: where a page opens. ``progress`` gets the share that is read."""
     text = svg_of(shown, time=time, width=width, height=height, dark=dark, progress=progress)
@@ -47,7 +47,7 @@ def svg_of(
     width: int = 1280,
     height: int = 800,
     dark: bool = False,
-    progress: Progress = quiet,
+    progress: PackProgress = quiet,
 ) -> str:
     """The drawing as SVG text, ``width`` by ``height`` in size, to scale."""
     most = MOST_FRAMES if time is None else 2

@@ -18,7 +18,7 @@ import numpy as np
 from mechcore.records import dataclass
 from mechviz.files import OutputError, check_target, replacing
 from mechviz.outputs.images.browser import Chromium
-from mechviz.outputs.page.pack import Progress, quiet
+from mechviz.outputs.page.pack import PackProgress, quiet
 from mechviz.outputs.page.page import make_page, pace_of
 from mechviz.outputs.presentation import Presentation
 from mechviz.quantities.catalogue import time_at
@@ -43,19 +43,19 @@ class Look:
 
 
 @dataclass(frozen=True)
-class Moment:
+class Instant:
     """A moment of a run [s]: where nothing else is said, that at which a page opens."""
 
     time: float | None = None
 
 
-def moment(shown: Presentation, *, at: float | None = None, frame: int | None = None, angle: float | None = None) -> Moment:
+def instant_of(shown: Presentation, *, at: float | None = None, frame: int | None = None, angle: float | None = None) -> Instant:
     """The moment at a time [s], at a frame, or where the drive first reaches an angle [rad], see `time_at`."""
-    return Moment(time_at(shown.catalogue, at=at, frame=frame, angle=angle))
+    return Instant(time_at(shown.catalogue, at=at, frame=frame, angle=angle))
 
 
 def shot(
-    shown: Presentation, path: Path, look: Look, when: Moment, *, progress: Progress = quiet, begin: Begin = lambda _: None
+    shown: Presentation, path: Path, look: Look, when: Instant, *, progress: PackProgress = quiet, begin: Begin = lambda _: None
 ) -> Path:
     """Write a picture (PNG) of the mechanism at a moment. ``progress`` gets the share that is read, ``begin`` what is done next."""
     check_target(path)
@@ -72,8 +72,8 @@ def film(
     *,
     seconds: float | None = None,
     rate: int | None = None,
-    progress: Progress = quiet,
-    reading: Progress = quiet,
+    progress: PackProgress = quiet,
+    reading: PackProgress = quiet,
     begin: Begin = lambda _: None,
 ) -> Path:
     """Write a film of the whole run, GIF or MP4 by the name's ending, ``seconds`` long at ``rate`` pictures a second.
@@ -106,7 +106,7 @@ def film(
 
 @contextmanager
 def _stage(
-    shown: Presentation, look: Look, keep: float | None, progress: Progress, begin: Begin, *, plain: bool = False
+    shown: Presentation, look: Look, keep: float | None, progress: PackProgress, begin: Begin, *, plain: bool = False
 ) -> Iterator[Callable[[float | None], bytes]]:
     """A function that gives the picture at a time [s] as PNG; None: where the page opens. ``plain``: on a ground of one colour."""
     with tempfile.TemporaryDirectory(prefix="mechviz-") as folder:

@@ -99,7 +99,7 @@ def unpack(text: str) -> tuple[dict[str, Any], list[Array]]:
     return header, arrays
 
 
-Progress = Callable[[int, int], None]
+PackProgress = Callable[[int, int], None]
 """Gets the number that is done and the total."""
 
 MOST_FRAMES = 1000
@@ -111,7 +111,7 @@ def quiet(done: int, total: int) -> None:
 
 
 @dataclass(frozen=True, eq=False)
-class Frames:
+class ChosenFrames:
     """The chosen frames (n,) of the ``total`` of a run, their ``rows`` in what is shown, and their ``time`` [s]."""
 
     chosen: Integers
@@ -120,7 +120,7 @@ class Frames:
     time: Real
 
 
-def find_frames(shown: Presentation, most: int, keep: float | None = None) -> Frames:
+def find_frames(shown: Presentation, most: int, keep: float | None = None) -> ChosenFrames:
     """At most ``most`` frames, spread evenly over the run, the first and the last among them, and those on both sides of the time
     ``keep`` [s]."""
     time, last = shown.picture.time, len(shown.picture.time) - 1
@@ -129,4 +129,4 @@ def find_frames(shown: Presentation, most: int, keep: float | None = None) -> Fr
         k = int(np.searchsorted(time, keep - 1e-9))  # times in a recording are whole nanoseconds
         rows = np.append(rows, np.clip([k - 1, k, k + 1], 0, last))
     rows = np.unique(rows)
-    return Frames(shown.chosen[rows], shown.total, rows, time[rows])
+    return ChosenFrames(shown.chosen[rows], shown.total, rows, time[rows])

@@ -12,7 +12,7 @@ import numpy as np
 
 from mechcore.arrays import Real
 from mechcore.records import dataclass
-from mechviz.outputs.page.pack import MOST_FRAMES, Frames, Pack, Progress, find_frames, quiet
+from mechviz.outputs.page.pack import MOST_FRAMES, ChosenFrames, Pack, PackProgress, find_frames, quiet
 from mechviz.outputs.page.shapes import hex_of, pack_bodies, pack_drawables, pack_drawing, pack_links, spring_boxes
 from mechviz.outputs.presentation import Presentation
 from mechviz.outputs.rerun.blueprint import LONGEST_SHOW, SECONDS_A_CYCLE, SHORTEST_SHOW
@@ -22,7 +22,7 @@ from mechviz.picture.nodes import Picture
 from mechviz.picture.overlays import HIDDEN_DIAGRAMS, INVERSION_GROUP, INVERSION_TITLE, SECTION_DIAGRAMS
 from mechviz.quantities.catalogue import Catalogue
 from mechviz.quantities.numbers import Numbers
-from mechviz.quantities.vectors import FAMILIES, FORCE_FAMILIES, round_value
+from mechviz.quantities.vectors import FORCE_FAMILIES, VECTOR_FAMILIES, round_value
 from mechviz.scene.units import Units
 from mechviz.studies.designs.sensitivity import Bands
 
@@ -53,7 +53,7 @@ class Plot:
         return bool(np.any(np.nanmax(self.values, axis=0) > np.nanmin(self.values, axis=0)))
 
 
-def find_plots(catalogue: Catalogue, frames: Frames, halves: Mapping[str, Real]) -> list[Plot]:
+def find_plots(catalogue: Catalogue, frames: ChosenFrames, halves: Mapping[str, Real]) -> list[Plot]:
     """All plots, those of several items first: what belongs side by side, and the catalogue. ``halves`` (F, n): half widths of
     tolerance bands by the keys of quantities."""
     plots = [*_gathered(catalogue, halves)]
@@ -182,8 +182,8 @@ PAGE_SCRIPTS = ("decode.js", "camera.js", "stage.js", "export.js", "plots.js", "
 
 
 def make_page(
-    shown: Presentation, *, most: int = MOST_FRAMES, keep: float | None = None, plots: bool = True, progress: Progress = quiet
-) -> tuple[str, Frames]:
+    shown: Presentation, *, most: int = MOST_FRAMES, keep: float | None = None, plots: bool = True, progress: PackProgress = quiet
+) -> tuple[str, ChosenFrames]:
     """The HTML of a page with at most ``most`` frames of a run, that at the time ``keep`` [s] among them; and the frames."""
     text, frames = show_text(shown, most=most, keep=keep, plots=plots, progress=progress)
     pieces = {
@@ -228,8 +228,8 @@ GROUP_LABELS = {
 
 
 def show_text(
-    shown: Presentation, *, most: int = MOST_FRAMES, keep: float | None = None, plots: bool = True, progress: Progress = quiet
-) -> tuple[str, Frames]:
+    shown: Presentation, *, most: int = MOST_FRAMES, keep: float | None = None, plots: bool = True, progress: PackProgress = quiet
+) -> tuple[str, ChosenFrames]:
     """The packed text of a page, and the frames in it, at most ``most`` and one at the time ``keep`` [s].
 
     Pictures need no ``plots``.
@@ -292,7 +292,7 @@ def _on_tolerances(bands: Bands, plots: Sequence[Plot]) -> str:
     return "\n".join(["", "", "## Tolerances", "", *lines, ""])
 
 
-def _axes(catalogue: Catalogue, frames: Frames, pack: Pack) -> list[dict[str, Any]]:
+def _axes(catalogue: Catalogue, frames: ChosenFrames, pack: Pack) -> list[dict[str, Any]]:
     """Abscissas of plots beside time: positions of drives that go one way only."""
     axes = []
     for axis in catalogue.axes[:-1]:
@@ -340,7 +340,7 @@ def _groups(picture: Picture, drawn: list[dict[str, Any]], units: Units) -> list
     present = {d["group"] for d in drawn}
     forces = bool(present & set(FORCE_FAMILIES))
     groups: list[dict[str, Any]] = []
-    for name, family in FAMILIES.items():
+    for name, family in VECTOR_FAMILIES.items():
         if name not in present:
             continue
         entry = {"name": name, "label": family.label, "meaning": family.meaning, "shown": name in FORCE_FAMILIES or not forces}

@@ -8,18 +8,18 @@ from typing import Any
 import numpy as np
 
 from mechcore.arrays import Complex, Flags, Real, Single
-from mechviz.outputs.page.pack import Frames, Pack, Progress, quiet
+from mechviz.outputs.page.pack import ChosenFrames, Pack, PackProgress, quiet
 from mechviz.outputs.rerun.nodes import FORCE_RADIUS, MOTION_FAMILIES, MOTION_RADIUS, arc_strips, sweep_of
 from mechviz.picture.arrows import visible
 from mechviz.picture.constructions import Drawing
-from mechviz.picture.nodes import Arc, Arrow, ArrowSet, Body, Color, Lines, Mesh, Node, Picture, Points, Poses
+from mechviz.picture.nodes import Arrow, ArrowSet, Body, Color, Lines, Mesh, MomentArc, Node, Picture, Points, PoseTrack
 from mechviz.picture.surface_marks import MARK_KINDS
-from mechviz.quantities.vectors import FAMILIES
+from mechviz.quantities.vectors import VECTOR_FAMILIES
 
-Shape = dict[str, Any]
+PageShape = dict[str, Any]
 
 
-def pack_links(picture: Picture, frames: Frames, pack: Pack) -> list[Shape]:
+def pack_links(picture: Picture, frames: ChosenFrames, pack: Pack) -> list[PageShape]:
     """Links with their poses (frames, 3: x, y [m], angle [rad]) and their solids; ``spin``: shift [m] and quaternion (frames, 7) of
     a solid in its link's frame, where it turns about an axis in the plane."""
     solids = {body.parent: body for body in picture.of(Body, "solids")}
@@ -27,7 +27,7 @@ def pack_links(picture: Picture, frames: Frames, pack: Pack) -> list[Shape]:
     for name, poses in picture.poses.items():
         pose = poses[frames.rows]
         moves = bool(np.ptp(pose, axis=0).max(initial=0.0) > 0.0)
-        link: Shape = {"name": name, "pose": pack.floats(pose if moves else pose[:1]), "moves": moves, "mesh": None}
+        link: PageShape = {"name": name, "pose": pack.floats(pose if moves else pose[:1]), "moves": moves, "mesh": None}
         if name in solids:
             link["mesh"] = _mesh(solids[name].mesh, pack)
             spin = solids[name].poses
@@ -37,7 +37,7 @@ def pack_links(picture: Picture, frames: Frames, pack: Pack) -> list[Shape]:
     return shapes
 
 
-def pack_bodies(picture: Picture, frames: Frames, pack: Pack) -> list[Shape]:
+def pack_bodies(picture: Picture, frames: ChosenFrames, pack: Pack) -> list[PageShape]:
     """Solids beside those of the links, as links are packed: springs, with their stretch along their axes (frames), and marks on
     rollers and belts. ``group``: what shows and hides them."""
     shapes = []
@@ -47,7 +47,7 @@ def pack_bodies(picture: Picture, frames: Frames, pack: Pack) -> list[Shape]:
         at, turns = (a[frames.rows].astype(float) for a in (poses.places, poses.turns))
         pose = np.column_stack([at[:, :2], np.unwrap(2.0 * np.arctan2(turns[:, 2], turns[:, 3]))])
         height = float(at[:, 2].mean())
-        more: Shape = {}
+        more: PageShape = {}
         if body.parent:
             x, y, angle = picture.poses[body.parent][frames.rows].T
             c, s = np.cos(angle), np.sin(angle)
@@ -63,7 +63,9 @@ def pack_bodies(picture: Picture, frames: Frames, pack: Pack) -> list[Shape]:
     return shapes
 
 
-def pack_drawables(picture: Picture, frames: Frames, pack: Pack, progress: Progress = quiet) -> list[tuple[Shape, Real | None]]:
+def pack_drawables(
+    picture: Picture, frames: ChosenFrames, pack: Pack, progress: PackProgress = quiet
+) -> list[tuple[PageShape, Real | None]]:
     """Arrows, strips and points with the box (2, 2) [m] around each; ``group`` says what shows and hides them, ``link`` (a number)
     under whose pose they lie."""
     numbers = {name: k for k, name in enumerate(picture.poses)}
@@ -81,10 +83,10 @@ def pack_drawables(picture: Picture, frames: Frames, pack: Pack, progress: Progr
     return shapes
 
 
-def pack_drawing(drawing: Drawing, size: float, frames: Frames, pack: Pack) -> Shape:
+def pack_drawing(drawing: Drawing, size: float, frames: ChosenFrames, pack: Pack) -> PageShape:
     """A construction beside the mechanism, as parts like those in space."""
     arrows, lines = ([i for i in drawing.strokes if i.plain is plain] for plain in (False, True))
-    parts: list[Shape] = []
+    parts: list[PageShape] = []
     if drawing.curves:
         strips = [_plane(z)[None].astype(np.float32) for _, z in drawing.curves]
         parts.append(_strips(strips, [c for c, _ in drawing.curves], [0.0035 * size], [], None, frames, pack)[0])
@@ -106,7 +108,7 @@ def pack_drawing(drawing: Drawing, size: float, frames: Frames, pack: Pack) -> S
     return {"title": drawing.title.partition(":")[0], "caption": drawing.title, "parts": parts}
 
 
-def _drawable(node: Node, picture: Picture, frames: Frames, pack: Pack) -> tuple[Shape, Real] | None:
+def _drawable(node: Node, picture: Picture, frames: ChosenFrames, pack: Pack) -> tuple[PageShape, Real] | None:
     """How a node is drawn, and all its points (..., 2) [m]; None where nothing of it is seen."""
     rows, size = frames.rows, picture.size
     match node:
@@ -124,11 +126,11 @@ def _drawable(node: Node, picture: Picture, frames: Frames, pack: Pack) -> tuple
             origin, value = (np.where(seen, a[rows], np.nan) for a in (node.origin, vector.value / scale))
             radius = (MOTION_RADIUS if family in MOTION_FAMILIES else FORCE_RADIUS) * size
             starts, vectors = (np.column_stack([a, np.full(len(rows), node.height)])[:, None] for a in (origin, value))
-            return _arrows(starts, vectors, [FAMILIES[family].on_dark], [radius], [], pack)
-        case Arc(moment=moment, group=family):
+            return _arrows(starts, vectors, [VECTOR_FAMILIES[family].on_dark], [radius], [], pack)
+        case MomentArc(moment=moment, group=family):
             sweep = sweep_of(node, picture.scales, size)[rows]
             strip = arc_strips(moment.origin[rows], sweep, node.height, node.radius)
-            return _strips([strip], [FAMILIES[family].on_dark], [FORCE_RADIUS * size], [], sweep != 0.0, frames, pack)
+            return _strips([strip], [VECTOR_FAMILIES[family].on_dark], [FORCE_RADIUS * size], [], sweep != 0.0, frames, pack)
     return None
 
 
@@ -138,9 +140,9 @@ def _strips(
     radii: Sequence[float],
     labels: Sequence[str],
     there: Flags | None,
-    frames: Frames,
+    frames: ChosenFrames,
     pack: Pack,
-) -> tuple[Shape, Real]:
+) -> tuple[PageShape, Real]:
     """Strips (F, n, 3), or (1, n, 3) at rest; ``there`` (F,): where they are."""
     look = _look(len(strips), colors, radii, labels)
     if len(strips[0]) == 1 and len(frames.rows) > 1:
@@ -157,7 +159,7 @@ def _strips(
 
 def _arrows(
     origins: Any, vectors: Any, colors: Sequence[Color], radii: Sequence[float], labels: Sequence[str], pack: Pack
-) -> tuple[Shape, Real]:
+) -> tuple[PageShape, Real]:
     """Arrows from ``origins`` along ``vectors`` (F, n, 3)."""
     count = origins.shape[1]
     starts, vectors = (np.asarray(a, float)[..., :2] for a in (origins, vectors))
@@ -173,7 +175,7 @@ def _arrows(
 
 def _points(
     places: Real | Single, colors: Sequence[Color], radii: Sequence[float], labels: Sequence[str], pack: Pack
-) -> tuple[Shape, Real]:
+) -> tuple[PageShape, Real]:
     """Points (F, n, 3), or (1, n, 3) at rest."""
     count, flat = places.shape[1], np.asarray(places, float)[..., :2]
     shape = {"kind": "points", "count": count, "moves": len(places) > 1, "z": _height(places), "points": pack.places(flat)}
@@ -186,7 +188,7 @@ def _look(count: int, colors: Sequence[Color], radii: Sequence[float], labels: S
     return {"colors": shades, "radii": sizes, "labels": [*labels] if any(labels) else []}
 
 
-def _mesh(mesh: Mesh, pack: Pack, height: float = 0.0) -> Shape:
+def _mesh(mesh: Mesh, pack: Pack, height: float = 0.0) -> PageShape:
     palette, number = np.unique(mesh.colors, axis=0, return_inverse=True)
     return {
         "vertices": pack.places(mesh.vertices + np.array([0.0, 0.0, height])),
@@ -197,7 +199,7 @@ def _mesh(mesh: Mesh, pack: Pack, height: float = 0.0) -> Shape:
     }
 
 
-def _spin(poses: Poses, frames: Frames) -> Real:
+def _spin(poses: PoseTrack, frames: ChosenFrames) -> Real:
     """Shifts [m] and quaternions (frames, 7), neighbours on one side, so that the page can go straight from one to the next."""
     shifts, turns = (a[frames.rows].astype(float) for a in (poses.places, poses.turns))
     turns[1:] *= np.cumprod(np.where(np.einsum("fi,fi->f", turns[1:], turns[:-1]) < 0.0, -1.0, 1.0))[:, None]

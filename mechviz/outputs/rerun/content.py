@@ -57,7 +57,7 @@ def _nothing(_: Content) -> Iterable[Any]:
 
 
 @dataclass(frozen=True)
-class Family:
+class EntityFamily:
     """Entities that belong together: rows over the frames, static archetypes, and views of the blueprint beside the plots."""
 
     name: str
@@ -66,15 +66,15 @@ class Family:
     views: Callable[[Content], Iterable[Any]] = _nothing
 
 
-ARROW_FAMILIES: tuple[Family, ...] = (
-    Family("links", streams=lambda c: link_streams(c.run), statics=lambda c: view_statics(c.picture.size)),
-    Family("data", streams=lambda c: table_streams(c.tables, c.run.kept.numbers)),
-    Family("picture", streams=lambda c: picture_streams(c.picture, c.every), statics=lambda c: picture_statics(c.picture)),
-    Family("lanes", statics=lambda c: lane_styles(c.run)),
-    Family("legend", statics=lambda c: legend_shapes(c.picture, overlay_box(c.run, c.solids), c.run.scene.units)),
-    Family("plots", streams=lambda c: plot_streams(c.run, c.every), statics=lambda c: plot_styles(c.run, c.tables)),
-    Family("diagrams", streams=lambda c: diagram_streams(c.diagrams, c.every), statics=lambda c: diagram_shapes(c.diagrams)),
-    Family(
+ENTITY_FAMILIES: tuple[EntityFamily, ...] = (
+    EntityFamily("links", streams=lambda c: link_streams(c.run), statics=lambda c: view_statics(c.picture.size)),
+    EntityFamily("data", streams=lambda c: table_streams(c.tables, c.run.kept.numbers)),
+    EntityFamily("picture", streams=lambda c: picture_streams(c.picture, c.every), statics=lambda c: picture_statics(c.picture)),
+    EntityFamily("lanes", statics=lambda c: lane_styles(c.run)),
+    EntityFamily("legend", statics=lambda c: legend_shapes(c.picture, overlay_box(c.run, c.solids), c.run.scene.units)),
+    EntityFamily("plots", streams=lambda c: plot_streams(c.run, c.every), statics=lambda c: plot_styles(c.run, c.tables)),
+    EntityFamily("diagrams", streams=lambda c: diagram_streams(c.diagrams, c.every), statics=lambda c: diagram_shapes(c.diagrams)),
+    EntityFamily(
         "polygons",
         streams=lambda c: polygon_streams(c.drawings, c.every),
         statics=lambda c: polygon_shapes(c.drawings, c.picture.size),
@@ -86,17 +86,17 @@ ARROW_FAMILIES: tuple[Family, ...] = (
 
 def find_streams(content: Content) -> list[Stream]:
     """The streams of all families."""
-    return [stream for family in ARROW_FAMILIES for stream in family.streams(content)]
+    return [stream for family in ENTITY_FAMILIES for stream in family.streams(content)]
 
 
 def find_statics(content: Content) -> list[Static]:
     """The static archetypes of all families."""
-    return [static for family in ARROW_FAMILIES for static in family.statics(content)]
+    return [static for family in ENTITY_FAMILIES for static in family.statics(content)]
 
 
 def find_views(content: Content) -> list[Any]:
     """The views of all families that have some."""
-    return [view for family in ARROW_FAMILIES for view in family.views(content)]
+    return [view for family in ENTITY_FAMILIES for view in family.views(content)]
 
 
 # -- properties of links ----------------------------------------------------------------------------------------------

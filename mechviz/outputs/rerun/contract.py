@@ -46,23 +46,23 @@ def _unique(names: tuple[str, ...]) -> tuple[str, ...]:
     return names
 
 
-Names = Annotated[tuple[str, ...], AfterValidator(_unique)]
+UniqueNames = Annotated[tuple[str, ...], AfterValidator(_unique)]
 
 
-class Part(BaseModel):
+class JsonPart(BaseModel):
     """Base of what the JSON of a recording holds; what later versions add is left alone."""
 
     model_config = ConfigDict(extra="ignore", frozen=True)
 
 
-class JointPart(Part):
+class JointPart(JsonPart):
     """A joint of the model: its kind and the links that it joins."""
 
     type: str
     links: tuple[str, str]
 
 
-class LoadPart(Part):
+class LoadPart(JsonPart):
     """A load of the model: its kind and the links that it acts on; between two points, where these are in the links' frames [m]."""
 
     kind: str
@@ -70,18 +70,18 @@ class LoadPart(Part):
     points: tuple[tuple[float, float], ...] = ()
 
 
-class Model(Part):
+class RecordedModel(JsonPart):
     """Connectivity: the ``frame`` is the fixed link, ``drives`` are names of joints, ``traced`` names of points."""
 
     frame: str
-    links: Names
+    links: UniqueNames
     joints: dict[str, JointPart]
-    drives: Names
+    drives: UniqueNames
     loads: dict[str, LoadPart]
-    traced: Names | None = None
+    traced: UniqueNames | None = None
 
     @model_validator(mode="after")
-    def _names_are_there(self) -> Model:
+    def _names_are_there(self) -> RecordedModel:
         for what, name, links in (
             ("frame", self.frame, (self.frame,)),
             *(("joint", name, joint.links) for name, joint in self.joints.items()),
@@ -96,7 +96,7 @@ class Model(Part):
         return self
 
 
-class NodePart(Part):
+class NodePart(JsonPart):
     """A node of the picture: what it is of, where it is drawn, which entity holds it; ``beside``: how far an arrow stands from its
     line, or the radius of an arc [m]."""
 
@@ -110,7 +110,7 @@ class NodePart(Part):
     beside: FiniteFloat | None = None
 
 
-class QuantityPart(Part):
+class QuantityPart(JsonPart):
     """An entry of the catalogue: its key and the entity that holds its values."""
 
     key: str
@@ -123,7 +123,7 @@ def _known(units: Units) -> Units:
     return units
 
 
-class Properties(Part):
+class Properties(JsonPart):
     """Properties of a recording, those that are JSON as what they hold. Older recordings lack those that may be None, and show
     millimetres and degrees."""
 
@@ -140,7 +140,7 @@ class Properties(Part):
     top: FiniteFloat | None = None
     picture: Json[tuple[NodePart, ...]] | None = None
     quantities: Json[tuple[QuantityPart, ...]] = ()
-    model: Json[Model]
+    model: Json[RecordedModel]
     effects: tuple[str, ...] = ()
     skipped: tuple[str, ...] = ()
     power_items: tuple[str, ...] = ()
@@ -180,7 +180,7 @@ def _words(error: Any) -> str:
 # -- entities ---------------------------------------------------------------------------------------------------------
 
 
-class Kind(NamedTuple):
+class ComponentKind(NamedTuple):
     """Kind of values in a component: numbers, whole numbers (``whole``), ``text`` or ``truth``; vectors of ``width`` of them;
     ``each``: how many a row has. Numbers are finite and up to ``most``, but for what is not known (NaN) where there may be
     ``gaps``, and what is infinite where that is one of its values (``endless``)."""
@@ -193,41 +193,45 @@ class Kind(NamedTuple):
     endless: bool = False
 
 
-COMPONENT_KINDS: Mapping[str, Kind] = {
-    "Scalars:scalars": Kind(most=LARGEST_VALUE, gaps=True, endless=True),
-    "Transform3D:translation": Kind(width=3, each=1),
-    "Transform3D:quaternion": Kind(width=4, each=1),
-    "Transform3D:scale": Kind(width=3, each=1),
-    "Mesh3D:vertex_positions": Kind(width=3),
-    "Mesh3D:vertex_normals": Kind(width=3),
-    "Mesh3D:triangle_indices": Kind("whole", 3),
-    "Mesh3D:vertex_colors": Kind("whole"),
-    "Points3D:positions": Kind(width=3),
-    "Points2D:positions": Kind(width=2),
-    "Arrows3D:origins": Kind(width=3),
-    "Arrows3D:vectors": Kind(width=3),
-    "LineStrips3D:strips": Kind(width=3),
-    "LineStrips2D:strips": Kind(width=2),
-    "StateChange:state": Kind("text", each=1),
-    "StateConfiguration:values": Kind("text"),
-    "TextDocument:text": Kind("text", each=1),
-    "TextLog:text": Kind("text", each=1),
-    "TextLog:level": Kind("text", each=1),
-    "SeriesLines:names": Kind("text"),
-    "item": Kind("text", each=1),
-    "message": Kind("text", each=1),
-    "title": Kind("text", each=1),
-    "unit": Kind("text", each=1),
-    "x_title": Kind("text", each=1),
-    "y_title": Kind("text", each=1),
-    "per_metre": Kind(each=1, most=LARGEST_VALUE),
-    "least": Kind(each=1, most=LARGEST_VALUE),
-    "turn": Kind(each=1, most=LARGEST_VALUE),
-    "ranges": Kind(each=4, most=LARGEST_VALUE),
-    "whole": Kind("truth", each=1),
-    "equal": Kind("truth", each=1),
+COMPONENT_KINDS: Mapping[str, ComponentKind] = {
+    "Scalars:scalars": ComponentKind(most=LARGEST_VALUE, gaps=True, endless=True),
+    "Transform3D:translation": ComponentKind(width=3, each=1),
+    "Transform3D:quaternion": ComponentKind(width=4, each=1),
+    "Transform3D:scale": ComponentKind(width=3, each=1),
+    "Mesh3D:vertex_positions": ComponentKind(width=3),
+    "Mesh3D:vertex_normals": ComponentKind(width=3),
+    "Mesh3D:triangle_indices": ComponentKind("whole", 3),
+    "Mesh3D:vertex_colors": ComponentKind("whole"),
+    "Points3D:positions": ComponentKind(width=3),
+    "Points2D:positions": ComponentKind(width=2),
+    "Arrows3D:origins": ComponentKind(width=3),
+    "Arrows3D:vectors": ComponentKind(width=3),
+    "LineStrips3D:strips": ComponentKind(width=3),
+    "LineStrips2D:strips": ComponentKind(width=2),
+    "StateChange:state": ComponentKind("text", each=1),
+    "StateConfiguration:values": ComponentKind("text"),
+    "TextDocument:text": ComponentKind("text", each=1),
+    "TextLog:text": ComponentKind("text", each=1),
+    "TextLog:level": ComponentKind("text", each=1),
+    "SeriesLines:names": ComponentKind("text"),
+    "item": ComponentKind("text", each=1),
+    "message": ComponentKind("text", each=1),
+    "title": ComponentKind("text", each=1),
+    "unit": ComponentKind("text", each=1),
+    "x_title": ComponentKind("text", each=1),
+    "y_title": ComponentKind("text", each=1),
+    "per_metre": ComponentKind(each=1, most=LARGEST_VALUE),
+    "least": ComponentKind(each=1, most=LARGEST_VALUE),
+    "turn": ComponentKind(each=1, most=LARGEST_VALUE),
+    "ranges": ComponentKind(each=4, most=LARGEST_VALUE),
+    "whole": ComponentKind("truth", each=1),
+    "equal": ComponentKind("truth", each=1),
 }
-FIELD_KINDS: Mapping[str, Kind] = {"radii": Kind(), "colors": Kind("whole"), "labels": Kind("text")}
+FIELD_KINDS: Mapping[str, ComponentKind] = {
+    "radii": ComponentKind(),
+    "colors": ComponentKind("whole"),
+    "labels": ComponentKind("text"),
+}
 """Of every archetype that has them."""
 
 TABLE_UNITS: tuple[tuple[str, tuple[str, ...]], ...] = (
@@ -287,7 +291,7 @@ def units_of(parts: tuple[str, ...]) -> tuple[str, ...]:
     return ()
 
 
-def needed_tables(model: Model, forces: bool) -> set[str]:
+def needed_tables(model: RecordedModel, forces: bool) -> set[str]:
     """The tables without which no recording of a model is read; ``forces``: reactions were computed."""
     return {entity(*parts) for parts in _needed(model, forces)}
 
@@ -298,7 +302,7 @@ def missing_tables(recording: Recording) -> list[str]:
     return sorted(path for path in needed | {q.entity for q in recording.said.quantities} if not recording.has(path))
 
 
-def _needed(model: Model, forces: bool) -> Iterator[tuple[str, ...]]:
+def _needed(model: RecordedModel, forces: bool) -> Iterator[tuple[str, ...]]:
     for link in model.links:
         yield "data", "links", link, "pose"
     for joint in model.joints:
@@ -330,7 +334,7 @@ def _entity_faults(recording: Recording, path: str, time: object, pose: bool) ->
     """Faults of an entity; ``pose``: its numbers are places."""
     parts = parts_of(path)
     scalars = (
-        Kind()
+        ComponentKind()
         if pose
         else COMPONENT_KINDS["Scalars:scalars"]._replace(endless=not (units_of(parts) and parts[:2] in FINITE_TABLES))
     )
@@ -360,7 +364,7 @@ def _entity_faults(recording: Recording, path: str, time: object, pose: bool) ->
         yield from _table_faults(recording, path, time, counts.get("Scalars:scalars"))
 
 
-def _read_column(column: pa.Array, kind: Kind, name: str, moving: bool) -> Any:
+def _read_column(column: pa.Array, kind: ComponentKind, name: str, moving: bool) -> Any:
     """How many instances (n,) each row of a column of arrow has. ValueError says what is wrong with it."""
     import pyarrow as pa
 

@@ -56,7 +56,7 @@ def parts_of(path: str) -> tuple[str, ...]:
     return (*parts, part)
 
 
-def packed(colors: Sequence[Sequence[int]]) -> NDArray[np.uint32]:
+def packed_colors(colors: Sequence[Sequence[int]]) -> NDArray[np.uint32]:
     """Colours of three or four channels, 0 to 255, each as one number 0xRRGGBBAA: else the recorder takes every list apart anew."""
     return np.array([int.from_bytes(bytes((*c, 255)[:4]), "big") for c in colors], np.uint32)
 
@@ -79,7 +79,7 @@ def line_strips(parts: Sequence[Single]) -> Any:
     return pa.ListArray.from_arrays(pa.array(offsets), flat, type=kind)
 
 
-def columns_of(archetype: Any, counts: Integers | int = 1) -> list[Any]:
+def archetype_columns(archetype: Any, counts: Integers | int = 1) -> list[Any]:
     """Columns of an archetype that holds the instances of all rows, one after the other: so many a row, or ``counts`` (rows,).
 
     The recorder's own ``columns`` makes them twice, of one instance a row first.
@@ -199,7 +199,7 @@ def scalar_rows(values: Real, frames: slice) -> Any:
     import rerun as rr
 
     chosen = pa.array(np.ascontiguousarray(values[frames]).reshape(-1))  # else the recorder copies it
-    return columns_of(rr.Scalars.from_fields(scalars=chosen), values.shape[1])
+    return archetype_columns(rr.Scalars.from_fields(scalars=chosen), values.shape[1])
 
 
 def link_streams(run: Run) -> Iterator[Stream]:
@@ -211,7 +211,9 @@ def link_streams(run: Run) -> Iterator[Stream]:
 
         def place(frames: slice, link: str = link) -> Any:
             pose = poses[link][frames]
-            return columns_of(rr.Transform3D.from_fields(translation=in_space(pose[:, :2], 0.0), quaternion=about_z(pose[:, 2])))
+            return archetype_columns(
+                rr.Transform3D.from_fields(translation=in_space(pose[:, :2], 0.0), quaternion=about_z(pose[:, 2]))
+            )
 
         yield Stream(entity("mechanism", "links", link), place)
 

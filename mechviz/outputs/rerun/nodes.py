@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 
 from mechcore.arrays import Flags, Real, Single
-from mechviz.outputs.rerun.entities import Static, Stream, columns_of, entity, line_strips, packed
+from mechviz.outputs.rerun.entities import Static, Stream, archetype_columns, entity, line_strips, packed_colors
 from mechviz.picture.arrows import SHORTEST_ARROW, visible
-from mechviz.picture.nodes import Arc, Arrow, ArrowSet, Body, Lines, Node, Picture, Points
+from mechviz.picture.nodes import Arrow, ArrowSet, Body, Lines, MomentArc, Node, Picture, Points
 from mechviz.picture.proportions import in_space
-from mechviz.quantities.vectors import FAMILIES, LARGEST_ARC, LARGEST_ARROW, Moment, Scales, Vector, round_value
+from mechviz.quantities.vectors import LARGEST_ARC, LARGEST_ARROW, VECTOR_FAMILIES, Moment, Scales, Vector, round_value
 from mechviz.scene.units import Units
 
 MOTION_FAMILIES = ("velocity", "acceleration")
@@ -29,7 +29,7 @@ def seen(item: Vector | Moment, scales: Scales, size: float) -> bool:
     return bool(arc_lengths(item, scales, size).any())
 
 
-def sweep_of(arc: Arc, scales: Scales, size: float) -> Real:
+def sweep_of(arc: MomentArc, scales: Scales, size: float) -> Real:
     """Signed angles (F,) [rad] of an arc; 0 where it is not drawn."""
     return arc_lengths(arc.moment, scales, size) / arc.radius
 
@@ -92,7 +92,7 @@ def _entry(node: Node) -> dict[str, Any]:
     }
     if isinstance(node, Body | Points | Lines):
         entry["parent"] = node.parent
-    if isinstance(node, Arrow | Arc):
+    if isinstance(node, Arrow | MomentArc):
         entry["beside"] = node.aside if isinstance(node, Arrow) else node.radius
     return entry
 
@@ -124,7 +124,7 @@ def node_streams(node: Node, picture: Picture, every: int) -> Iterator[Stream]:
         case Arrow():
             scale = picture.scales.per_metre(node.vector.family)
             draw = partial(_pointed, node, scale, visible(node.vector.value, scale, picture.size))
-        case Arc():
+        case MomentArc():
             draw = partial(_curved, node, sweep_of(node, picture.scales, picture.size))
     if draw is not None:
         yield Stream(entity(*node.entity), draw, every)
@@ -136,16 +136,18 @@ def _placed(node: Body, frames: slice) -> Any:
     poses = node.poses
     assert poses is not None
     scales = {} if poses.scales is None else {"scale": poses.scales[frames]}
-    return columns_of(rr.Transform3D.from_fields(translation=poses.places[frames], quaternion=poses.turns[frames], **scales))
+    return archetype_columns(rr.Transform3D.from_fields(translation=poses.places[frames], quaternion=poses.turns[frames], **scales))
 
 
 def _bent(node: Lines, frames: slice) -> Any:
     import rerun as rr
 
     if node.shown is None:
-        return columns_of(rr.LineStrips3D.from_fields(strips=line_strips([s[frames] for s in node.strips])), len(node.strips))
+        return archetype_columns(
+            rr.LineStrips3D.from_fields(strips=line_strips([s[frames] for s in node.strips])), len(node.strips)
+        )
     there = node.shown[frames]
-    return columns_of(
+    return archetype_columns(
         rr.LineStrips3D.from_fields(strips=line_strips([s[frames][there] for s in node.strips])), len(node.strips) * there
     )
 
@@ -155,16 +157,16 @@ def _dotted(node: Points, frames: slice) -> Any:
 
     places, count = node.places[frames], node.places.shape[1]
     if np.isfinite(places.sum()):  # so all of them are
-        return columns_of(rr.Points3D.from_fields(positions=places.reshape(-1, 3)), count)
+        return archetype_columns(rr.Points3D.from_fields(positions=places.reshape(-1, 3)), count)
     there = np.isfinite(places).all(axis=(1, 2))
-    return columns_of(rr.Points3D.from_fields(positions=places[there].reshape(-1, 3)), count * there)
+    return archetype_columns(rr.Points3D.from_fields(positions=places[there].reshape(-1, 3)), count * there)
 
 
 def _pointed_together(node: ArrowSet, frames: slice) -> Any:
     import rerun as rr
 
     origins, vectors = (np.ascontiguousarray(a[frames]).reshape(-1, 3) for a in (node.origins, node.vectors))
-    return columns_of(rr.Arrows3D.from_fields(origins=origins, vectors=vectors), node.origins.shape[1])
+    return archetype_columns(rr.Arrows3D.from_fields(origins=origins, vectors=vectors), node.origins.shape[1])
 
 
 def _pointed(node: Arrow, scale: float, seen: Flags, frames: slice) -> Any:
@@ -176,15 +178,15 @@ def _pointed(node: Arrow, scale: float, seen: Flags, frames: slice) -> Any:
     if not there.all():
         counts, origin, value = there, origin[there], value[there]
     arrows = rr.Arrows3D.from_fields(origins=in_space(origin, node.height), vectors=in_space(value / scale, 0.0))
-    return columns_of(arrows, counts)
+    return archetype_columns(arrows, counts)
 
 
-def _curved(node: Arc, sweep: Real, frames: slice) -> Any:
+def _curved(node: MomentArc, sweep: Real, frames: slice) -> Any:
     import rerun as rr
 
     there = sweep[frames] != 0
     strips = arc_strips(node.moment.origin[frames][there], sweep[frames][there], node.height, node.radius)
-    return columns_of(rr.LineStrips3D.from_fields(strips=line_strips([strips])), there)
+    return archetype_columns(rr.LineStrips3D.from_fields(strips=line_strips([strips])), there)
 
 
 def node_statics(node: Node, picture: Picture) -> Iterator[Static]:
@@ -213,17 +215,20 @@ def node_statics(node: Node, picture: Picture) -> Iterator[Static]:
             yield Static(path, rr.Arrows3D.from_fields(**_look(node.colors, (node.radius,), node.labels)))
         case Arrow(group=family):
             radius = (MOTION_RADIUS if family in MOTION_FAMILIES else FORCE_RADIUS) * picture.size
-            yield Static(path, rr.Arrows3D.from_fields(colors=packed([FAMILIES[family].on_dark]), radii=[radius]))
-        case Arc(group=family):
+            yield Static(path, rr.Arrows3D.from_fields(colors=packed_colors([VECTOR_FAMILIES[family].on_dark]), radii=[radius]))
+        case MomentArc(group=family):
             yield Static(
-                path, rr.LineStrips3D.from_fields(colors=packed([FAMILIES[family].on_dark]), radii=[FORCE_RADIUS * picture.size])
+                path,
+                rr.LineStrips3D.from_fields(
+                    colors=packed_colors([VECTOR_FAMILIES[family].on_dark]), radii=[FORCE_RADIUS * picture.size]
+                ),
             )
 
 
 def _look(colors: Sequence[Sequence[int]], radii: Sequence[float], labels: Sequence[str], *, shown: bool = True) -> dict[str, Any]:
     """How lines, points or arrows look; they have labels where any of them is not empty, ``shown`` at first."""
     words = {"labels": list(labels), "show_labels": shown} if any(labels) else {}
-    return {"colors": packed(colors), "radii": list(radii), **words}
+    return {"colors": packed_colors(colors), "radii": list(radii), **words}
 
 
 def _check(node: Body) -> None:
@@ -249,26 +254,26 @@ def legend_shapes(picture: Picture, around: Real, units: Units) -> Iterator[Stat
     people read the values.
     """
     scales, size = picture.scales, picture.size
-    vectors, moments = [a.vector for a in picture.of(Arrow)], [a.moment for a in picture.of(Arc)]
+    vectors, moments = [a.vector for a in picture.of(Arrow)], [a.moment for a in picture.of(MomentArc)]
     pointing = {v.family for v in vectors if seen(v, scales, size)}
     shown = pointing | {m.family for m in moments if seen(m, scales, size)}
     for view in ("forces", "motion"):
         drawn = [v for v in vectors if (v.family in MOTION_FAMILIES) == (view == "motion")]
         low, high = extent(drawn, scales, picture.bounds, size)[:, :2]
         bottom = min(low[1], around[0, 1] - LEGEND_ROOM * size) + 0.25 * LEGEND_ROOM * size
-        families = [f for f in FAMILIES if f in shown and (f in MOTION_FAMILIES) == (view == "motion")]
+        families = [f for f in VECTOR_FAMILIES if f in shown and (f in MOTION_FAMILIES) == (view == "motion")]
         room = float(np.clip(LEGEND_ROW / max(len(families), 1), *LEGEND_LABEL))
         column = max(LEGEND_COLUMN * size, room * max(high[0] - low[0], LEGEND_ASPECT * (high[1] - low[1])))
         for k, family in enumerate(families):
             per_metre = scales.per_metre(family)
-            words, length = FAMILIES[family].label, LEGEND_LENGTH * size
+            words, length = VECTOR_FAMILIES[family].label, LEGEND_LENGTH * size
             if family in pointing:
-                unit, factor = units.reads(FAMILIES[family].unit)
+                unit, factor = units.reads(VECTOR_FAMILIES[family].unit)
                 value = round_value(length * per_metre * factor)
                 length = value / (per_metre * factor)
                 words += f": {value:g} {unit}"
             start = _legend_place((k - 0.5 * (len(families) - 1)) * column, bottom, picture)
-            yield from _legend_entry(("legend", view, family), start, length, words, FAMILIES[family].on_dark, size)
+            yield from _legend_entry(("legend", view, family), start, length, words, VECTOR_FAMILIES[family].on_dark, size)
 
 
 def _legend_place(across: float, y: float, picture: Picture) -> Real:
@@ -282,9 +287,10 @@ def _legend_entry(
 ) -> Iterator[Static]:
     import rerun as rr
 
-    arrow: Any = rr.Arrows3D(origins=[start], vectors=[[length, 0.0, 0.0]], colors=packed([color]), radii=[0.0055 * size])
+    arrow: Any = rr.Arrows3D(origins=[start], vectors=[[length, 0.0, 0.0]], colors=packed_colors([color]), radii=[0.0055 * size])
     yield Static(entity(*path), arrow)
     under = start + np.array([0.5 * length, -0.01 * size, 0.0])
     yield Static(
-        entity(*path, "label"), rr.Points3D([under], radii=[1e-4 * size], colors=packed([color]), labels=[words], show_labels=True)
+        entity(*path, "label"),
+        rr.Points3D([under], radii=[1e-4 * size], colors=packed_colors([color]), labels=[words], show_labels=True),
     )

@@ -13,7 +13,7 @@ from mechcore.motion.events import Event
 from mechcore.records import dataclass
 from mechcore.spec.clearance import journals_of, made_joints
 from mechcore.spec.mechanism import CamJoint
-from mechviz.outputs.rerun.entities import Static, Stream, Timelines, entity, packed, scalar_rows
+from mechviz.outputs.rerun.entities import Static, Stream, Timelines, entity, packed_colors, scalar_rows
 from mechviz.quantities.events import LaneState, lanes_of
 from mechviz.quantities.items import JointInfo, Table, joint_unit, joints_of
 from mechviz.quantities.tables import rounding_of_efforts
@@ -338,7 +338,7 @@ def plot_styles(run: Run, all_tables: list[Table]) -> Iterator[Static]:
         widths = np.full(len(names), 1.6, np.float32)
         return rr.SeriesLines.from_fields(names=names, colors=colors, widths=widths, aggregation_policy="MinMax")
 
-    palette = packed(CURVE_PALETTE)
+    palette = packed_colors(CURVE_PALETTE)
 
     known: dict[tuple[str, ...], int] = {}  # how many of a kind came before: they may share a plot
     for table in all_tables:

@@ -12,11 +12,11 @@ from mechviz.files import replacing
 from mechviz.outputs.rerun.entities import APPLICATION_ID
 from mechviz.outputs.rerun.rerun_adapter import send_blueprint
 from mechviz.outputs.rerun.stream_file import forget_streams
-from mechviz.studies.precision import Point
+from mechviz.studies.precision import PrecisionPoint
 from mechviz.studies.precision_diagram import PANEL, draw_panel, settings_of
 
 
-def write_rrd(points: Sequence[Point], path: Path, title: str, markdown: str, target: float | None = None) -> None:
+def write_rrd(points: Sequence[PrecisionPoint], path: Path, title: str, markdown: str, target: float | None = None) -> None:
     """Write a view for each dial: the panel as a picture, with marked axes, and over it a point for each setting, which says what
     it is where the pointer is on it; its error and its time are scalars of the same entity. The table stands beside them.
     Raises `OutputError`."""

@@ -70,7 +70,7 @@ DRIVE_TIMELINES = ("drive_mdeg", "drive_um")
 
 
 @dataclass(frozen=True, eq=False)
-class Rows:
+class ComponentRows:
     """Rows of one component of an entity, sorted by time. ``lengths`` (F,): how many instances each row has."""
 
     time: Integers  # [ns]
@@ -271,7 +271,7 @@ class Recording:
         time = np.asarray(1e-9 * self.rows(*parts, component="Scalars:scalars").time, float)
         return read_between(parts, time, values, np.atleast_1d(times), self.said.interpolation)
 
-    def rows(self, *parts: str, component: str) -> Rows:
+    def rows(self, *parts: str, component: str) -> ComponentRows:
         """All rows of a component such as ``Transform3D:translation``; raises KeyError if there are none."""
         import pyarrow as pa
 
@@ -292,7 +292,7 @@ class Recording:
             for name in DRIVE_TIMELINES
             if all(name in b.schema.names for b in batches)
         }
-        return Rows(time=time[order], drives=drives, values=_numpy(flat.flatten()), lengths=lengths)
+        return ComponentRows(time=time[order], drives=drives, values=_numpy(flat.flatten()), lengths=lengths)
 
     def static(self, *parts: str, component: str = "Scalars:scalars") -> NDArray[Any] | None:
         """The newest static value of a component, or None."""

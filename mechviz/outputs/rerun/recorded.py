@@ -18,8 +18,8 @@ from mechviz.outputs.rerun.entities import parts_of, unpacked
 from mechviz.outputs.rerun.reader import Recording
 from mechviz.picture.arrows import with_scales
 from mechviz.picture.centres import CENTRE_GROUPS
-from mechviz.picture.constructions import Drawing, Mark, Stroke
-from mechviz.picture.nodes import ArrowSet, Body, Color, Lines, Mesh, Node, Picture, Points, Poses
+from mechviz.picture.constructions import Drawing, DrawnArrow, NamedPoint
+from mechviz.picture.nodes import ArrowSet, Body, Color, Lines, Mesh, Node, Picture, Points, PoseTrack
 from mechviz.picture.overlays import INVERSION_GROUP
 from mechviz.picture.surface_marks import MARK_KINDS
 from mechviz.quantities.items import JointInfo, Table
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 TABLE_ROOTS = ("data", "health", "polygons")
 
 
-def numbers_in(recording: Recording) -> Numbers:
+def recorded_numbers(recording: Recording) -> Numbers:
     """The numbers of a recording, complete or interrupted."""
     said = recording.said
     model = said.model
@@ -192,9 +192,9 @@ class _Reader:
         colors = np.column_stack([(packed >> shift) & 255 for shift in (24, 16, 8)]).astype(np.uint8)
         return Mesh(vertices.astype(np.float32), faces.astype(np.uint32), normals.astype(np.float32), colors)
 
-    def _poses(self, path: str) -> Poses | None:
+    def _poses(self, path: str) -> PoseTrack | None:
         places, turns, scales = (self._columns(path, f"Transform3D:{name}", n) for name, n in _TRANSFORM_PARTS)
-        return None if places is None or turns is None else Poses(places, turns, scales)
+        return None if places is None or turns is None else PoseTrack(places, turns, scales)
 
     def _columns(self, path: str, component: str, width: int) -> Single | None:
         """Values (F, width) of a component at the frames; the newest, where a frame has no row of its own."""
@@ -310,7 +310,7 @@ class RecordedDrawings:
                 np.all([(i.start == 0) & (i.vector == 0) for i in strokes], axis=0) if strokes else np.zeros(len(self.ticks), bool)
             )
             at = self._points(f"{path}/points")
-            marks = [Mark(label, np.where(lost, np.nan, z)) for label, z in at]
+            marks = [NamedPoint(label, np.where(lost, np.nan, z)) for label, z in at]
             drawings[name] = Drawing(
                 name, str(title), strokes, tuple(marks), float(per_metre), str(unit), least=float(least), whole=bool(whole)
             )
@@ -375,15 +375,15 @@ class RecordedDrawings:
         thick = np.ones(count) if radii is None or len(radii) != count else np.abs(np.asarray(radii, float))
         return texts, colors, [bool(r < FINE_ARROW * thick.max()) for r in thick]
 
-    def _arrows(self, path: str) -> tuple[Stroke, ...]:
+    def _arrows(self, path: str) -> tuple[DrawnArrow, ...]:
         starts, vectors = self._rows(path, "Arrows3D:origins"), self._rows(path, "Arrows3D:vectors")
         if starts is None or vectors is None or starts.shape != vectors.shape:
             return ()
         z, along = _complex(starts), _complex(vectors)
         looks = zip(*self._looks(path, "Arrows3D", z.shape[1]), strict=True)
-        return tuple(Stroke(label, color, z[:, k], along[:, k], fine=fine) for k, (label, color, fine) in enumerate(looks))
+        return tuple(DrawnArrow(label, color, z[:, k], along[:, k], fine=fine) for k, (label, color, fine) in enumerate(looks))
 
-    def _lines(self, path: str) -> tuple[Stroke, ...]:
+    def _lines(self, path: str) -> tuple[DrawnArrow, ...]:
         """Strips as plain lines, one for each of their parts; the first has the label."""
         try:
             rows = self.recording.rows(path, component="LineStrips3D:strips")
@@ -400,7 +400,7 @@ class RecordedDrawings:
                 continue
             z = np.stack([_complex(np.asarray(strip, float)) for strip in strips])[row_of]
             for part in range(z.shape[1] - 1):
-                strokes.append(Stroke(label if not part else "", color, z[:, part], z[:, part + 1] - z[:, part], plain=True))
+                strokes.append(DrawnArrow(label if not part else "", color, z[:, part], z[:, part + 1] - z[:, part], plain=True))
         return tuple(strokes)
 
     def _points(self, path: str) -> list[tuple[str, Complex]]:

@@ -106,7 +106,7 @@ def part_path(path: Path) -> Path:
     return path.with_name(f"{stem}.part.rrd")
 
 
-class Part:
+class PartialFile:
     """An open recording stream; ``frames`` counts those that are safe in the file."""
 
     def __init__(self, stream: rr.RecordingStream, pump: Pump):
@@ -140,7 +140,7 @@ def forget_streams() -> None:
 
 
 @contextmanager
-def recording_file(path: Path, blueprint: object, recording_id: str | None, title: str) -> Iterator[Part]:
+def recording_file(path: Path, blueprint: object, recording_id: str | None, title: str) -> Iterator[PartialFile]:
     """A recording stream whose file takes the place of ``path`` if the block succeeds.
 
     Interrupted (Ctrl-C, or SIGTERM turned into `SystemExit`) it leaves what it had under `part_path`, and a note on the
@@ -152,7 +152,7 @@ def recording_file(path: Path, blueprint: object, recording_id: str | None, titl
     strict = rr.strict_mode()
     rr.set_strict_mode(True)  # else wrong lengths only warn, and the data are dropped
     stream = rr.RecordingStream(APPLICATION_ID, recording_id=recording_id)
-    part = Part(stream, pump)
+    part = PartialFile(stream, pump)
     try:
         stream.save(pump.entrance)
         pump.opened()
@@ -186,7 +186,7 @@ def recording_file(path: Path, blueprint: object, recording_id: str | None, titl
 
 
 @contextmanager
-def live_file(path: Path, port: int | None, title: str, blueprint: object) -> Iterator[tuple[Part, str | None]]:
+def live_file(path: Path, port: int | None, title: str, blueprint: object) -> Iterator[tuple[PartialFile, str | None]]:
     """A recording stream into the unfinished file beside ``path``, and to viewers on ``port`` of this machine (0: a free one),
     whose address it gives. The file stays if the block is interrupted, and a note on the exception says so; else it goes."""
     import rerun as rr
@@ -195,7 +195,7 @@ def live_file(path: Path, port: int | None, title: str, blueprint: object) -> It
     strict = rr.strict_mode()
     rr.set_strict_mode(True)
     stream = rr.RecordingStream(APPLICATION_ID)
-    part = Part(stream, pump)
+    part = PartialFile(stream, pump)
     keep = False
     try:
         address = None

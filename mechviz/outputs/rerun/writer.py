@@ -44,7 +44,7 @@ from mechviz.outputs.rerun.entities import (
 from mechviz.outputs.rerun.nodes import LEGEND_ROOM, extent, picture_statics, picture_streams
 from mechviz.outputs.rerun.plots import mark_times, plot_styles, send_lanes, send_marks
 from mechviz.outputs.rerun.rerun_adapter import send_blueprint
-from mechviz.outputs.rerun.stream_file import Part, live_file, recording_file
+from mechviz.outputs.rerun.stream_file import PartialFile, live_file, recording_file
 from mechviz.picture.build import bare_picture, picture_of, solids_of
 from mechviz.picture.constructions import drawings_of
 from mechviz.picture.nodes import Arrow
@@ -216,7 +216,7 @@ def _send_events(stream: rr.RecordingStream, timelines: Timelines, events: Seque
 
 
 def _send_streams(
-    part: Part, streams: list[Stream], timelines: Timelines, run: Run, progress: Callable[[int, int], None] | None
+    part: PartialFile, streams: list[Stream], timelines: Timelines, run: Run, progress: Callable[[int, int], None] | None
 ) -> None:
     """All entities block by block, so that what an interrupted recording has ends at the same frame everywhere."""
     total = len(timelines.time)
@@ -260,7 +260,7 @@ class Live:
     Arrows need the scale of the whole run, plots of events its end: they are in the finished recording, which takes the place of
     this one."""
 
-    def __init__(self, scene: Scene, part: Part, progress: Callable[[int], None] = lambda _: None):
+    def __init__(self, scene: Scene, part: PartialFile, progress: Callable[[int], None] = lambda _: None):
         self.part = part
         self.progress = progress
         self._running = Running(scene)

@@ -26,7 +26,7 @@ from mechviz.outputs.viewer.panels.switches import Switches
 from mechviz.outputs.viewer.panels.timeline import Timeline
 from mechviz.outputs.viewer.playback import BrowserPlayback
 from mechviz.outputs.viewer.player import Player
-from mechviz.outputs.viewer.server import HOST, Changes, ViewerError, report, safely, start_server, stop_server
+from mechviz.outputs.viewer.server import HOST, ControlChanges, ViewerError, report, safely, start_server, stop_server
 from mechviz.outputs.viewer.session import EditSession
 from mechviz.outputs.viewer.view_model import ViewModel
 from mechviz.outputs.viewer.world.scene import Scene3D
@@ -75,7 +75,7 @@ class Viewer:
             for name, other in (beside or {}).items()
         }
         self.server, self.guard = start_server(port, "mechviz")
-        self.changes = Changes()
+        self.changes = ControlChanges()
         self.guard.admitted = self.changes.remember
         self.server.on_client_disconnect(lambda _: left_over())
         try:

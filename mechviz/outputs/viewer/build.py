@@ -22,7 +22,7 @@ from mechviz.outputs.rerun.content import html_of
 from mechviz.outputs.rerun.reader import Recording
 from mechviz.outputs.rerun.recorded import RecordedDrawings
 from mechviz.outputs.viewer import words
-from mechviz.outputs.viewer.view_model import Body, Piece, Rolling, ViewModel
+from mechviz.outputs.viewer.view_model import ColoredPart, LinkSolid, RollingCentrodes, ViewModel
 from mechviz.outputs.viewer.world.warp import cam_profiles, stretched_cams, warped_body
 from mechviz.picture.arrows import arrows_of
 from mechviz.picture.build import picture_of, solid_nodes, solids_of
@@ -46,7 +46,7 @@ class Built:
     mechanism: Mechanism
     accuracy: Accuracy  # how finely they are drawn follows from it
     solids: Solids
-    bodies: Mapping[str, Body]
+    bodies: Mapping[str, LinkSolid]
     poses: Mapping[str, Real]  # over the run for which they were built
     cams: Mapping[str, tuple[str, Any]]  # by joint, see `cam_profiles`
 
@@ -71,17 +71,17 @@ def build(run: Run) -> Built:
     return Built(motion.mechanism, run.accuracy, solids, bodies, run.numbers.poses, cam_profiles(motion))
 
 
-def bodies_of(nodes: Iterable[BodyNode]) -> dict[str, Body]:
+def bodies_of(nodes: Iterable[BodyNode]) -> dict[str, LinkSolid]:
     """The solids of links by link."""
-    return {node.parent: Body(pieces_of(node.mesh), node.poses is not None) for node in nodes}
+    return {node.parent: LinkSolid(pieces_of(node.mesh), node.poses is not None) for node in nodes}
 
 
-def pieces_of(mesh: Mesh) -> tuple[Piece, ...]:
+def pieces_of(mesh: Mesh) -> tuple[ColoredPart, ...]:
     """A solid in pieces of one colour each: viser's meshes have a single one.
 
     The vertices are split along sharp edges, so that the normals which the browser makes are those of the solid.
     """
-    return tuple(Piece(mesh.vertices[chosen], faces, color) for color, chosen, faces in mesh.pieces())
+    return tuple(ColoredPart(mesh.vertices[chosen], faces, color) for color, chosen, faces in mesh.pieces())
 
 
 def view_model_of_run(run: Run, built: Built, before: ViewModel | None = None) -> ViewModel:
@@ -125,14 +125,14 @@ def points_of(mechanism: Mechanism) -> dict[str, Mapping[str, tuple[float, float
     return {link.name: link.points for link in build_joints(mechanism).links.values()}
 
 
-def centrodes_of(run: Run) -> dict[str, Rolling]:
+def centrodes_of(run: Run) -> dict[str, RollingCentrodes]:
     """Pole curves that the scene asks for, by link."""
     points = {link.name: link.points for link in run.motion.mechanism.links}
     rolling = {}
     for name, centrodes in run.studies.centrodes.items():
         corners = [complex(*xy) for xy in (*points[name].values(), next(iter(points[name].values()), (0.0, 0.0)))]
         fixed, moving = (way @ np.array([1.0, 1.0j]) for way in (centrodes.fixed, centrodes.moving))
-        rolling[name] = Rolling(fixed, moving, np.array(corners))
+        rolling[name] = RollingCentrodes(fixed, moving, np.array(corners))
     return rolling
 
 
@@ -175,14 +175,14 @@ def view_model_of_recording(recording: Recording) -> ViewModel:
         catalogue=shown.catalogue,
         events=shown.events,
         # without the title and what the scene teaches, with headings that fit a panel
-        notes=words.notes(html_of(f"### {rest}".replace("\n## ", "\n### ") if cut else head)),
+        notes=words.notes_html(html_of(f"### {rest}".replace("\n## ", "\n### ") if cut else head)),
         drawings=shown.drawings,
         charts=cache(RecordedDrawings(recording, ticks).charts),
         centrodes=cache(lambda: centrodes_in(shown.picture, numbers)),
     )
 
 
-def centrodes_in(picture: Picture, numbers: Numbers) -> dict[str, Rolling]:
+def centrodes_in(picture: Picture, numbers: Numbers) -> dict[str, RollingCentrodes]:
     """Pole curves of the links of which they were drawn: from the recorded pose and velocity the instant centre follows."""
     rolling = {}
     places = {name: xy for name in numbers.joints if (xy := numbers.values("data", "joints", name, "position")) is not None}
@@ -197,5 +197,5 @@ def centrodes_in(picture: Picture, numbers: Numbers) -> dict[str, Rolling]:
         fixed = np.where(np.isfinite(fixed), fixed, np.nan)
         own = [places[n] for n, j in numbers.joints.items() if link in j.links and n in places and np.isfinite(places[n]).all()]
         corners = [complex((complex(*xy[0]) - at[0]) / turn[0]) for xy in own]
-        rolling[link] = Rolling(fixed, (fixed - at) / turn, np.array([*corners, *corners[:1]], complex))
+        rolling[link] = RollingCentrodes(fixed, (fixed - at) / turn, np.array([*corners, *corners[:1]], complex))
     return rolling

@@ -23,7 +23,7 @@ from mechviz.outputs.viewer.panels.effects import EffectsTab
 from mechviz.outputs.viewer.panels.plots import OPENED_DESIGN, Plots
 from mechviz.outputs.viewer.panels.saving import Saver
 from mechviz.outputs.viewer.panels.switches import Switches
-from mechviz.outputs.viewer.panels.synthesis import Synthesis, is_four_bar
+from mechviz.outputs.viewer.panels.synthesis import SynthesisTab, is_four_bar
 from mechviz.outputs.viewer.panels.timeline import Timeline
 from mechviz.outputs.viewer.playback import BrowserPlayback, NumberTrack, PlotTrack, Tracks
 from mechviz.outputs.viewer.player import Player
@@ -98,7 +98,7 @@ class Inspector:
         self.effects: EffectsTab | None = None
         self.pivots: Pivots | None = None
         self.accuracy: AccuracyTab | None = None
-        self.synthesis: Synthesis | None = None
+        self.synthesis: SynthesisTab | None = None
         self.optimiser: Optimiser | None = None
         self.study: StudyChart | None = None
         if session is not None:
@@ -144,7 +144,7 @@ class Inspector:
                 if sought:
                     self.optimiser = Optimiser(server, gui.add_folder("Optimisation"), session, callback)
         if session is not None and is_four_bar(session.run.scene.mechanism):
-            self.synthesis = Synthesis(server, right.add_tab("Synthesis"), session, callback, self.scene.cameras.release)
+            self.synthesis = SynthesisTab(server, right.add_tab("Synthesis"), session, callback, self.scene.cameras.release)
         right.dock_right()
         right.set_width(RIGHT_WIDTH)
         self.timeline = Timeline(server, view_model, player, callback)

@@ -98,22 +98,24 @@ class Tracks:
         """The tracks for the script, as JSON."""
         return json.dumps(
             {
-                "time": packed(self.time, np.float64),
+                "time": base64_of(self.time, np.float64),
                 "slider": self.slider,
                 "seen": self.seen,
-                "poses": [[t.name, packed(t.places), None if t.turns is None else packed(t.turns)] for t in self.poses],
+                "poses": [[t.name, base64_of(t.places), None if t.turns is None else base64_of(t.turns)] for t in self.poses],
                 "points": [
                     [
                         t.name,
                         t.prop,
-                        packed(t.values),
-                        packed(t.counts),
-                        None if t.steady is None else packed(t.steady, np.uint8),
+                        base64_of(t.values),
+                        base64_of(t.counts),
+                        None if t.steady is None else base64_of(t.steady, np.uint8),
                     ]
                     for t in self.points
                 ],
-                "numbers": [[t.key, packed(t.values), t.digits, t.suffix] for t in self.numbers],
-                "plots": [[t.uuid, *(packed(v) for v in (t.shown_x, t.shown_y.T, t.x, t.y.T)), list(t.ends)] for t in self.plots],
+                "numbers": [[t.key, base64_of(t.values), t.digits, t.suffix] for t in self.numbers],
+                "plots": [
+                    [t.uuid, *(base64_of(v) for v in (t.shown_x, t.shown_y.T, t.x, t.y.T)), list(t.ends)] for t in self.plots
+                ],
             }
         )
 
@@ -213,7 +215,7 @@ class BrowserPlayback:
         client.flush()
 
 
-def packed(values: NDArray[Any], kind: Any = np.float32) -> str:
+def base64_of(values: NDArray[Any], kind: Any = np.float32) -> str:
     """Numbers for a page: their bytes in base64."""
     return base64.b64encode(np.ascontiguousarray(values, kind).tobytes()).decode("ascii")
 

@@ -23,7 +23,7 @@ from websockets.typing import Origin
 from mechcore.errors import MechanismError
 from mechcore.numerics.frames import share_memory
 from mechcore.records import dataclass
-from mechviz.outputs.viewer.viser_adapter import control_of, is_removed, replaced, start
+from mechviz.outputs.viewer.viser_adapter import attribute_replaced, control_of, is_removed, start
 
 HOST = "127.0.0.1"
 PORT_ATTEMPTS = 5  # for a free port: another program may take it between the probe and the start
@@ -71,7 +71,7 @@ def stop_server(server: viser.ViserServer) -> None:
         server.stop()
 
 
-def safely(server: viser.ViserServer, changes: Changes, what: str, action: Callable[[Any], None]) -> Callable[[Any], Any]:
+def safely(server: viser.ViserServer, changes: ControlChanges, what: str, action: Callable[[Any], None]) -> Callable[[Any], Any]:
     """A callback for viser that runs ``action(event)`` in the order of the events; a failure is logged, shown and undone.
 
     Events that the program itself causes by setting a value have no client and are ignored.
@@ -140,7 +140,7 @@ def _start_guarded(port: int, label: str) -> tuple[viser.ViserServer, Guard]:
 
     guard = Guard()
     silent = contextlib.redirect_stdout(io.StringIO())  # stdout is the command line's, not for viser's banner
-    with _starting, silent, replaced(websockets.asyncio.server, "serve", guarded):
+    with _starting, silent, attribute_replaced(websockets.asyncio.server, "serve", guarded):
         server = start(HOST, port, label, guard.admits)
     guard.control, guard.node = partial(control_of, server), server.scene.get_handle_by_name
     return server, guard
@@ -154,7 +154,7 @@ LARGEST_NUMBER = 1e15  # of a number: what a slider of whole numbers takes must 
 MOST_PIXELS = 1e5
 NEARLY_ONE = 1e-3
 
-Check = Callable[[Any], bool]
+FieldCheck = Callable[[Any], bool]
 
 
 def is_number(value: object) -> bool:
@@ -169,7 +169,7 @@ def _is_name(value: object) -> bool:
     return isinstance(value, str) and len(value) <= LONGEST_NAME
 
 
-def _is_vector(length: int) -> Check:
+def _is_vector(length: int) -> FieldCheck:
     return lambda value: isinstance(value, list) and len(value) == length and all(map(is_number, value))
 
 
@@ -185,7 +185,7 @@ def _is_extent(value: Any) -> bool:
     return is_number(value) and 0 <= value <= MOST_PIXELS
 
 
-def _or_none(check: Check) -> Check:
+def _or_none(check: FieldCheck) -> FieldCheck:
     return lambda value: value is None or check(value)
 
 
@@ -194,7 +194,7 @@ def _is_update(value: object) -> bool:
 
 
 # by kind, the fields that it has; ``owner`` says whose node it is, and may be missing
-MESSAGE_FIELDS: Mapping[str, Mapping[str, Check]] = {
+MESSAGE_FIELDS: Mapping[str, Mapping[str, FieldCheck]] = {
     "ViewerCameraMessage": {
         "wxyz": _is_turn,
         "position": _is_vector(3),
@@ -311,7 +311,7 @@ WITH_STATE = (viser.GuiCheckboxHandle, viser.GuiSliderHandle, viser.GuiDropdownH
 
 
 @dataclass(eq=False)
-class Change:
+class ControlChange:
     """A control that a browser has set, its value before, and what its callback did, None until then."""
 
     control: Any
@@ -326,13 +326,13 @@ class Change:
             self.action()
 
 
-class Changes:
+class ControlChanges:
     """Changes of browsers since the last picture that was drawn whole. A change of which the callback or the picture fails
     is undone, so that what is drawn next does not fail as well."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._open: dict[int, Change] = {}  # by control
+        self._open: dict[int, ControlChange] = {}  # by control
 
     def remember(self, control: object) -> None:
         """A browser is about to set a control. Of several changes the value before the first one counts; those of controls that
@@ -342,7 +342,7 @@ class Changes:
                 self._open = {key: change for key, change in self._open.items() if not is_removed(change.control)}
                 change = self._open.get(id(control))
                 if change is None or change.action is None:
-                    self._open[id(control)] = Change(control, control.value)
+                    self._open[id(control)] = ControlChange(control, control.value)
 
     def run(self, action: Callable[[Any], None], event: object) -> None:
         """Do what a callback does; undo the change where that fails, and raise why."""
@@ -357,12 +357,12 @@ class Changes:
                 self._undo([change])
             raise
 
-    def open(self) -> Sequence[Change]:
+    def open(self) -> Sequence[ControlChange]:
         """The changes that the next picture shows."""
         with self._lock:
             return [change for change in self._open.values() if change.action is not None]
 
-    def accept(self, changes: Sequence[Change]) -> None:
+    def accept(self, changes: Sequence[ControlChange]) -> None:
         """They have been drawn."""
         with self._lock:
             for change in changes:
@@ -374,7 +374,7 @@ class Changes:
         self._undo(changes)
         return bool(changes)
 
-    def _undo(self, changes: Sequence[Change]) -> None:
+    def _undo(self, changes: Sequence[ControlChange]) -> None:
         self.accept(changes)
         for change in reversed(changes):
             try:

@@ -23,7 +23,7 @@ from mechviz.outputs.viewer.view_model import ViewModel
 from mechviz.runs import Run, run_scene
 from mechviz.scene.assembly.simulation import swinging, swings
 
-Change = Callable[[Draft], Draft]
+DraftChange = Callable[[Draft], Draft]
 
 QUICK_RUN = 0.05  # [s] a run may take for what each effect contributes to be found unasked
 TIMING_REPEATS = 5
@@ -88,7 +88,7 @@ class EditSession:
         self._present, self._report, self._contributed, self._settled = present, report, contributed, settled
         self._lock = threading.RLock()
         self._asking = threading.Lock()  # not held for long: browsers wait for it
-        self._pending: dict[str, Change | _Value | str] = {}
+        self._pending: dict[str, DraftChange | _Value | str] = {}
         self.history = History(Draft.of(run.scene))
         self._built: Built = build(run)
         self.run = run
@@ -105,7 +105,7 @@ class EditSession:
         """Give a value of the scene another number."""
         self._ask(parameter.key, _Value(parameter, value))
 
-    def change(self, key: str, change: Change) -> None:
+    def change(self, key: str, change: DraftChange) -> None:
         """Change the draft; ``key`` names what is changed."""
         self._ask(key, change)
 
@@ -147,7 +147,7 @@ class EditSession:
         return find_parameters(self.run.scene)
 
     # -- the worker's thread ------------------------------------------------------------------------------------------
-    def _ask(self, key: str, what: Change | _Value | str) -> None:
+    def _ask(self, key: str, what: DraftChange | _Value | str) -> None:
         with self._asking:
             self._pending.pop(key, None)
             self._pending[key] = what

@@ -15,7 +15,7 @@ from mechcore.records import dataclass
 from mechviz.picture.nodes import Lines, Picture, Points
 from mechviz.quantities.catalogue import Axis, Catalogue, Health, Quantity
 from mechviz.quantities.numbers import Numbers
-from mechviz.quantities.vectors import FAMILIES, Scales
+from mechviz.quantities.vectors import VECTOR_FAMILIES, Scales
 from mechviz.scene.units import Units
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False)
-class Piece:
+class ColoredPart:
     """A part of a solid of one colour: ``vertices`` (V, 3) float32 [m] in the link's frame, ``faces`` (N, 3) uint32."""
 
     vertices: Single
@@ -34,10 +34,10 @@ class Piece:
 
 
 @dataclass(frozen=True, eq=False)
-class Body:
+class LinkSolid:
     """The solid of a link, in pieces of one colour each."""
 
-    pieces: tuple[Piece, ...]
+    pieces: tuple[ColoredPart, ...]
     whole: bool = False  # it turns about an axis in the plane, so that no section cuts it
 
 
@@ -54,7 +54,7 @@ class DriveWay:
 
 
 @dataclass(frozen=True, eq=False)
-class Rolling:
+class RollingCentrodes:
     """Pole curves of a link as complex numbers (F,) [m]: ``fixed`` in the world, ``moving`` in the link's frame, and an ``outline``
     (n,) of the link in its frame."""
 
@@ -70,7 +70,7 @@ class ViewModel:
     title: str
     teaches: str
     picture: Picture
-    bodies: Mapping[str, Body]  # by link; while a length is dragged they follow it
+    bodies: Mapping[str, LinkSolid]  # by link; while a length is dragged they follow it
     catalogue: Catalogue
     exact: bool = True  # the solids are of this motion; while a length is dragged they are of another one
     events: tuple[Event, ...] = ()
@@ -79,7 +79,7 @@ class ViewModel:
     run: Run | None = None  # not of a recording
     drawings: Callable[[], Mapping[str, Drawing]] = dict  # plans and polygons, by name; made when they are asked for
     charts: Callable[[], Sequence[Diagram]] = tuple  # one quantity against another
-    centrodes: Callable[[], Mapping[str, Rolling]] = dict  # by link
+    centrodes: Callable[[], Mapping[str, RollingCentrodes]] = dict  # by link
 
     @property
     def numbers(self) -> Numbers:
@@ -157,7 +157,7 @@ class ViewModel:
     @property
     def families(self) -> frozenset[str]:
         """Families of arrows of which there is anything."""
-        return frozenset(node.group for node in self.picture.nodes if node.group in FAMILIES)
+        return frozenset(node.group for node in self.picture.nodes if node.group in VECTOR_FAMILIES)
 
     @property
     def opening(self) -> int:

@@ -4,7 +4,7 @@
   encodes each message anew for every browser, and each browser waits with tasks and timers of its own. What arrives is what viser
   would send, byte for byte but for a time stamp; slow browsers still skip what has been replaced, later ones still get the newest
   of everything.
-* Poses of a frame are queued under one lock (`place`): viser takes 60 us a body and frame for it.
+* Poses of a frame are queued under one lock (`send_poses`): viser takes 60 us a body and frame for it.
 * Messages of browsers pass a check before viser looks at them (`start`): viser believes all of them.
 * Scripts run in the page (`run_script`), and controls have names there (`uuid_of`): viser has no call for either.
 
@@ -42,7 +42,7 @@ LEAST_MOVE = 1e-10  # [m, or of a quaternion]: less than this is round-off, and 
 
 Posed = tuple[viser.SceneNodeHandle, NDArray[Any], NDArray[Any] | None]
 """A node, its place (3,) [m] and its turn (4,) as a quaternion w, x, y, z, None if it does not turn."""
-Target: TypeAlias = "viser.ViserServer | viser.ClientHandle"
+MessageTarget: TypeAlias = "viser.ViserServer | viser.ClientHandle"
 """All browsers, now and later, or one."""
 
 
@@ -270,7 +270,7 @@ class _Checked:
 
 
 @contextlib.contextmanager
-def replaced(owner: object, name: str, value: object) -> Iterator[None]:
+def attribute_replaced(owner: object, name: str, value: object) -> Iterator[None]:
     """Within it an attribute of a module has another value. Not for several threads at once."""
     before = getattr(owner, name)
     setattr(owner, name, value)
@@ -288,7 +288,7 @@ def start(host: str, port: int, label: str, admits: Callable[[bytes], bool]) -> 
         reader: Any = _Checked(message_class, admits)
         return plain(*args, message_class=reader, **options)
 
-    with replaced(infra, "WebsockServer", checked), replaced(_infra, "AsyncMessageBuffer", SharedBuffer):
+    with attribute_replaced(infra, "WebsockServer", checked), attribute_replaced(_infra, "AsyncMessageBuffer", SharedBuffer):
         server = viser.ViserServer(host=host, port=port, label=label, verbose=False)
     buffer_of(server).sweep = server._run_garbage_collector
     return server
@@ -313,7 +313,7 @@ def is_removed(control: Any) -> bool:
     return bool(control._impl.removed)
 
 
-def _queue_of(target: Target) -> infra.WebsockMessageHandler:
+def _queue_of(target: MessageTarget) -> infra.WebsockMessageHandler:
     return target._websock_server if isinstance(target, viser.ViserServer) else target._websock_connection
 
 
@@ -324,7 +324,7 @@ def buffer_of(server: viser.ViserServer) -> SharedBuffer:
     return buffer
 
 
-def run_script(target: Target, source: str, key: str) -> None:
+def run_script(target: MessageTarget, source: str, key: str) -> None:
     """Run a script in the page of one browser, or of all, now and later. ``key`` names its purpose: of those for one purpose that
     wait or are kept, only the newest counts."""
     _queue_of(target).queue_message(RunJavascriptMessage(source, f"mechviz {key}"))
@@ -337,7 +337,7 @@ def send_now(server: viser.ViserServer, timeout: float) -> bool:
     return buffer_of(server).wait(timeout)
 
 
-def place(server: viser.ViserServer, poses: Iterable[Posed]) -> int:
+def send_poses(server: viser.ViserServer, poses: Iterable[Posed]) -> int:
     """Bring nodes of the server's scene to their poses; the number of messages that this takes."""
     states = [(node._impl, position, turn) for node, position, turn in poses]
     turning = [(state, turn) for state, _, turn in states if turn is not None]

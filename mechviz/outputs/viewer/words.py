@@ -11,7 +11,7 @@ import numpy as np
 
 from mechviz.outputs.viewer.world.camera import grid_cell
 from mechviz.outputs.viewer.world.marks import PATH_COLORS
-from mechviz.quantities.vectors import FAMILIES, FORCE_FAMILIES, Scales, round_value
+from mechviz.quantities.vectors import FORCE_FAMILIES, VECTOR_FAMILIES, Scales, round_value
 
 if TYPE_CHECKING:
     from mechviz.editor.parameters import Parameter
@@ -31,7 +31,7 @@ def _colors_by_theme(light: tuple[int, int, int], dark: tuple[int, int, int]) ->
 
 
 COLOR_OF_PATHS = _colors_by_theme(PATH_COLORS[False], PATH_COLORS[True])
-FAMILY_COLORS = {name: _colors_by_theme(family.color, family.on_dark) for name, family in FAMILIES.items()}
+FAMILY_COLORS = {name: _colors_by_theme(family.color, family.on_dark) for name, family in VECTOR_FAMILIES.items()}
 LEGEND_ARROW = 0.2  # of the mechanism's size: about how long an arrow the legend gives the value for
 
 
@@ -68,7 +68,7 @@ def legend(
     family."""
     enlarged = factor if callable(factor) else lambda _: factor
     families, paths = list(families), list(paths)
-    rows = [_swatch(FAMILY_COLORS[f], 0.42, f"<b>{FAMILIES[f].label}</b>: {FAMILIES[f].meaning}") for f in families]
+    rows = [_swatch(FAMILY_COLORS[f], 0.42, f"<b>{VECTOR_FAMILIES[f].label}</b>: {VECTOR_FAMILIES[f].meaning}") for f in families]
     if paths:
         rows.append(_swatch(COLOR_OF_PATHS, 0.16, f"<b>Path</b> of {escape(', '.join(paths))}"))
     shown = set(families)
@@ -90,7 +90,7 @@ def legend_line(
 ) -> str:
     """The legend in a line: colours with their names, and how long a force is drawn."""
     families, paths = list(families), list(paths)
-    spots = [(FAMILY_COLORS[f], FAMILIES[f].label, FAMILIES[f].meaning) for f in families]
+    spots = [(FAMILY_COLORS[f], VECTOR_FAMILIES[f].label, VECTOR_FAMILIES[f].meaning) for f in families]
     spots += [(COLOR_OF_PATHS, f"Path of {', '.join(paths)}", "")] if paths else []
     parts = [
         f'<span title="{escape(meaning)}" style="white-space:nowrap"><span style="display:inline-block;width:1.1em;height:0.36em;'
@@ -135,7 +135,7 @@ def editing(seconds: float, can_undo: bool, can_redo: bool, swings: Iterable[str
     return _block(f'<div role="status">{text or "As opened."}</div>', "font-size:0.8em;line-height:1.35;opacity:0.85")
 
 
-def fault(text: str, parameter: Parameter | None, value: float, reach: tuple[float, float] | None) -> str:
+def refusal_words(text: str, parameter: Parameter | None, value: float, reach: tuple[float, float] | None) -> str:
     """Why a value cannot be had, and how far it can be moved."""
     rows = [f"<div>{escape(text[:1].upper() + text[1:])}</div>"] if text else []
     if parameter is not None:
@@ -177,7 +177,7 @@ def contributions(items: Iterable[Contribution], effort: str, units: Units) -> s
     return _block(f"{table}{below}", "font-size:0.78em;line-height:1.3;font-variant-numeric:tabular-nums")
 
 
-def table(title: str, lines: Iterable[Iterable[str]]) -> str:
+def html_table(title: str, lines: Iterable[Iterable[str]]) -> str:
     """A small table of texts under a sentence."""
     body = "".join(f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in line)}</tr>" for line in lines)
     return _block(
@@ -185,12 +185,12 @@ def table(title: str, lines: Iterable[Iterable[str]]) -> str:
     )
 
 
-def rows(lines: Iterable[str]) -> str:
+def html_rows(lines: Iterable[str]) -> str:
     """Lines of HTML one below the other."""
     return _block("".join(f"<div>{line}</div>" for line in lines), "font-size:0.8em;line-height:1.35")
 
 
-def notes(content: str) -> str:
+def notes_html(content: str) -> str:
     """The notes of a recording, HTML already, on the ground of a panel."""
     return f'<div style="padding:0.2em 0.9em 0.6em;font-size:0.85em;line-height:1.4;overflow-wrap:anywhere">{content}</div>'
 
@@ -264,7 +264,7 @@ def _swatch(color: str, thickness: float, words: str) -> str:
 
 
 def _names(families: Iterable[str]) -> str:
-    return f" ({', '.join(FAMILIES[f].label for f in families)})"
+    return f" ({', '.join(VECTOR_FAMILIES[f].label for f in families)})"
 
 
 def _block(content: str, style: str = "") -> str:

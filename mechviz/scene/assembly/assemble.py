@@ -60,7 +60,7 @@ from mechviz.scene.reading.references import (
 
 
 @dataclass(frozen=True)
-class Assembly:
+class AssembledScene:
     """The mechanism of a scene, how its motion is found where forces decide it, and what kinds of quantities its values are."""
 
     mechanism: Mechanism
@@ -71,7 +71,7 @@ class Assembly:
 
 def assemble(
     reading: Reading, name: str, folder: SceneFolder, outlines: Mapping[str, Body] | None = None
-) -> tuple[Assembly | None, list[Fault]]:
+) -> tuple[AssembledScene | None, list[Fault]]:
     """The mechanism and what else is known of it, or None, and every fault that is left beside those of form in ``reading.faults``.
 
     Parts that could not be read are left out; what remains is still converted, since that is where further faults show.
@@ -211,7 +211,7 @@ def assemble(
     mechanism = with_clearances(mechanism, clearances)
     if simulation is not None and mechanism.ends:
         simulation = replace(simulation, stops=with_slot_ends(mechanism, simulation.stops))
-    return Assembly(mechanism, simulation, convert.kinds, convert.curves), []
+    return AssembledScene(mechanism, simulation, convert.kinds, convert.curves), []
 
 
 def _least_roller_faults(document: SceneDocument) -> list[Fault]:

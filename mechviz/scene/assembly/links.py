@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from mechcore.arrays import Vec2
 from mechcore.cams.contour import bulged, self_crossing
 from mechcore.errors import MechanismError
 from mechcore.laws.timed import Free
@@ -25,7 +26,7 @@ from mechcore.texts import as_length
 from mechviz.scene.convert import Converter
 from mechviz.scene.document import LinkDocument, Pose, SceneDocument
 from mechviz.scene.faults import did_you_mean
-from mechviz.scene.fields import Unknown
+from mechviz.scene.fields import UnknownName
 from mechviz.scene.kinds.bodies import MassDocument, body_of, point_masses_of
 from mechviz.scene.names import (
     points_of_joint,
@@ -34,7 +35,6 @@ from mechviz.scene.names import (
 if TYPE_CHECKING:
     from shapely.geometry import Polygon
 
-Vec2 = tuple[float, float]
 Pose2 = tuple[float, float, float]
 
 
@@ -162,7 +162,7 @@ def _fit(document: SceneDocument, placement: Placement, world: Mapping[str, Vec2
             if not joint.traits.parallel:
                 continue
             first, second = joint.links
-            turn = angle_of(document, joint.angle)
+            turn = stated_angle(document, joint.angle)
             for known_link, other, sign in ((first, second, 1.0), (second, first, -1.0)):
                 local = placement.points.get(other, {})
                 sketched = [point for point in local if point in world]
@@ -173,7 +173,7 @@ def _fit(document: SceneDocument, placement: Placement, world: Mapping[str, Vec2
                     grew = True
 
 
-def angle_of(document: SceneDocument, angle: float | str | None) -> float:
+def stated_angle(document: SceneDocument, angle: float | str | None) -> float:
     """The stated angle of a sliding joint or weld [rad], 0 where none is stated."""
     return 0.0 if angle is None else document.unit_system.si(angle, "angle")
 
@@ -235,7 +235,7 @@ def mass_properties(
     mass = 0.0 if link.mass is None else convert.si(link.mass, "mass", f"{path}.mass")
     inertia = 0.0 if link.inertia is None else convert.si(link.inertia, "inertia", f"{path}.inertia")
     places = list(points.values())
-    if isinstance(link.shape, Unknown):
+    if isinstance(link.shape, UnknownName):
         return mass, (0.0, 0.0), inertia
     if link.shape is not None:
         where, inertia = of_shape(link.shape, mass, [complex(*place) for place in places] or [0j])

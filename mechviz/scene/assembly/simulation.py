@@ -24,7 +24,7 @@ from mechcore.spec.mechanism import Drive, Mechanism
 from mechviz.scene.convert import Converter
 from mechviz.scene.document import SceneDocument
 from mechviz.scene.fields import (
-    Unknown,
+    UnknownName,
 )
 from mechviz.scene.kinds.drives import TOLERANCE, FreeDocument, Method, StopDocument
 from mechviz.scene.kinds.friction import clearance_faults
@@ -176,7 +176,7 @@ def simulation_faults(reading: Reading) -> Iterator[Fault]:
     if run.cycles != 1:
         remedy = 'Leave out cycles and write duration = "5 s".'
         yield Fault("run.cycles", f"{run.cycles} cycles of a motion that forces decide.", remedy)
-    if "inertia" not in document.effects and not any(isinstance(name, Unknown) for name in document.effects):
+    if "inertia" not in document.effects and not any(isinstance(name, UnknownName) for name in document.effects):
         why = f"{what}, motion under forces needs masses, and inertia is not named."
         yield Fault("effects", why, 'Add "inertia" to effects.')
     for k, answer in enumerate(document.answers):

@@ -12,22 +12,23 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 import numpy as np
 from pydantic import Discriminator, Field, Tag, model_validator
 
+from mechcore.arrays import Vec2
 from mechcore.errors import MechanismError
 from mechcore.reduction.bodies import SOLIDS, Area, Body, area_of, circle, plate, rounded_hull, solid
 from mechviz.scene.faults import did_you_mean
 from mechviz.scene.fields import (
     Angle,
     Density,
+    DocumentTable,
     Mass,
     Number,
     Point,
     Size,
-    Table,
     Text,
-    Unknown,
+    UnknownName,
     is_whole,
     name_or_list,
-    refuse,
+    raise_faults,
     table_or_value,
 )
 from mechviz.scene.names import FileName
@@ -38,7 +39,6 @@ if TYPE_CHECKING:
     from mechviz.scene.convert import Converter
 
 
-Vec2 = tuple[float, float]
 SolidName = Literal[
     "point", "rod", "rod end", "rod inclined", "cylinder", "cylinder across", "hollow cylinder", "ring", "sphere", "shell", "disc",
     "ellipsoid", "cone", "box", "cube", "torus",
@@ -51,22 +51,22 @@ _KINDS = ("solid", "plate", "polygon", "mesh", "drawn")
 _SIZES = ("length", "angle", "radius", "bore", "section", "height", "a", "b", "c")
 
 
-Place = Annotated[Annotated[Point, Tag("<list>")] | Annotated[Text, Tag("<name>")], Discriminator(name_or_list)]
+PointOrName = Annotated[Annotated[Point, Tag("<list>")] | Annotated[Text, Tag("<name>")], Discriminator(name_or_list)]
 
 
-class HoleDocument(Table):
+class HoleDocument(DocumentTable):
     """A round hole through a plate."""
 
-    at: Place
+    at: PointOrName
     """Its centre: a point of the link, or coordinates in its frame."""
     radius: Size
     """Its radius."""
 
 
-class BossDocument(Table):
+class BossDocument(DocumentTable):
     """A round boss on a plate, of the plate's material."""
 
-    at: Place
+    at: PointOrName
     """Its centre: a point of the link, or coordinates in its frame."""
     radius: Size
     """Its radius."""
@@ -74,7 +74,7 @@ class BossDocument(Table):
     """How far it stands out, both sides together."""
 
 
-class MassDocument(Table):
+class MassDocument(DocumentTable):
     """A mass from a shape: one of solid, plate, polygon, mesh or drawn, with a density or the whole mass."""
 
     solid: SolidName | None = None
@@ -124,7 +124,7 @@ class MassDocument(Table):
 
     @model_validator(mode="after")
     def _fits(self) -> MassDocument:
-        refuse(self.problems())
+        raise_faults(self.problems())
         return self
 
     def problems(self) -> list[tuple[str, str, str]]:
@@ -157,12 +157,12 @@ class MassDocument(Table):
 MassEntry = Annotated[Annotated[Mass, Tag("<value>")] | Annotated[MassDocument, Tag("<table>")], Discriminator(table_or_value)]
 
 
-class PointMassDocument(Table):
+class PointMassDocument(DocumentTable):
     """A point mass fixed to a link: a counterweight, or a part of a lumped model."""
 
     mass: Mass
     """Its mass."""
-    at: Place
+    at: PointOrName
     """A point of the link, or coordinates in its frame."""
 
 
@@ -178,7 +178,7 @@ def point_masses_of(masses: list[PointMassDocument], points: Mapping[str, Vec2],
 def _place(at: Any, points: Mapping[str, Vec2], convert: Converter, path: str) -> Vec2:
     if not isinstance(at, str):
         return convert.vector(at, "length", path)
-    if at not in points and not isinstance(at, Unknown):
+    if at not in points and not isinstance(at, UnknownName):
         convert.note(path, f"the link has no point '{at}'.", did_you_mean(at, points, what="Points"))
     return points.get(at, (0.0, 0.0))
 

@@ -8,15 +8,15 @@ from typing import Annotated, Any
 
 from pydantic import Field, ValidationError
 
-from mechviz.scene.fields import Angle, Length, Table
+from mechviz.scene.fields import Angle, DocumentTable, Length
 from mechviz.scene.names import LinkName
-from mechviz.scene.units import KINDS, QuantityError, Units
+from mechviz.scene.units import UNIT_KINDS, QuantityError, Units
 
 _POINTS = ("at", "point", "along", "centre", "side", "law")
 """Keys whose texts are points or words, even where a link or joint has the same name."""
 
 
-class CopyDocument(Table):
+class CopyDocument(DocumentTable):
     """Links once more, with the joints and loads that have to do with them."""
 
     of: Annotated[list[LinkName], Field(min_length=1)]
@@ -116,7 +116,7 @@ class _Copy:
         except QuantityError:  # of expressions
             with_unit = [v if isinstance(v, str) else f"{v!r} {getattr(self.units, kind)}" for v in (value, step)]
             return f"({with_unit[0]}) + {self.number}*({with_unit[1]})"
-        return f"{total!r} {KINDS[kind].si}"
+        return f"{total!r} {UNIT_KINDS[kind].si}"
 
 
 def _plain(value: object) -> bool:

@@ -13,7 +13,7 @@ from mechcore.laws.program import CurveOverMaster, over_time
 from mechcore.laws.signals import SignalSpeed, Step
 from mechcore.laws.timed import ConstantSpeed, Law, Oscillation, Rest, TableLaw, moves, zones
 from mechviz.scene.convert import SMALLEST_VALUE, Converter
-from mechviz.scene.fields import Unknown
+from mechviz.scene.fields import UnknownName
 from mechviz.scene.kinds.drives import DriveDocument
 from mechviz.scene.kinds.segment_curves import Axes, segments_curve, stands_still
 from mechviz.scene.kinds.segments import ProgramDocument
@@ -289,7 +289,7 @@ def _program(
 def _other(name: str, drives: Mapping[str, DriveDocument], convert: Converter, path: str) -> DriveDocument | None:
     """The drive whose segments give the knots; None where there is none, which is noted."""
     able = {k: d for k, d in drives.items() if d.segments is not None or (d.program is not None and d.program.knots is None)}
-    if name not in able and not isinstance(name, Unknown):
+    if name not in able and not isinstance(name, UnknownName):
         why = f"'{name}' is no driven joint with segments of its own."
         convert.note(path, why, f"Name one of {', '.join(able)}." if able else "Give speed = ... or master = ... instead.")
     return able.get(name)
@@ -299,7 +299,7 @@ def _master(given: ProgramDocument, convert: Converter, path: str, masters: Mapp
     if given.master is None:
         speed = math.nan if given.speed is None else convert.si(given.speed, "angular speed", f"{path}.program.speed")
         return None if math.isnan(speed) else ConstantSpeed(start=0.0, speed=speed)
-    if given.master not in masters and not isinstance(given.master, Unknown):
+    if given.master not in masters and not isinstance(given.master, UnknownName):
         convert.note(
             f"{path}.program.master",
             f"'{given.master}' is no driven revolute joint with a law of its own.",

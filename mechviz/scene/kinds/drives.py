@@ -10,25 +10,25 @@ from mechviz.scene.fields import (
     Angle,
     AngularSpeed,
     Coordinate,
+    DocumentTable,
     Duration,
     Flag,
     Frequency,
     Length,
     Name,
-    Quantity,
+    QuantityMark,
     Range,
     Rate,
     Speed,
-    Table,
     Text,
     Time,
     describe,
     fault,
     one_of,
-    refuse,
+    raise_faults,
     value_or_list,
 )
-from mechviz.scene.kinds.segments import ProgramDocument, State, TimeSegment
+from mechviz.scene.kinds.segments import ProgramDocument, StateDocument, TimeSegment
 from mechviz.scene.kinds.signals import SIGNALS, ChirpDocument, RampDocument, SineDocument, StepDocument
 from mechviz.scene.names import PointName, Reference
 from mechviz.scene.units import magnitude
@@ -40,7 +40,7 @@ Reach = Annotated[
 ]
 
 
-class ZonesDocument(Table):
+class ZonesDocument(DocumentTable):
     """Start, steady running and stop, each over a stated range of the coordinate (not of time)."""
 
     run_up: Range = 0.0
@@ -57,7 +57,7 @@ class ZonesDocument(Table):
         return self
 
 
-class OscillationDocument(Table):
+class OscillationDocument(DocumentTable):
     """centre + amplitude sin(2 pi frequency t + phase)."""
 
     centre: Coordinate = 0.0
@@ -73,11 +73,11 @@ class OscillationDocument(Table):
 
     @model_validator(mode="after")
     def _one_rate(self) -> OscillationDocument:
-        refuse(one_of(self, ("frequency", "period"), "the oscillation"))
+        raise_faults(one_of(self, ("frequency", "period"), "the oscillation"))
         return self
 
 
-class DriveTable(Table):
+class DriveTable(DocumentTable):
     """A motion given point by point, joined by a quintic spline."""
 
     time: Annotated[list[Time], Field(min_length=2)]
@@ -103,13 +103,13 @@ LAWS: tuple[LawKey, ...] = get_args(LawKey)
 """Keys that decide the motion of a drive: one of them, or zones beside the speed between them."""
 
 
-class DriveDocument(Table):
+class DriveDocument(DocumentTable):
     """A prescribed motion of a joint: exactly one of speed (with or without zones), oscillation, segments, table or program."""
 
     speed: Rate | None = None
     """Constant speed, the steady speed of zones, or what a signal multiplies; its sign is the direction. 0: the drive holds its
     joint."""
-    start: State | None = None
+    start: StateDocument | None = None
     """Position at the start; for segments and programs also [position, velocity, acceleration, jerk]."""
     travel: Range | None = None
     """Distance of one cycle at constant speed. Default one turn; sliding joints must give it."""
@@ -187,7 +187,7 @@ class DriveDocument(Table):
                     "Give the position alone.",
                 )
             )
-        refuse(wrong)
+        raise_faults(wrong)
         return self
 
 
@@ -211,10 +211,10 @@ def _tolerance(value: object) -> float:
 
 Restitution = Annotated[float, PlainValidator(_restitution), WithJsonSchema({"type": "number", "minimum": 0, "maximum": 1})]
 Tolerance = Annotated[float, PlainValidator(_tolerance), WithJsonSchema({"type": "number", "minimum": 1e-14, "maximum": 0.1})]
-Level = Annotated[float | str, Quantity(("angle", "length", "angular speed", "linear speed"))]
+Level = Annotated[float | str, QuantityMark(("angle", "length", "angular speed", "linear speed"))]
 
 
-class FreeDocument(Table):
+class FreeDocument(DocumentTable):
     """A free coordinate: forces decide its motion. This is its start."""
 
     position: Coordinate | None = None
@@ -240,7 +240,7 @@ class FreeDocument(Table):
         return sorted(self.model_fields_set - own if planar else self.model_fields_set & own)
 
 
-class StopDocument(Table):
+class StopDocument(DocumentTable):
     """An end stop of a joint, which its coordinate cannot pass."""
 
     at: Coordinate
@@ -253,14 +253,14 @@ class StopDocument(Table):
     """Its name in events and loads. Default: the joint's name and the side."""
 
 
-class LiftoffDocument(Table):
+class LiftoffDocument(DocumentTable):
     """A follower that is only pressed on its cam may leave it."""
 
     restitution: Restitution = 0.0
     """Newton's coefficient of restitution when it comes back: speed after the impact over that before. Default 0: it stays."""
 
 
-class WatchDocument(Table):
+class WatchDocument(DocumentTable):
     """A value to look out for while the motion is found: an event where it is passed, and the end of the run if wanted."""
 
     joint: Annotated[Text, Reference("joint")] | None = None
@@ -285,7 +285,7 @@ class WatchDocument(Table):
         elif self.of is not None and (self.of in ("x", "y")) != (self.point is not None):
             sort = '"x" or "y"' if self.point is not None else '"position" or "velocity"'
             wrong.append(("of", f"'{self.of}' of a {'point' if self.point is not None else 'joint'}.", f"Write {sort}."))
-        refuse(wrong)
+        raise_faults(wrong)
         return self
 
     @property

@@ -13,7 +13,7 @@ from mechcore.errors import Fault
 from mechcore.records import dataclass
 from mechcore.spec.clearance import Clearance
 from mechcore.spec.mechanism import Friction
-from mechviz.scene.fields import Effort, Flag, Length, Quantity, Size, Speed, Table, describe, fault
+from mechviz.scene.fields import DocumentTable, Effort, Flag, Length, QuantityMark, Size, Speed, describe, fault
 
 if TYPE_CHECKING:
     from mechviz.scene.convert import Converter
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from mechviz.scene.kinds.joints.document import JointDocument
 
 
-MOST = 1000.0
+LARGEST_COEFFICIENT = 1000.0
 """Largest coefficient of friction: beyond anything that is meant seriously."""
 
 
@@ -30,21 +30,21 @@ def _coefficient(value: object) -> float:
         raise fault(f"{describe(value)} where a coefficient of friction is wanted.", "Write a plain number such as 0.1.")
     if value < 0.0:
         raise fault(f"{describe(value)} is negative.", "Friction never pushes: give a coefficient of zero or more.")
-    if not value <= MOST:
+    if not value <= LARGEST_COEFFICIENT:
         raise fault(f"{describe(value)} is no coefficient of friction.", "Dry steel on steel has 0.1 to 0.2.")
     return float(value)
 
 
-StribeckSpeed = Annotated[float | str, Quantity(("linear speed",), "above zero")]
-Coefficient = Annotated[float, PlainValidator(_coefficient), WithJsonSchema({"type": "number", "minimum": 0})]
+StribeckSpeed = Annotated[float | str, QuantityMark(("linear speed",), "above zero")]
+FrictionCoefficient = Annotated[float, PlainValidator(_coefficient), WithJsonSchema({"type": "number", "minimum": 0})]
 
 
-class FrictionDocument(Table):
+class FrictionDocument(DocumentTable):
     """Dry friction in a joint. It acts only where `effects` names friction."""
 
-    coefficient: Coefficient | None = None
+    coefficient: FrictionCoefficient | None = None
     """Coefficient of friction. Default: the scene's. Cylinder: friction over the force that drives it, without a default."""
-    static: Coefficient | None = None
+    static: FrictionCoefficient | None = None
     """Coefficient of sticking, where forces decide the motion: at least that of sliding. Default: the same."""
     stribeck: StribeckSpeed | None = None
     """Stribeck speed s: at a speed v of the sliding surfaces the coefficient is coefficient + (static - coefficient) exp(-(v/s)^2).
@@ -68,10 +68,10 @@ class FrictionDocument(Table):
     """Rolling, gear, rack: lever arm of the force across the contact, against the rolling."""
 
 
-class FrictionDefaults(Table):
+class FrictionDefaults(DocumentTable):
     """Friction of all revolute, sliding and slot joints that do not say otherwise."""
 
-    coefficient: Coefficient | None = None
+    coefficient: FrictionCoefficient | None = None
     """Coefficient of friction of every revolute, prismatic and slot joint without its own."""
     radius: Size | None = None
     """Radius of the pin of every revolute joint without its own. Without any a revolute joint has no friction."""
@@ -244,7 +244,7 @@ def idle_effect(effects: list[Any], joints: Mapping[str, JointDocument], each: l
         convert.note("effects", "no joint has any friction that could act.", remedy)
 
 
-LineStiffness = Annotated[float | str, Quantity(("stiffness",), "above zero")]
+LineStiffness = Annotated[float | str, QuantityMark(("stiffness",), "above zero")]
 LEAST_RESTITUTION = 0.05
 """Below this the losses that Hunt and Crossley's law needs are beyond any contact."""
 
@@ -262,7 +262,7 @@ def _exponent(value: object) -> float:
     return float(value)
 
 
-class ClearanceDocument(Table):
+class ClearanceDocument(DocumentTable):
     """Clearance of a revolute joint: its journal moves freely in its bearing until they touch."""
 
     radial: Size
@@ -279,7 +279,7 @@ class ClearanceDocument(Table):
     """Speed of the impact for which the restitution holds."""
     radius: Size | None = None
     """Radius of the journal, which friction needs."""
-    friction: Coefficient = 0.0
+    friction: FrictionCoefficient = 0.0
     """Coefficient of friction between journal and bearing."""
 
 

@@ -10,14 +10,15 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from pydantic import AfterValidator
 
+from mechcore.arrays import Vec2
 from mechcore.errors import Fault
 from mechcore.laws.timed import Smoothness
 from mechcore.laws.timed import Table as Interpolation
 from mechcore.records import dataclass
 from mechcore.spec.loads import Load
-from mechcore.spec.mechanism import Friction, Joint, Vec2
+from mechcore.spec.mechanism import Friction, Joint
 from mechviz.scene.convert import Converter
-from mechviz.scene.fields import Number, Table, fault, one_of
+from mechviz.scene.fields import DocumentTable, Number, fault, one_of
 from mechviz.scene.kinds.friction import Rubbing, friction_spec
 from mechviz.scene.names import known_joint, link_names, points_of_joint, split_point
 
@@ -42,7 +43,7 @@ class Kind:
     instead: Mapping[str, str] = field(default_factory=dict)  # key of another kind -> what was probably meant by it
 
 
-class KindTable(Table):
+class KindTable(DocumentTable):
     """A table with exactly one of the keywords of ``KINDS``, and the keys that go with that kind."""
 
     KINDS: ClassVar[Mapping[str, Kind]]

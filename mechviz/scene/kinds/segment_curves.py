@@ -11,22 +11,22 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mechcore.errors import MechanismError
-from mechcore.laws.boundary_conditions import Condition, measured_table
+from mechcore.laws.boundary_conditions import BoundaryCondition, measured_table
 from mechcore.laws.catalogue import rise
 from mechcore.laws.curve import MotionCurve
 from mechcore.laws.factors import VELOCITY_JUMP, jumps
 from mechcore.laws.program import Segment, program
 from mechcore.laws.segment_laws import (
+    BoundaryPolynomial,
+    BoundaryState,
     Dwell,
     GivenAcceleration,
     GivenPosition,
     GivenVelocity,
     LeastPeak,
     NormalisedLaw,
-    Polynomial,
     SegmentLaw,
     Spline,
-    State,
     fourier_curve,
     joined_table,
 )
@@ -77,7 +77,7 @@ class Axes:
 
 
 def segments_curve(
-    segments: Sequence[SegmentTable], overs: Sequence[float], axes: Axes, path: str, start: State, repeats: bool
+    segments: Sequence[SegmentTable], overs: Sequence[float], axes: Axes, path: str, start: BoundaryState, repeats: bool
 ) -> MotionCurve | None:
     """Segments over ranges [SI] as one curve from a state on; None where a fault was noted or something could not be read."""
     before = len(axes.convert.faults)
@@ -108,7 +108,7 @@ def lift_curve(
     The velocity and the acceleration at the start are those of the end where the cam comes round.
     """
     overs = [axes.place(s.over, f"{path}[{k}].over") for k, s in enumerate(segments)]
-    state: State = (start, None, None) if repeats and segments and isinstance(segments[-1].to, list) else (start,)
+    state: BoundaryState = (start, None, None) if repeats and segments and isinstance(segments[-1].to, list) else (start,)
     return segments_curve(segments, overs, axes, path, state, repeats)
 
 
@@ -158,7 +158,7 @@ def _segment(given: SegmentTable, over: float, axes: Axes, path: str) -> Segment
     if to is None:
         return Segment(over, None, Dwell())
     if given.named == "polynomial":
-        return Segment(over, to, Polynomial())
+        return Segment(over, to, BoundaryPolynomial())
     try:
         return Segment(over, to, NormalisedLaw(rise(str(given.named), **given.parameters), given.mirrored))
     except MechanismError:  # noted where the segment was read
@@ -180,7 +180,7 @@ def _law(given: LawDocument, over: float, axes: Axes, path: str) -> SegmentLaw |
         if points is None or not is_whole(given):
             return None
         powers = None if given.powers is None else tuple(given.powers)
-        return Spline(points, given.degree) if kind == "spline" else Polynomial(points, powers)
+        return Spline(points, given.degree) if kind == "spline" else BoundaryPolynomial(points, powers)
     if kind == "least" and given.least is not None and is_whole(given):
         if any(key not in ORDERS or value <= 0.0 for key, value in given.limits.items()):  # noted where the table was read
             return None
@@ -266,7 +266,7 @@ def _file(name: str, axes: Axes, path: str) -> tuple[list[float], list[float]]:
     return [factors[0] * v for v in at], [factors[1] * v for v in values]
 
 
-def _conditions(points: Sequence[PointDocument], over: float, axes: Axes, path: str) -> tuple[Condition, ...] | None:
+def _conditions(points: Sequence[PointDocument], over: float, axes: Axes, path: str) -> tuple[BoundaryCondition, ...] | None:
     convert = axes.convert
     before = len(convert.faults)
     conditions = []
@@ -277,5 +277,5 @@ def _conditions(points: Sequence[PointDocument], over: float, axes: Axes, path: 
             return None
         if not 0.0 < at < over:
             convert.note(f"{path}[{k}].at", "it is not inside the segment.", "Give a place between its two ends.")
-        conditions += [Condition(at, v, order) for order, v in enumerate(state) if v is not None]
+        conditions += [BoundaryCondition(at, v, order) for order, v in enumerate(state) if v is not None]
     return tuple(conditions) if len(convert.faults) == before else None

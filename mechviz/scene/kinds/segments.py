@@ -15,52 +15,52 @@ from mechviz.scene.fields import (
     Angle,
     Coordinate,
     Distance,
+    DocumentTable,
     Duration,
     Extent,
     Flag,
     Number,
-    Quantity,
+    QuantityMark,
     Rate,
-    Table,
     Text,
     one_of,
-    refuse,
+    raise_faults,
     table_or_value,
     value_or_list,
 )
 from mechviz.scene.names import FileName
-from mechviz.scene.units import DERIVATIVES, KINDS
+from mechviz.scene.units import DERIVATIVES, UNIT_KINDS
 
 FREE = "free"
 
 
 @dataclass(frozen=True)
-class Derivatives(Quantity):
+class StateQuantity(QuantityMark):
     """Marks an entry of a state: a position or a derivative of it by time, angle or length."""
 
     kinds: tuple[str, ...] = ("angle", "length", *DERIVATIVES)
 
     def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
-        return {**super().__get_pydantic_json_schema__(schema, handler), "examples": [KINDS["length"].example, "20 mm/rad"]}
+        return {**super().__get_pydantic_json_schema__(schema, handler), "examples": [UNIT_KINDS["length"].example, "20 mm/rad"]}
 
     @property
     def _words(self) -> str:
         return "a position or a derivative of it"
 
 
-Entry = Annotated[float | str, Derivatives(word=FREE)]
-Slope = Annotated[float | str, Derivatives()]
-Place = Annotated[float | str, Quantity(("angle", "length", "time"), "zero")]
+StateEntry = Annotated[float | str, StateQuantity(word=FREE)]
+Slope = Annotated[float | str, StateQuantity()]
+KnotPlace = Annotated[float | str, QuantityMark(("angle", "length", "time"), "zero")]
 _MOST_ENTRIES = 4
-State = Annotated[
+StateDocument = Annotated[
     Annotated[Coordinate, Tag("<value>")]
-    | Annotated[Annotated[list[Entry], Field(min_length=1, max_length=_MOST_ENTRIES)], Tag("<list>")],
+    | Annotated[Annotated[list[StateEntry], Field(min_length=1, max_length=_MOST_ENTRIES)], Tag("<list>")],
     Discriminator(value_or_list),
 ]
 """A position, or [position, velocity, acceleration, jerk] by what the law goes over."""
 
 
-class HarmonicDocument(Table):
+class HarmonicDocument(DocumentTable):
     """One harmonic of a segment's range."""
 
     order: Number = 1.0
@@ -71,10 +71,10 @@ class HarmonicDocument(Table):
     """Amplitude of the cosine."""
 
 
-class CurveDocument(Table):
+class CurveDocument(DocumentTable):
     """A function over the range of a segment: points, or a mean value and harmonics."""
 
-    at: Annotated[list[Place], Field(min_length=2)] | None = None
+    at: Annotated[list[KnotPlace], Field(min_length=2)] | None = None
     """Distances from the start of the segment; the same one twice is a jump."""
     values: Annotated[list[Slope], Field(min_length=2)] | None = None
     """Values there, joined by straight lines."""
@@ -95,21 +95,21 @@ class CurveDocument(Table):
                 wrong.append((key, f"{key} without the places.", "Give at = [...], or leave it out."))
         if self.at is not None and self.has_valid("at", "values") and len(self.at) != len(self.values or ()):
             wrong.append(("", f"{len(self.at)} places and {len(self.values or ())} values.", "Give one value for each place."))
-        refuse(wrong)
+        raise_faults(wrong)
         return self
 
 
-class PositionTable(Table):
+class PositionTable(DocumentTable):
     """Measured positions over the range of a segment, joined by a quintic spline."""
 
-    at: Annotated[list[Place], Field(min_length=6)] | None = None
+    at: Annotated[list[KnotPlace], Field(min_length=6)] | None = None
     """Places, at least six; the range of the segment is theirs."""
     values: Annotated[list[Coordinate], Field(min_length=6)] | None = None
     """Positions there."""
     file: FileName | None = None
     """Instead of both: a CSV table of two columns whose header states the units, as "angle [deg], lift [mm]". Path from the folder
     of the scene file."""
-    tolerance: Annotated[float | str, Quantity(("angle", "length"), "zero")] = 0.0
+    tolerance: Annotated[float | str, QuantityMark(("angle", "length"), "zero")] = 0.0
     """How far (root mean square) the spline may pass from the points."""
     periodic: Flag = False
     """The last row is the end of the cycle, which continues smoothly into the next."""
@@ -128,25 +128,25 @@ class PositionTable(Table):
             wrong.append(("", f"{len(self.at)} places and {len(self.values or ())} values.", "Give one value for each place."))
         if self.file is not None and self.values is not None:
             wrong.append(("values", "values beside a file.", "Keep one of them."))
-        refuse(wrong)
+        raise_faults(wrong)
         return self
 
 
-class PointDocument(Table):
+class PointDocument(DocumentTable):
     """A point that a law passes through."""
 
-    at: Place
+    at: KnotPlace
     """Distance from the start of the segment."""
-    to: State
+    to: StateDocument
     """Position there, or [position, velocity, acceleration, jerk]; what is left out is free."""
 
 
-Order = Literal["velocity", "acceleration", "jerk", "snap"]
-ORDERS: dict[Order, int] = {"velocity": 1, "acceleration": 2, "jerk": 3, "snap": 4}
+DerivativeOrder = Literal["velocity", "acceleration", "jerk", "snap"]
+ORDERS: dict[DerivativeOrder, int] = {"velocity": 1, "acceleration": 2, "jerk": 3, "snap": 4}
 KINDS_OF_LAW = ("acceleration", "velocity", "position", "polynomial", "spline", "least")
 
 
-class LawDocument(Table):
+class LawDocument(DocumentTable):
     """A law that is not in the catalogue: exactly one of acceleration, velocity, position, polynomial, spline or least."""
 
     acceleration: CurveDocument | None = None
@@ -170,11 +170,11 @@ class LawDocument(Table):
     """A B-spline through both ends and these points."""
     degree: Annotated[int, Field(strict=True, ge=2, le=9)] = 5
     """Spline: its degree."""
-    least: Order | None = None
+    least: DerivativeOrder | None = None
     """The law with the least peak of this derivative."""
-    limits: dict[Order, Number] = Field(default_factory=dict)
+    limits: dict[DerivativeOrder, Number] = Field(default_factory=dict)
     """Least: largest sizes of other derivatives, as the factors Cv, Ca, Cj that `mechviz laws` lists."""
-    smooth: Order | None = None
+    smooth: DerivativeOrder | None = None
     """Least: the derivative that is constant over each step; all below it are continuous. Default: that of least itself."""
     steps: Annotated[int, Field(strict=True, ge=4, le=256)] = 64
     """Least: number of equal steps."""
@@ -193,7 +193,7 @@ class LawDocument(Table):
         for key, factor in self.limits.items():
             if factor <= 0.0:
                 wrong.append(("limits", f"{factor:g} is no limit of the {key}.", "Give a positive factor."))
-        refuse(wrong)
+        raise_faults(wrong)
         return self
 
     @property
@@ -225,7 +225,7 @@ _LAW_TABLES = {
 LawEntry = Annotated[Annotated[Text, Tag("<value>")] | Annotated[LawDocument, Tag("<table>")], Discriminator(table_or_value)]
 
 
-class SegmentTable(Table):
+class SegmentTable(DocumentTable):
     """The end of a segment and the law that leads there."""
 
     ELSEWHERE: ClassVar[Mapping[str, str]] = {
@@ -234,7 +234,7 @@ class SegmentTable(Table):
     }
     usual: ClassVar[str] = "cycloidal"
 
-    to: State | None = None
+    to: StateDocument | None = None
     """Its end: a position, or [position, velocity, acceleration, jerk], of which "free" ones follow from what is beside; what is
     left out is zero. Without it a dwell, or where the law ends."""
     law: LawEntry | None = None
@@ -284,11 +284,11 @@ class SegmentTable(Table):
         if self.asks_too_much:
             why = "a law of its own shape cannot meet a velocity or an acceleration."
             wrong.append(("to", why, 'Write "free" for them, or take law = "polynomial".'))
-        refuse(wrong)
+        raise_faults(wrong)
         return self
 
 
-class _Lasting(Table):
+class _Lasting(DocumentTable):
     duration: Duration
     """Time that the segment takes."""
 
@@ -299,10 +299,10 @@ class TimeSegment(SegmentTable, _Lasting):
     usual: ClassVar[str] = "polynomial"
 
 
-Turn = Annotated[float | str, Quantity(("angle",), "above zero")]
+Turn = Annotated[float | str, QuantityMark(("angle",), "above zero")]
 
 
-class _OverMaster(Table):
+class _OverMaster(DocumentTable):
     over: Turn | None = None
     """Range of the master angle; left out beside `knots`."""
 
@@ -311,7 +311,7 @@ class ProgramSegment(SegmentTable, _OverMaster):
     """A rise, return or dwell over a range of the master angle."""
 
 
-class ProgramDocument(Table):
+class ProgramDocument(DocumentTable):
     """A motion program over a master angle; several drives may follow one master."""
 
     speed: Rate | None = None
@@ -330,11 +330,11 @@ class ProgramDocument(Table):
         wrong = one_of(self, ("speed", "master", "knots"), "the program")
         if not wrong and self.knots is not None and "phase" in self.model_fields_set:
             wrong.append(("phase", "a phase beside the knots of another axis.", "Leave it out, or state it there."))
-        refuse(wrong)
+        raise_faults(wrong)
         return self
 
 
-class _OverCam(Table):
+class _OverCam(DocumentTable):
     over: Distance
     """Range of the cam's angle, of a wedge: length of it."""
 
@@ -342,12 +342,12 @@ class _OverCam(Table):
 class LiftSegment(SegmentTable, _OverCam):
     """A rise, return or dwell of the follower over a range of the cam."""
 
-    to: State | None = None
+    to: StateDocument | None = None
     """Lift at its end above the base circle: a length, of an oscillating follower an angle; or [lift, velocity, acceleration,
     jerk] by the cam's angle. Without it a dwell, or where the law ends."""
 
 
-class _OverPolarAngle(Table):
+class _OverPolarAngle(DocumentTable):
     over: Angle
     """Range of the polar angle in the cam's link."""
 
@@ -363,7 +363,7 @@ def former_laws(value: object, path: str = "") -> Iterator[tuple[str, str, str]]
     """Laws of a document (or of a part of it) that are called by a former name: place, that name, the present one."""
     if isinstance(value, SegmentTable) and isinstance(value.law, str) and value.law in FORMER_NAMES:
         yield f"{path}.law", value.law, FORMER_NAMES[value.law]
-    elif isinstance(value, Table):
+    elif isinstance(value, DocumentTable):
         for key in type(value).model_fields:
             yield from former_laws(getattr(value, key), f"{path}.{key}".lstrip("."))
     elif isinstance(value, dict):

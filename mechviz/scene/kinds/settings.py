@@ -21,7 +21,19 @@ from pydantic_core import CoreSchema, core_schema
 from mechcore.accuracy import DEFAULT, LOOSEST, TIGHTEST, Accuracy, accuracy_for
 from mechcore.errors import Fault
 from mechcore.records import dataclass
-from mechviz.scene.fields import Duration, Name, Number, Size, Table, Text, describe, fault, is_whole, refuse, table_or_value
+from mechviz.scene.fields import (
+    DocumentTable,
+    Duration,
+    Name,
+    Number,
+    Size,
+    Text,
+    describe,
+    fault,
+    is_whole,
+    raise_faults,
+    table_or_value,
+)
 
 if TYPE_CHECKING:
     from mechviz.scene.convert import Converter
@@ -48,22 +60,22 @@ class Stated:
         return value
 
 
-Value = Annotated[float | str, Stated()]
+StatedValue = Annotated[float | str, Stated()]
 
 
-class ParameterDocument(Table):
+class ParameterDocument(DocumentTable):
     """A parameter with what it may be."""
 
-    value: Value
+    value: StatedValue
     """Its value: a quantity with its unit, a plain number, or an expression of other parameters."""
-    range: Annotated[list[Value], Field(min_length=2, max_length=2)] | None = None
+    range: Annotated[list[StatedValue], Field(min_length=2, max_length=2)] | None = None
     """Its least and greatest value: of sliders, sweeps and optimisation."""
-    tolerance: Value | None = None
+    tolerance: StatedValue | None = None
     """How far it may be off either way as made."""
 
 
 ParameterEntry = Annotated[
-    Annotated[Value, Tag("<value>")] | Annotated[ParameterDocument, Tag("<table>")], Discriminator(table_or_value)
+    Annotated[StatedValue, Tag("<value>")] | Annotated[ParameterDocument, Tag("<table>")], Discriminator(table_or_value)
 ]
 
 
@@ -74,7 +86,7 @@ def _target(value: object) -> float:
     return float(value)
 
 
-Target = Annotated[
+TargetError = Annotated[
     float, PlainValidator(_target), WithJsonSchema({"type": "number", "minimum": TIGHTEST, "maximum": LOOSEST, "examples": [1e-6]})
 ]
 
@@ -90,17 +102,17 @@ def _within(low: float, high: float) -> PlainValidator:
     return PlainValidator(check)
 
 
-Residual = Annotated[float, _within(1e-15, 1e-2), WithJsonSchema({"type": "number", "minimum": 1e-15, "maximum": 1e-2})]
+ResidualTolerance = Annotated[float, _within(1e-15, 1e-2), WithJsonSchema({"type": "number", "minimum": 1e-15, "maximum": 1e-2})]
 Resolution = Annotated[float, _within(0.0, 0.1), WithJsonSchema({"type": "number", "minimum": 0, "maximum": 0.1})]
 EventShare = Annotated[float, _within(1e-14, 1.0), WithJsonSchema({"type": "number", "minimum": 1e-14, "maximum": 1})]
 
 
-class AccuracyDocument(Table):
+class AccuracyDocument(DocumentTable):
     """How exact the run is: a wanted error from which all dials follow, single dials that override it, or both."""
 
-    target: Target | None = None
+    target: TargetError | None = None
     """Wanted error, relative to the mechanism's size and the peak of each quantity; all dials follow from it."""
-    position: Residual | None = None
+    position: ResidualTolerance | None = None
     """Residual at which Newton's method stops in groups without a closed form, in sizes of the mechanism. Default 2e-15."""
     interpolation: Literal["hold", "linear", "cubic", "quintic"] | None = None
     """How values between frames are read, and are to be read. Default "cubic", with the rates as slopes."""
@@ -114,7 +126,7 @@ class AccuracyDocument(Table):
     """Free coordinates: nodes of a window of the integrator, whose order is twice that."""
     window: Duration | None = None
     """Free coordinates: longest window of the integrator."""
-    friction: Residual | None = None
+    friction: ResidualTolerance | None = None
     """Residual at which Newton's method for normal loads stops, of the largest load of the frame. Default 1e-13."""
     event: EventShare | None = None
     """Times of events, in distances of two frames. Default 1e-9."""
@@ -131,7 +143,7 @@ class AccuracyDocument(Table):
 
 
 AccuracyEntry = Annotated[
-    Annotated[Target, Tag("<value>")] | Annotated[AccuracyDocument, Tag("<table>")], Discriminator(table_or_value)
+    Annotated[TargetError, Tag("<value>")] | Annotated[AccuracyDocument, Tag("<table>")], Discriminator(table_or_value)
 ]
 
 ORDERS = {"hold": 0, "linear": 1, "cubic": 3, "quintic": 5}
@@ -181,56 +193,60 @@ Measures = Annotated[list[Text], BeforeValidator(_listed, json_schema_input_type
 Coordinates = Annotated[list[Number], Field(min_length=2, max_length=2)]
 
 
-class LimitDocument(Table):
+class LimitDocument(DocumentTable):
     """Between which values a quantity has to stay; one of them is enough."""
 
-    least: Value | None = None
+    least: StatedValue | None = None
     """Its least value: with a unit, or a number in the unit in which the quantity is shown."""
-    most: Value | None = None
+    most: StatedValue | None = None
     """Its greatest value."""
 
     @model_validator(mode="after")
     def _some(self) -> LimitDocument:
         if self.least is None and self.most is None:
-            refuse([("least", "a limit without a value.", "Give least, most or both.")])
+            raise_faults([("least", "a limit without a value.", "Give least, most or both.")])
         return self
 
 
-class FollowDocument(Table):
+class FollowDocument(DocumentTable):
     """A curve that a quantity has to follow: the objective is the root mean square of its deviations."""
 
     quantity: Text
     """The quantity, such as link.rocker.angle, or one curve of it, link.ram.position[x]."""
-    drive: Annotated[list[Value], Field(min_length=2)]
+    drive: Annotated[list[StatedValue], Field(min_length=2)]
     """Where the first drive is: with units, or numbers in the scene's unit."""
-    values: Annotated[list[Value], Field(min_length=2)]
+    values: Annotated[list[StatedValue], Field(min_length=2)]
     """Values that it is to have there: with units, or numbers in its own."""
 
     @model_validator(mode="after")
     def _as_many(self) -> FollowDocument:
         if len(self.drive) != len(self.values):
-            refuse([("values", f"{len(self.values)} values at {len(self.drive)} places of the drive.", "Give as many of both.")])
+            raise_faults(
+                [("values", f"{len(self.values)} values at {len(self.drive)} places of the drive.", "Give as many of both.")]
+            )
         return self
 
 
-class PathDocument(Table):
+class PathDocument(DocumentTable):
     """A path that a point has to take: the objective is the root mean square of its distances from places."""
 
     point: Text
     """The traced point, such as coupler.E."""
     through: Annotated[list[Coordinates], Field(min_length=2)]
     """The places, in the world, in the scene's unit of length."""
-    drive: Annotated[list[Value], Field(min_length=2)] | None = None
+    drive: Annotated[list[StatedValue], Field(min_length=2)] | None = None
     """Where the first drive is at each of them: with units, or numbers in the scene's unit. Default: wherever it comes nearest."""
 
     @model_validator(mode="after")
     def _as_many(self) -> PathDocument:
         if self.drive is not None and len(self.drive) != len(self.through):
-            refuse([("drive", f"{len(self.drive)} places of the drive for {len(self.through)} places.", "Give as many of both.")])
+            raise_faults(
+                [("drive", f"{len(self.drive)} places of the drive for {len(self.through)} places.", "Give as many of both.")]
+            )
         return self
 
 
-class GoalDocument(Table):
+class GoalDocument(DocumentTable):
     """The goal of `mechviz optimise`: parameters that vary, objectives, limits."""
 
     vary: list[Name] = Field(default=[])
@@ -253,5 +269,5 @@ class GoalDocument(Table):
     @model_validator(mode="after")
     def _some(self) -> GoalDocument:
         if not (self.minimise or self.maximise or self.follow or self.path):
-            refuse([("minimise", "a goal without an objective.", "Give minimise, maximise, follow or path.")])
+            raise_faults([("minimise", "a goal without an objective.", "Give minimise, maximise, follow or path.")])
         return self

@@ -15,6 +15,7 @@ from mechviz.scene.fields import (
     Angle,
     Argument,
     Coordinate,
+    DocumentTable,
     Duration,
     Frequency,
     Length,
@@ -22,18 +23,17 @@ from mechviz.scene.fields import (
     Period,
     Rate,
     Speed,
-    Table,
     Text,
     Time,
     describe,
     fault,
     is_whole,
     one_of,
-    refuse,
+    raise_faults,
 )
 
 
-class SineDocument(Table):
+class SineDocument(DocumentTable):
     """A factor mean + amplitude sin(2 pi frequency t + phase)."""
 
     frequency: Frequency | None = None
@@ -49,11 +49,11 @@ class SineDocument(Table):
 
     @model_validator(mode="after")
     def _one_rate(self) -> SineDocument:
-        refuse(one_of(self, ("frequency", "period"), "the sine"))
+        raise_faults(one_of(self, ("frequency", "period"), "the sine"))
         return self
 
 
-class StepDocument(Table):
+class StepDocument(DocumentTable):
     """A factor that jumps."""
 
     at: Time
@@ -64,7 +64,7 @@ class StepDocument(Table):
     """Factor from then on."""
 
 
-class RampDocument(Table):
+class RampDocument(DocumentTable):
     """A factor that changes evenly from one value to another."""
 
     begin: Time = 0.0
@@ -77,7 +77,7 @@ class RampDocument(Table):
     """Factor once it has ended."""
 
 
-class ChirpDocument(Table):
+class ChirpDocument(DocumentTable):
     """A factor mean + amplitude sin(x) whose frequency sweeps from one value to another, from time zero on."""
 
     frequencies: Annotated[list[Frequency], Field(min_length=2, max_length=2)]
@@ -97,7 +97,7 @@ class ChirpDocument(Table):
 class _Numbers:
     """The values of one signal in SI; a fault is noted for each that is not sound."""
 
-    def __init__(self, given: Table, convert: Converter, path: str):
+    def __init__(self, given: DocumentTable, convert: Converter, path: str):
         self.given, self.convert, self.path = given, convert, path
 
     def si(self, key: str, kind: str) -> float:
@@ -155,7 +155,7 @@ SIGNALS: Mapping[str, Callable[[_Numbers], Signal]] = {
 """The keys of the signals, and how each becomes one of the core."""
 
 
-def signal_of(key: str, given: Table, convert: Converter, path: str) -> Signal | None:
+def signal_of(key: str, given: DocumentTable, convert: Converter, path: str) -> Signal | None:
     """The signal that stands under one of the keys of `SIGNALS`; None where a fault of it was noted."""
     before = len(convert.faults)
     valid = is_whole(given)
@@ -196,7 +196,7 @@ def _names(of: str, joint: str | None, drive: str | None, point: str | None) -> 
     return wrong
 
 
-class FactorTable(Table):
+class FactorTable(DocumentTable):
     """A factor as a function of one of position, velocity, time, x, y, vx, vy, speed."""
 
     position: Annotated[list[Coordinate], Field(min_length=2)] | None = None
@@ -235,7 +235,7 @@ class FactorTable(Table):
 
     @model_validator(mode="after")
     def _same_length(self) -> FactorTable:
-        refuse(one_of(self, ARGUMENTS, "the table"))
+        raise_faults(one_of(self, ARGUMENTS, "the table"))
         rows = getattr(self, self.of)
         wrong = _names(self.of, self.joint, self.drive, self.point)
         if self.has_valid(self.of, "factor") and len(rows) != len(self.factor):
@@ -243,11 +243,11 @@ class FactorTable(Table):
             wrong.append(("", f"{len(rows)} {plural} and {len(self.factor)} factors.", f"Give one factor for each {self.of}."))
         if self.period is not None and self.of not in ("position", "time"):
             wrong.append(("period", f"period does not go with {self.of}.", "Leave out period."))
-        refuse(wrong)
+        raise_faults(wrong)
         return self
 
 
-class FactorPolynomial(Table):
+class FactorPolynomial(DocumentTable):
     """A factor as a polynomial: the sum of coefficients[k] (argument / per)^k."""
 
     of: Literal["position", "velocity", "time", "x", "y", "vx", "vy", "speed"]
@@ -265,5 +265,5 @@ class FactorPolynomial(Table):
 
     @model_validator(mode="after")
     def _named(self) -> FactorPolynomial:
-        refuse(_names(self.of, self.joint, self.drive, self.point))
+        raise_faults(_names(self.of, self.joint, self.drive, self.point))
         return self

@@ -24,6 +24,7 @@ from mechcore.spec.studies import (
 )
 from mechviz.scene.faults import did_you_mean, listing
 from mechviz.scene.fields import (
+    DocumentTable,
     Flag,
     ForceVector,
     Length,
@@ -31,10 +32,9 @@ from mechviz.scene.fields import (
     Point,
     SignedMass,
     Size,
-    Table,
     Text,
     is_whole,
-    refuse,
+    raise_faults,
 )
 from mechviz.scene.kinds.bodies import point_masses_of
 from mechviz.scene.kinds.drives import Level
@@ -51,7 +51,7 @@ if set(get_args(PlanName)) != set(POLYGONS):
     raise ImportError("mechviz.scene.kinds.studies.PlanName and mechcore.spec.studies.POLYGONS name different plans")
 
 
-class SystemDocument(Table):
+class SystemDocument(DocumentTable):
     """The loads on one link as a force system: reduced to a point, to its resultant, and drawn with its funicular polygon."""
 
     on: LinkName
@@ -64,7 +64,7 @@ class SystemDocument(Table):
     """Pole of the funicular polygon, from the start of the force polygon. Default: a good one."""
 
 
-class CounterweightsDocument(Table):
+class CounterweightsDocument(DocumentTable):
     """Counterweights against the shaking force: of a four-bar on crank and rocker, of a slider-crank on the crank."""
 
     radius: Size
@@ -77,11 +77,11 @@ class CounterweightsDocument(Table):
     @model_validator(mode="after")
     def _a_fraction(self) -> CounterweightsDocument:
         if not 0.0 <= self.fraction <= 1.0:
-            refuse([("fraction", f"{self.fraction:g} is not between 0 and 1.", "Write 0.5 for half.")])
+            raise_faults([("fraction", f"{self.fraction:g} is not between 0 and 1.", "Write 0.5 for half.")])
         return self
 
 
-class ShakingDocument(Table):
+class ShakingDocument(DocumentTable):
     """Shaking force and shaking moment of all inertia forces on the frame."""
 
     about: Point = (0.0, 0.0)
@@ -90,7 +90,7 @@ class ShakingDocument(Table):
     """Also compute counterweights, and what is left with them."""
 
 
-class SubstituteMassDocument(Table):
+class SubstituteMassDocument(DocumentTable):
     """One substitute mass. Values that are not given are computed."""
 
     mass: SignedMass | None = None
@@ -105,11 +105,11 @@ class SubstituteMassDocument(Table):
     @model_validator(mode="after")
     def _one_place(self) -> SubstituteMassDocument:
         both = [k for k in ("x", "y") if self.at is not None and getattr(self, k) is not None]
-        refuse([(k, f"{k} stands beside at, which decides both coordinates.", f"Leave out {k} or at.") for k in both])
+        raise_faults([(k, f"{k} stands beside at, which decides both coordinates.", f"Leave out {k} or at.") for k in both])
         return self
 
 
-class SubstituteDocument(Table):
+class SubstituteDocument(DocumentTable):
     """Point masses with the same inertia forces as a link: n of them, of whose 3n parameters all but four are given."""
 
     masses: Annotated[list[SubstituteMassDocument], Field(min_length=1, max_length=20)]
@@ -120,7 +120,7 @@ class SubstituteDocument(Table):
     """Two masses at two given places: the link's mass and centre, and a correction couple for the rest."""
 
 
-class CrossSectionDocument(Table):
+class CrossSectionDocument(DocumentTable):
     """The cross-section of a link, from which its stresses follow: round or rectangular, solid or hollow."""
 
     diameter: Size | None = None
@@ -138,15 +138,15 @@ class CrossSectionDocument(Table):
         if not self.has_valid("diameter", "height", "width"):
             return self
         if self.diameter is not None:
-            refuse([(k, f"{k} stands beside diameter.", f"Leave out {k}, or diameter.") for k in sides])
+            raise_faults([(k, f"{k} stands beside diameter.", f"Leave out {k}, or diameter.") for k in sides])
         elif len(sides) < 2:
             missing = "'width' is missing." if "height" in sides else "'height' is missing."
             none = ("", "a cross-section without diameter, height and width.", "Give a diameter, or height and width.")
-            refuse([(sides[0], missing, "Give both, or a diameter.") if sides else none])
+            raise_faults([(sides[0], missing, "Give both, or a diameter.") if sides else none])
         return self
 
 
-class PenDocument(Table):
+class PenDocument(DocumentTable):
     """A point that draws: its line appears as it moves."""
 
     point: PointName
@@ -165,14 +165,14 @@ class PenDocument(Table):
         if not self.has_valid("joint", "at_most", "at_least"):
             return self
         if self.joint is None:
-            refuse([(key, f"{key} without a joint.", 'Add joint = "C", or leave it out.') for key in limits])
+            raise_faults([(key, f"{key} without a joint.", 'Add joint = "C", or leave it out.') for key in limits])
         elif len(limits) != 1:
             both = [(limits[-1], "at_least stands beside at_most.", "Leave out one of them.")] if limits else []
-            refuse(both or [("joint", "a joint that lifts the pen, and not where.", "Add at_most = ... or at_least = ...")])
+            raise_faults(both or [("joint", "a joint that lifts the pen, and not where.", "Add at_most = ... or at_least = ...")])
         return self
 
 
-class SectionsDocument(Table):
+class SectionsDocument(DocumentTable):
     """Section forces along a link: normal force, shear force and bending moment."""
 
     along: Annotated[list[Text], Field(min_length=2, max_length=100)] | None = None

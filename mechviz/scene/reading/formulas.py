@@ -27,8 +27,8 @@ from mechviz.scene.expressions import (
     wanted_powers,
 )
 from mechviz.scene.faults import did_you_mean, path_text
-from mechviz.scene.fields import Quantity
-from mechviz.scene.units import KINDS, QuantityError, Units
+from mechviz.scene.fields import QuantityMark
+from mechviz.scene.units import UNIT_KINDS, QuantityError, Units
 
 
 @dataclass(frozen=True)
@@ -168,7 +168,7 @@ def parameter_words(document: SceneDocument) -> list[str]:
     for name, known in resolve({"parameters": entries}).parameters.items():
         entry = entries[name]
         table = entry if isinstance(entry, Mapping) else {"value": entry}
-        kind = next((kind for kind in KINDS if wanted_powers(kind) == known.amount.powers), None)
+        kind = next((kind for kind in UNIT_KINDS if wanted_powers(kind) == known.amount.powers), None)
         number = float(known.amount.number)
         value = f"{number:.6g}" if kind is None or known.amount.powers == PLAIN else units.show(number, kind)
         words = f"{name} = {table['value']}" + ("" if known.own else f" = {value}")
@@ -195,7 +195,7 @@ def _units(raw: object) -> Units:
 
 
 def _takes_expression(leaf: Leaf) -> bool:
-    quantity = leaf.mark(Quantity)
+    quantity = leaf.mark(QuantityMark)
     if quantity is not None:
         return not quantity.word or leaf.value != quantity.word
     return leaf.kind in (int, float)
@@ -210,7 +210,7 @@ def _value_at(leaf: Leaf, expression: Expression, known: Mapping[str, Amount], u
     """The value of an expression as a bare number of its place. Raises `QuantityError` where it is of another kind."""
     amount = expression.value(known)
     number = float(amount.number)
-    quantity = leaf.mark(Quantity)
+    quantity = leaf.mark(QuantityMark)
     if quantity is None:
         if any(amount.powers):
             raise QuantityError(
@@ -223,8 +223,8 @@ def _value_at(leaf: Leaf, expression: Expression, known: Mapping[str, Amount], u
         return round(number)
     kind = next((kind for kind in quantity.kinds if wanted_powers(kind) == amount.powers), None)
     if kind is None:
-        words = " or ".join(KINDS[each].words for each in quantity.kinds)
-        remedy = f"Multiply a plain number by a unit, such as {KINDS[quantity.kinds[0]].example.split(' ', 1)[1]}."
+        words = " or ".join(UNIT_KINDS[each].words for each in quantity.kinds)
+        remedy = f"Multiply a plain number by a unit, such as {UNIT_KINDS[quantity.kinds[0]].example.split(' ', 1)[1]}."
         remedy = remedy if not any(amount.powers) else "Check its parameters and units."
         remedy = angle_remedy(amount.powers, wanted_powers(quantity.kinds[0]), remedy)
         raise QuantityError(f"'{expression.text}' is {amount.words}, {words} is wanted.", remedy)

@@ -20,9 +20,9 @@ from mechcore.records import dataclass
 from mechviz.scene.annotations import hints_of, inner_types, peel
 from mechviz.scene.document import SceneDocument
 from mechviz.scene.faults import closest, in_file_order, listing, nearest, path_text
-from mechviz.scene.fields import Quantity, Table, UnitName, Unknown, describe
-from mechviz.scene.kinds.joints.document import KINDS, JointDocument
-from mechviz.scene.kinds.loads.document import KINDS as LOADS
+from mechviz.scene.fields import DocumentTable, QuantityMark, UnitName, UnknownName, describe
+from mechviz.scene.kinds.joints.document import JOINT_KINDS, JointDocument
+from mechviz.scene.kinds.loads.document import LOAD_KINDS as LOADS
 from mechviz.scene.names import points_of_joint
 from mechviz.scene.reading.formulas import resolve
 
@@ -38,7 +38,7 @@ class SpellingRepairs(str):
     __slots__ = ()
 
 
-def read_table(cls: type[Table], raw: object, loc: Loc, faults: list[Fault]) -> Table:
+def read_table(cls: type[DocumentTable], raw: object, loc: Loc, faults: list[Fault]) -> DocumentTable:
     """A table of the document from plain data, with stand-ins for what could not be read; the faults of form are noted."""
     if not isinstance(raw, Mapping):
         faults += [fault for place, detail in _validated(cls, raw)[1] for fault in words_of(detail, (*loc, *place))]
@@ -74,7 +74,7 @@ def read_table(cls: type[Table], raw: object, loc: Loc, faults: list[Fault]) -> 
 MOST_GUESSED = 200  # unknown keys of a table of which is said what they may stand for
 
 
-def _keys_repaired(cls: type[Table], raw: Mapping[str, Any], loc: Loc, faults: list[Fault]) -> dict[str, str]:
+def _keys_repaired(cls: type[DocumentTable], raw: Mapping[str, Any], loc: Loc, faults: list[Fault]) -> dict[str, str]:
     """Known key -> the key as it is written. Unknown keys are noted; they stand for one that their value fits."""
     hints = hints_of(cls)
     taken = {key: key for key in raw if key in hints}
@@ -99,7 +99,7 @@ def _keys_repaired(cls: type[Table], raw: Mapping[str, Any], loc: Loc, faults: l
 def _keys_within(annotation: object, raw: object) -> Iterable[str]:
     """The keys of a value that is a table, if it is one."""
     kind, _ = peel(annotation, raw)
-    return hints_of(kind) if isinstance(kind, type) and issubclass(kind, Table) else ()
+    return hints_of(kind) if isinstance(kind, type) and issubclass(kind, DocumentTable) else ()
 
 
 def _fits(annotation: object, raw: object, loc: Loc) -> bool:
@@ -110,7 +110,7 @@ def _fits(annotation: object, raw: object, loc: Loc) -> bool:
     return not any(fault.path == place for fault in faults)
 
 
-def _faults_of_the_whole(table: Table, raw: Mapping[str, Any], loc: Loc, guessed: set[str], *, faulty: bool) -> list[Fault]:
+def _faults_of_the_whole(table: DocumentTable, raw: Mapping[str, Any], loc: Loc, guessed: set[str], *, faulty: bool) -> list[Fault]:
     """Faults that the table's own validators find in parts that do not go together, as far as ``faulty`` parts let them, and not
     about keys that are only ``guessed``."""
     faults: list[Fault] = []
@@ -130,14 +130,14 @@ def _faults_of_the_whole(table: Table, raw: Mapping[str, Any], loc: Loc, guessed
 def _read(annotation: object, raw: object, loc: Loc, faults: list[Fault]) -> tuple[Any, bool]:
     """A value with stand-ins for what could not be read, and whether it is of the right form as a whole."""
     kind, marks = peel(annotation, raw)
-    if isinstance(kind, type) and issubclass(kind, Table):
+    if isinstance(kind, type) and issubclass(kind, DocumentTable):
         table = read_table(kind, raw, loc, faults)
         return table, table.has_valid()
     valid, details = _validated(annotation, raw)
     if not details:
         return valid, True
     origin, inner = get_origin(kind), get_args(kind)
-    leaf = any(isinstance(mark, PlainValidator | Quantity | UnitName) for mark in marks)
+    leaf = any(isinstance(mark, PlainValidator | QuantityMark | UnitName) for mark in marks)
     held: tuple[type[Any], ...] = {dict: (Mapping,), list: (list, tuple), tuple: (list, tuple)}.get(origin, ())
     if leaf or not isinstance(raw, held):
         faults += [fault for place, detail in details for fault in words_of(detail, (*loc, *place))]
@@ -184,16 +184,16 @@ def _stand_in(annotation: object, raw: object) -> Any:
     origin = get_origin(kind)
     if any(isinstance(mark, UnitName) for mark in marks):
         return _NOTHING
-    if any(isinstance(mark, Quantity) for mark in marks) or kind in (int, float):
+    if any(isinstance(mark, QuantityMark) for mark in marks) or kind in (int, float):
         return math.nan
     if origin is Literal:
         near = closest(raw, [word for word in get_args(kind) if isinstance(word, str)]) if isinstance(raw, str) else ""
-        return SpellingRepairs(near) if near else Unknown(raw if isinstance(raw, str) else "?")
+        return SpellingRepairs(near) if near else UnknownName(raw if isinstance(raw, str) else "?")
     if kind is bool:
         return raw.lower() not in ("false", "no", "off", "") if isinstance(raw, str) else bool(raw)
     if kind is str:
-        return Unknown(raw if isinstance(raw, str) else "?")
-    if isinstance(kind, type) and issubclass(kind, Table):
+        return UnknownName(raw if isinstance(raw, str) else "?")
+    if isinstance(kind, type) and issubclass(kind, DocumentTable):
         return _blank(kind)
     if origin is tuple:
         return (*(_stand_in(each, None) for each in get_args(kind)),)
@@ -207,7 +207,7 @@ def _stand_in(annotation: object, raw: object) -> Any:
     return _NOTHING
 
 
-def _blank(cls: type[Table]) -> Table:
+def _blank(cls: type[DocumentTable]) -> DocumentTable:
     """A table of which nothing could be read."""
     hints = hints_of(cls)
     required = {key: _stand_in(hints[key], None) for key, field in cls.model_fields.items() if field.is_required()}
@@ -334,7 +334,7 @@ _SYNONYMS = {
     "diagrams": "plans", "polygons": "plans", "centrodes": "polodes", "counterweight": "lumps", "balance": "counterweights",
     "point_masses": "lumps",
 }  # fmt: skip
-for _kinds in (KINDS, LOADS):
+for _kinds in (JOINT_KINDS, LOADS):
     _SYNONYMS |= {word: keyword for keyword, kind in _kinds.items() for word in kind.synonyms}
 
 
@@ -412,7 +412,7 @@ _WANTED = {
 def _wrong_length(path: str, loc: Loc, value: object, context: Mapping[str, Any]) -> Fault:
     """A list or table with too few or too many entries."""
     n = len(value) if isinstance(value, list | dict) else context.get("actual_length", 0)
-    if loc[-1] in KINDS:
+    if loc[-1] in JOINT_KINDS:
         what = f"names {n} link{'' if n == 1 else 's'}, a joint joins two."
         if n < 3 or loc[-1] != "revolute":
             return Fault(path, what, 'Write it like ["frame", "crank"].')

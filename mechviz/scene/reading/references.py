@@ -1,7 +1,7 @@
 """Do the parts of a scene fit together? Checks of the names that refer to other parts, over what could be read.
 
 For these checks a misspelt name of a link is replaced by the nearest known one: they would otherwise stop at the first slip or
-report its consequences. A name that resembles nothing becomes ``Unknown``, which the checks pass over.
+report its consequences. A name that resembles nothing becomes ``UnknownName``, which the checks pass over.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from mechcore.errors import Fault
 from mechviz.scene.annotations import Place, replaced
 from mechviz.scene.document import Pose, value_at
 from mechviz.scene.faults import did_you_mean, listing, nearest
-from mechviz.scene.fields import Unknown
+from mechviz.scene.fields import UnknownName
 from mechviz.scene.kinds.joints.document import JointDocument
 from mechviz.scene.kinds.studies import check_studies
 from mechviz.scene.names import (
@@ -42,7 +42,8 @@ def check_references(reading: Reading) -> Iterator[Fault]:
                 yield Fault(f"{key}[{k}]", f"'{name}' is listed twice.", "Leave it out once.")
     listed = "*" not in reading.broken["links"]
     yield from check_studies(document, {name: point_names(reading, name) for name in link_names(reading)}, listed)
-    effects = [name for name in document.effects if not isinstance(name, Unknown) and name != "friction"]  # those that masses make
+    # those that masses make
+    effects = [name for name in document.effects if not isinstance(name, UnknownName) and name != "friction"]
     weightless = all(link.mass is None and not link.lumps and "*" not in link.invalid_keys for link in document.links.values())
     if effects and listed and weightless:
         remedy = "Give the moving links a mass, or leave out the effects."
@@ -54,12 +55,14 @@ def check_link_names(reading: Reading) -> Iterator[Fault]:
     document = reading.document
     if "*" not in reading.broken["links"] and not link_names(reading):
         yield Fault("links", "the scene has no links.", "Add a table [links] with the frame and at least one moving link.")
-    elif "*" not in reading.broken["links"] and not isinstance(document.frame, Unknown) and document.frame not in document.links:
+    elif (
+        "*" not in reading.broken["links"] and not isinstance(document.frame, UnknownName) and document.frame not in document.links
+    ):
         remedy = did_you_mean(document.frame, link_names(reading), what='Name the fixed link with frame = "..."; links')
         yield Fault("frame", f"there is no link '{document.frame}' to be the fixed one.", remedy)
     for name, joint in document.joints.items():
-        unclear = any(isinstance(link, Unknown) or link not in document.links for link in joint.links)
-        if joint.guide is not None and not isinstance(joint.guide, Unknown) and joint.guide not in joint.links and not unclear:
+        unclear = any(isinstance(link, UnknownName) or link not in document.links for link in joint.links)
+        if joint.guide is not None and not isinstance(joint.guide, UnknownName) and joint.guide not in joint.links and not unclear:
             remedy = did_you_mean(joint.guide, joint.links, what="Links")
             yield Fault(f"joints.{name}.guide", f"'{joint.guide}' is not one of the two links.", remedy)
     for name, entry in document.sketch.items():
@@ -98,7 +101,7 @@ def _looks(reading: Reading) -> Iterator[Fault]:
     pinned = {link for j in document.joints.values() if "revolute" in j.kinds and document.frame in j.links for link in j.links}
     for name, link in document.links.items():
         for kind in [link.looks] if isinstance(link.looks, str) else link.looks or ():
-            if isinstance(kind, Unknown) or "*" in reading.broken["joints"]:
+            if isinstance(kind, UnknownName) or "*" in reading.broken["joints"]:
                 continue
             if (kind == "spindle") is not (name == document.frame):
                 whose = "of the fixed link, whose guides become rods" if kind == "spindle" else "on the shaft of a moving link"
@@ -140,7 +143,7 @@ def check_trace(reading: Reading, *, certain: bool) -> Iterator[Fault]:
     whole = "*" not in reading.broken["links"] and all(point_names(reading, link) is not None for link in link_names(reading))
     first = {text: k for k, text in reversed(list(enumerate(trace)))}
     for k, text in enumerate(trace):
-        if isinstance(text, Unknown):
+        if isinstance(text, UnknownName):
             continue
         if first[text] != k:
             yield Fault(f"trace[{k}]", f"'{text}' is traced twice.", "Leave it out once.")
@@ -203,26 +206,26 @@ def _nearest(word: str, known: Collection[str]) -> str:
         return word
     near = nearest(word, known, 2)
     likeness = [SequenceMatcher(None, name.casefold(), word.casefold()).ratio() for name in near]
-    return near[0] if near and likeness.count(likeness[0]) == 1 else Unknown(word)
+    return near[0] if near and likeness.count(likeness[0]) == 1 else UnknownName(word)
 
 
 def links_repaired(reading: Reading) -> Reading:
     """The reading with every name of a link replaced by that of a link that exists, as far as one resembles it."""
     document, links = reading.document, dict.fromkeys(link_names(reading))
     frame = _nearest(document.frame, links)
-    if isinstance(frame, Unknown) and "frame" in links:
+    if isinstance(frame, UnknownName) and "frame" in links:
         frame = "frame"
     changes: dict[Place, Any] = {("frame",): frame}
     for leaf, reference in references(document):
         if reference.to == "link" and leaf.value not in links:
             siblings = value_at(document, leaf.path[:-1]) if isinstance(leaf.path[-1], int) else ()
             near = _nearest(leaf.value, links)
-            changes[leaf.path] = Unknown(leaf.value) if near in siblings else near
+            changes[leaf.path] = UnknownName(leaf.value) if near in siblings else near
     sketch = {(_nearest(name, links) if isinstance(entry, Pose) else name): entry for name, entry in document.sketch.items()}
     document = replaced(document, {**changes, ("sketch",): sketch})
     guides = {name: joint for name, joint in document.joints.items() if joint.guide is not None and joint.guide not in joint.links}
     near_guides = {name: _nearest(joint.guide or "", joint.links) for name, joint in guides.items()}
-    changes = {("joints", name, "guide"): None if isinstance(near, Unknown) else near for name, near in near_guides.items()}
+    changes = {("joints", name, "guide"): None if isinstance(near, UnknownName) else near for name, near in near_guides.items()}
     return replace(reading, document=replaced(document, changes))
 
 
@@ -243,10 +246,10 @@ def touched_links(reading: Reading, name: str, joint: JointDocument) -> tuple[se
     """The links that a joint joins, and whether that is certain: for a name that is not known, every link with the point."""
     sure, links = bool(joint.kinds), set()
     points = points_of_joint(name, joint)
-    for k, link in enumerate(joint.links if sure else (Unknown(), Unknown())):
-        if isinstance(link, Unknown) or link not in reading.document.links:
+    for k, link in enumerate(joint.links if sure else (UnknownName(), UnknownName())):
+        if isinstance(link, UnknownName) or link not in reading.document.links:
             sure = False
-            links |= set(_owners(reading, points[k]) if not isinstance(points[k], Unknown) else link_names(reading))
+            links |= set(_owners(reading, points[k]) if not isinstance(points[k], UnknownName) else link_names(reading))
         else:
             links.add(link)
     return links, sure

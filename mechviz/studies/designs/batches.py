@@ -36,16 +36,16 @@ from mechviz.scene.faults import path_text
 from mechviz.scene.kinds.bodies import MassDocument
 from mechviz.scene.reading.formulas import formula_values, parameter_arrays, parameters_behind
 from mechviz.scene.scene import Scene
-from mechviz.studies.designs.measures import Measure, needs_forces, quantity_of, rows_of
+from mechviz.studies.designs.measures import Measure, needs_forces, quantity_of, table_values
 from mechviz.studies.designs.sampling import Variation
 
 NOT_FINITE = "the values are not finite"  # of some frames, though all are assembled
 MOST_CORNERS = 12  # parameters of which all ends are tried together
-Numbers = dict[tuple[int | str, ...], float]  # by their places in a mechanism
+VariedNumbers = dict[tuple[int | str, ...], float]  # by their places in a mechanism
 
 
 @dataclass(frozen=True, eq=False)
-class Batch:
+class DesignBatch:
     """Designs side by side: the compiled nominal design, the times of the frames, and which values vary."""
 
     scene: Scene
@@ -223,7 +223,7 @@ class Batch:
         tables: dict[tuple[str, ...], Real] = {}
         for k, (_, quantity, column) in enumerate(self.columns):
             if quantity.path not in tables:
-                rows = rows_of(quantity.path, motion, forces)
+                rows = table_values(quantity.path, motion, forces)
                 tables[quantity.path] = np.broadcast_to(rows, (*motion.shape, rows.shape[-1]))
             rows = tables[quantity.path]
             flat = quantity.entry.read(rows.reshape(-1, rows.shape[-1]))
@@ -238,7 +238,7 @@ def batch_of(
     catalogue: Catalogue,
     frames: tuple[int, int],
     executor: tuple[Executor, int],
-) -> Batch | None:
+) -> DesignBatch | None:
     """Batch of the designs side by side, over so many ``frames`` and cycles, by an executor for so many of them; None where the
     variations reach further than joints and masses, or the mechanism has groups, effects or quantities that are computed design by
     design. Raises `MechanismError` where C is asked for and cannot be compiled."""
@@ -259,7 +259,7 @@ def batch_of(
     try:
         compiled = compile_mechanism(mechanism, scene.accuracy)
         loads = tuple(varied for place in places if place[0] == "loads" for varied in _load_numbers(scene, place))
-        batch = Batch(scene, compiled, default_times(mechanism, *frames), tuple(variations), tuple(columns), places, loads)
+        batch = DesignBatch(scene, compiled, default_times(mechanism, *frames), tuple(variations), tuple(columns), places, loads)
         how, count = executor
         if batch.rubs:
             batch = replace(batch, compiled=replace(compiled, executor=how), count=count)
@@ -297,7 +297,7 @@ def _load_numbers(scene: Scene, place: Place) -> list[tuple[tuple[int | str, ...
     value = float(value_at(scene.document, place))
     step = 0.125 * (abs(value) or 1.0)
 
-    def numbers(x: float) -> tuple[Numbers, Numbers]:
+    def numbers(x: float) -> tuple[VariedNumbers, VariedNumbers]:
         mechanism = scene.changed({place: x}).mechanism
         return dict(numbers_in(mechanism.loads)), dict(numbers_in(replace(mechanism, loads=())))
 

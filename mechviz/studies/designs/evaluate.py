@@ -20,7 +20,7 @@ from mechviz.quantities.catalogue import Quantity
 from mechviz.runs import Run, run_scene
 from mechviz.scene.folder import SceneFolder
 from mechviz.scene.scene import Scene, loads
-from mechviz.studies.designs.batches import NOT_FINITE, Batch, batch_of
+from mechviz.studies.designs.batches import NOT_FINITE, DesignBatch, batch_of
 from mechviz.studies.designs.measures import Measure, needs_forces, quantity_of
 from mechviz.studies.designs.sampling import Variation
 
@@ -62,7 +62,7 @@ class Study:
         return tuple(quantity_of(measure, self.nominal.catalogue) for measure in self.measures)
 
     @property
-    def batch(self) -> Batch | None:
+    def batch(self) -> DesignBatch | None:
         """Batch that computes its designs side by side; None where each is run by itself."""
         return _batch(self)
 
@@ -145,7 +145,7 @@ def _prepared(study: Study) -> _Prepared:
 
 
 @lru_cache(maxsize=4)
-def _batch(study: Study) -> Batch | None:
+def _batch(study: Study) -> DesignBatch | None:
     """The batch of a study, once it has proved itself."""
     run = study.nominal
     how = study.executor, study.count

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-Kind = Literal["auto", "response", "contour", "parallel", "scatter"]
+FigureKind = Literal["auto", "response", "contour", "parallel", "scatter"]
 LEVELS = 14
 MOST_LINES = 3000  # of parallel coordinates, and curves drawn over each other
 COLOURS = "viridis"
@@ -91,7 +91,7 @@ def read_study(path: Path) -> StoredStudy:
     )
 
 
-def study_chart(study: StoredStudy, kind: Kind = "auto", of: str | None = None) -> Figure:
+def study_chart(study: StoredStudy, kind: FigureKind = "auto", of: str | None = None) -> Figure:
     """A chart of one result of a study: of one variable its response, of two contours, of more parallel coordinates. Raises
     `MechanismError` where a kind does not fit."""
     title, values = study.result(of)

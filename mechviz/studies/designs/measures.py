@@ -147,7 +147,7 @@ def needs_forces(path: tuple[str, ...]) -> bool:
     return path[1] == "drive" or path[-1] in ("reaction", "inertia")
 
 
-def rows_of(path: tuple[str, ...], motion: Motion, forces: Forces | None) -> Real:
+def table_values(path: tuple[str, ...], motion: Motion, forces: Forces | None) -> Real:
     """The values (D, F, n) of a table of the catalogue, or (F, n) of a single design. Raises `LookupError` where it is none of
     those that can be had so."""
     match path[1:]:

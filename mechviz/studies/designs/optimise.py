@@ -37,7 +37,7 @@ class _Enough(Exception):
     """Ends a search along derivatives."""
 
 
-Progress = Callable[[str, int, float, float], None]
+SearchProgress = Callable[[str, int, float, float], None]
 """(what is done, number of the objective, its best value so far, the violation of that)."""
 
 
@@ -53,7 +53,7 @@ class Search:
     population: int = 0
     generations: int = 60
     executor: Executor | None = None
-    progress: Progress = lambda *_: None
+    progress: SearchProgress = lambda *_: None
     archive: list[Judged] = field(default_factory=list)
     evaluations: int = 0
     refused: str = ""

@@ -23,7 +23,7 @@ from mechviz.figures import chart
 from mechviz.quantities.catalogue import Quantity
 from mechviz.runs import Run
 from mechviz.scene.scene import Scene
-from mechviz.studies.designs.measures import Measure, needs_forces, parse_measure, quantity_of, rows_of
+from mechviz.studies.designs.measures import Measure, needs_forces, parse_measure, quantity_of, table_values
 from mechviz.studies.designs.variables import Variable, core_parameters, parameters_of, variables_of
 
 if TYPE_CHECKING:
@@ -190,7 +190,7 @@ def traced(exact: Derivatives, quantity: Quantity) -> Any:
                 case ("cams", joint, "contact" | "lift" as what):
                     rows = _of_cam(exact, joint, what)
                 case _:
-                    rows = rows_of(quantity.path, exact.motion, forces)
+                    rows = table_values(quantity.path, exact.motion, forces)
             return quantity.entry.read(rows)
     except TypeError:
         raise LookupError(quantity.key) from None
@@ -203,7 +203,8 @@ def _of_cam(exact: Derivatives, joint: str, what: str) -> Any:
         return exact.contact_of(joint, name, values)
 
     if what == "lift":
-        laws = [column(f"law {k}", lambda cam, motion, k=k: cam.law(cam.rows(motion).angle)[k]) for k in (1, 2)]  # type: ignore[misc]  # k is bound
+        # k is bound
+        laws = [column(f"law {k}", lambda cam, motion, k=k: cam.law(cam.rows(motion).angle)[k]) for k in (1, 2)]  # type: ignore[misc]
         return np.stack([column("lift", lambda cam, motion: cam.rows(motion).lift), *laws], axis=-1)
     pressure = column("pressure angle", lambda cam, motion: cam.rows(motion).pressure_angle)
     curvature = column("curvature", lambda cam, motion: 1.0 / cam.rows(motion).radius)

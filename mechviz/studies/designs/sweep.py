@@ -31,7 +31,7 @@ REASON = "reason"
 
 
 @dataclass(frozen=True, eq=False)
-class Table:
+class DesignTable:
     """A study with its designs (D, n) and what was found of them: numbers (D,), or curves (D, F) with the drive's ``axis`` (F,)."""
 
     study: Study
@@ -128,7 +128,7 @@ def about_study(study: Study, sample: Sample | None) -> dict[str, str]:
     }
 
 
-def columns_of(study: Study) -> list[str]:
+def measure_columns(study: Study) -> list[str]:
     """Headings of the measures, with units."""
     columns = []
     for measure, quantity in zip(study.measures, study.quantities, strict=True):
@@ -142,7 +142,7 @@ def arrow_table(study: Study, numbers: Index, designs: Real, results: DesignResu
 
     columns: dict[str, pa.Array] = {"design": pa.array(numbers, pa.int64())}
     columns |= {v.title: pa.array(designs[:, k]) for k, v in enumerate(study.variations)}
-    for title, values in zip(columns_of(study), results.values, strict=True):
+    for title, values in zip(measure_columns(study), results.values, strict=True):
         flat = pa.array(np.ascontiguousarray(values).reshape(-1))
         one = values.ndim == 1
         columns[title] = flat if one else pa.FixedSizeListArray.from_arrays(flat, values.shape[1])
@@ -150,21 +150,21 @@ def arrow_table(study: Study, numbers: Index, designs: Real, results: DesignResu
     return pa.table(columns)
 
 
-def read_table(study: Study, table: pa.Table) -> Table:
+def read_study(study: Study, table: pa.Table) -> DesignTable:
     """A study's rows from its file."""
     designs = np.column_stack([table[v.title].to_numpy() for v in study.variations])
     values = []
-    for title in columns_of(study):
+    for title in measure_columns(study):
         column = table[title].combine_chunks()
         flat = column.flatten() if hasattr(column, "flatten") and column.type.num_fields else column
         values.append(np.asarray(flat.to_numpy(zero_copy_only=False)).reshape(len(designs), -1))
     whole = tuple(v[:, 0] if v.shape[1] == 1 else v for v in values)
-    return Table(study, designs, DesignResults(whole, tuple(reason or "" for reason in table[REASON].to_pylist())))
+    return DesignTable(study, designs, DesignResults(whole, tuple(reason or "" for reason in table[REASON].to_pylist())))
 
 
-def csv_lines(table: Table) -> Iterator[str]:
+def csv_lines(table: DesignTable) -> Iterator[str]:
     """A study as lines of CSV; curves, which are long, as texts of numbers with blanks between them."""
-    yield ",".join(f'"{title}"' for title in (*(v.title for v in table.study.variations), *columns_of(table.study), REASON))
+    yield ",".join(f'"{title}"' for title in (*(v.title for v in table.study.variations), *measure_columns(table.study), REASON))
     for k, design in enumerate(table.designs):
         cells = [repr(float(x)) for x in design]
         cells += [" ".join(repr(float(x)) for x in np.atleast_1d(values[k])) for values in table.results.values]
@@ -190,7 +190,7 @@ def run_study(
     executor: Executor | None = None,
     most: int = 4,
     progress: Callable[[int, int], None] = lambda *_: None,
-) -> Table:
+) -> DesignTable:
     """Results of all designs (D, n): by an executor, with ``most`` portions in its hands at once, or here without one. Processes of
     this machine are left out where C computes, which has threads of its own.
 
@@ -225,7 +225,7 @@ def run_study(
         flush()
     import pyarrow as pa
 
-    return read_table(study, store.finish() if store is not None else pa.concat_tables(kept).sort_by("design"))
+    return read_study(study, store.finish() if store is not None else pa.concat_tables(kept).sort_by("design"))
 
 
 def _computed(

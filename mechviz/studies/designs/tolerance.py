@@ -48,7 +48,7 @@ TAIL_QUANTILES = (0.00135, 0.99865)  # three standard deviations either way, of 
 
 
 @dataclass(frozen=True)
-class Limits:
+class QuantityLimits:
     """Between which values a quantity has to stay, in its unit; infinite where it need not."""
 
     low: float = -np.inf
@@ -83,7 +83,7 @@ class Tolerances:
     samples: int
     lost: int
     values: Real
-    limits: Limits | None
+    limits: QuantityLimits | None
     inside: float  # part of the samples that stays within the limits at all frames
     computed_by: str  # what computed the samples, in words
 
@@ -172,7 +172,7 @@ def tolerances(
     measures: Sequence[Measure],
     variables: Sequence[Variable],
     *,
-    limits: Sequence[Limits | None] = (),
+    limits: Sequence[QuantityLimits | None] = (),
     samples: int = 16384,
     distribution: Distribution = "normal",
     seed: int = 0,
@@ -287,7 +287,7 @@ def _judged(
     slopes: Real,
     exact: bool,
     sample: _Sampled,
-    limits: Limits | None,
+    limits: QuantityLimits | None,
 ) -> Tolerances:
     half = np.array([v.tolerance for v in variables]).reshape(-1, *[1] * (slopes.ndim - 1))
     moved = np.abs(slopes) * half
@@ -358,11 +358,11 @@ def _with_tolerance(variable: Variable, text: str) -> Variable:
     return replace(variable, tolerance=number * factor)
 
 
-def parse_limits(text: str) -> Limits:
+def parse_limits(text: str) -> QuantityLimits:
     """The limits that a text such as ``90..118``, ``..118`` or ``90..`` names. Raises `MechanismError`."""
     low, dots, high = text.partition("..")
     try:
-        limits = Limits(float(low) if low.strip() else -np.inf, float(high) if high.strip() else np.inf)
+        limits = QuantityLimits(float(low) if low.strip() else -np.inf, float(high) if high.strip() else np.inf)
         if dots and limits.low < limits.high:
             return limits
     except ValueError:

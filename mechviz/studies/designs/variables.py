@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from mechcore.derivatives.jumps import contact_numbers
-from mechcore.derivatives.model_numbers import Numbers, Parameter
+from mechcore.derivatives.model_numbers import ModelNumbers, Parameter
 from mechcore.dynamics.events import with_slot_ends
 from mechcore.errors import Fault, MechanismError
 from mechcore.records import dataclass
@@ -16,7 +16,7 @@ from mechcore.spec.mechanism import Mechanism
 from mechviz.scene.annotations import Leaf, Place, leaves
 from mechviz.scene.expressions import is_plain
 from mechviz.scene.faults import did_you_mean, path_text
-from mechviz.scene.fields import Quantity
+from mechviz.scene.fields import QuantityMark
 from mechviz.scene.reading.formulas import ParameterValue
 from mechviz.scene.scene import Scene
 from mechviz.scene.units import QuantityError, split, unit_of
@@ -99,7 +99,7 @@ def core_parameters(scene: Scene, variables: Sequence[Variable]) -> tuple[Parame
         def mechanism(value: float) -> Mechanism:
             return variable.changed(wide, value).mechanism
 
-        def contacts(value: float) -> Numbers:
+        def contacts(value: float) -> ModelNumbers:
             changed = variable.changed(wide, value)
             spec = changed.simulation
             assert spec is not None
@@ -138,7 +138,7 @@ def _varies(scene: Scene, leaf: Leaf) -> bool:
     if "along" in leaf.path or isinstance(leaf.value, bool):
         return False
     if isinstance(leaf.value, str):
-        return leaf.mark(Quantity) is not None and is_plain(leaf.value)
+        return leaf.mark(QuantityMark) is not None and is_plain(leaf.value)
     return isinstance(leaf.value, float | int) and leaf.kind is not int
 
 

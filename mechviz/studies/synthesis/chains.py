@@ -11,7 +11,7 @@ from mechcore.design.chains import Chain
 from mechcore.errors import MechanismError
 from mechviz.runs import run_scene
 from mechviz.scene.scene import Scene
-from mechviz.studies.synthesis.linkages import Solution
+from mechviz.studies.synthesis.linkages import LinkageSolution
 
 WEIGHT_TRIES = 8  # weights that are tried for each outer loop
 RADIUS = 100.0  # mm, of the circle on which the outer loop stands
@@ -19,7 +19,7 @@ ENOUGH_ROOM = 20.0  # mm between joints, without a crossing: no other loop is tr
 DRIVE_NUDGE = 5.0  # deg, to each side: the drive of a chain that cannot run as far as it goes
 
 
-def layout(chain: Chain) -> Complex:
+def chain_layout(chain: Chain) -> Complex:
     """Places (J,) of a chain's joints [mm]: a long loop on a circle, the others at weighted means of their neighbours (Tutte).
 
     Of a few loops and weights those that keep links from crossing and joints apart."""
@@ -106,18 +106,18 @@ def outline(chain: Chain, link: int, places: Complex) -> Complex:
     return np.asarray(places[own[np.argsort(around)]])
 
 
-def chain_solutions(chains: tuple[Chain, ...]) -> list[Solution]:
+def chain_solutions(chains: tuple[Chain, ...]) -> list[LinkageSolution]:
     """Every inversion of chains with one degree of freedom as a scene, driven at a joint of the frame; the sketch is its start."""
     out = []
     for number, chain in enumerate(chains, 1):
-        places = layout(chain)
+        places = chain_layout(chain)
         for inversion, group in enumerate(chain.frames, 1):
             title = f"Chain {number} of {chain.links} links, inversion {inversion}"
             scene = _scene(chain, group[0], places, f"chain-{chain.links}-{number}-{inversion}", title)
             degrees = sorted(chain.degrees, reverse=True)
             numbers = {"chain": str(number), "frame": str(inversion), "joints of the frame": str(chain.degrees[group[0]]),
                        "joints of the links": " ".join(map(str, degrees))}  # fmt: skip
-            out.append(Solution(scene if _runs(scene) else _nudged(scene), numbers))
+            out.append(LinkageSolution(scene if _runs(scene) else _nudged(scene), numbers))
     return out
 
 

@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mechcore.arrays import Complex, Real
-from mechcore.design.burmester import Poses, burmester_curve
+from mechcore.design.burmester import BodyPositions, burmester_curve
 from mechcore.design.chains import Chain
 from mechcore.design.dwells import DwellLinkage
 from mechcore.design.freudenstein import FunctionGenerator, FunctionTask
 from mechcore.design.paths import PathDesign
 from mechcore.design.springs import LidSpring, LidTask
 from mechviz.figures import COLOURS, chart
-from mechviz.studies.synthesis.chains import layout, outline
+from mechviz.studies.synthesis.chains import chain_layout, outline
 from mechviz.studies.synthesis.four_bars import MotionDesign
 from mechviz.studies.synthesis.linkages import MM
 
@@ -42,7 +42,7 @@ def error_figure(task: FunctionTask, generators: Sequence[FunctionGenerator], sy
     return figure
 
 
-def motion_figure(poses: Poses, designs: Sequence[MotionDesign]) -> Figure:
+def motion_figure(poses: BodyPositions, designs: Sequence[MotionDesign]) -> Figure:
     """Positions of the body, the first linkage in all of them, and of four positions the circle-point and centre-point curves."""
     with chart(7.6, 6.4) as figure:
         axes = figure.subplots()
@@ -135,7 +135,7 @@ def chains_figure(chains: Sequence[Chain]) -> Figure:
             axes.set_axis_off()
         for k, chain in enumerate(chains):
             axes = figure.axes[k]
-            places = layout(chain)
+            places = chain_layout(chain)
             for kind, group in enumerate(chain.frames):
                 colour = COLOURS[kind % len(COLOURS)]
                 for link in group:

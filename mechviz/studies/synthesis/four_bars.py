@@ -9,8 +9,8 @@ import numpy as np
 
 from mechcore.arrays import Complex, Real
 from mechcore.design.burmester import (
+    BodyPositions,
     BurmesterCurve,
-    Poses,
     bisector,
     burmester_curve,
     burmester_points,
@@ -19,12 +19,12 @@ from mechcore.design.burmester import (
     moving_pivots,
     slider_points,
 )
-from mechcore.design.four_bars import FourBar, acute, from_pins, judge, used_range
+from mechcore.design.four_bars import FourBar, acute, from_pins, judge_four_bars, used_range
 from mechcore.design.freudenstein import FunctionGenerator, FunctionTask
 from mechcore.errors import Fault, MechanismError
 from mechcore.records import dataclass
 from mechviz.scene.scene import Scene
-from mechviz.studies.synthesis.linkages import MM, Solution, four_bar_scene, once, slider_guide_scene, through
+from mechviz.studies.synthesis.linkages import MM, LinkageSolution, four_bar_scene, once, slider_guide_scene, through
 
 MOST_CHOICES = 12  # four-bars that are offered where positions are placed by hand
 SWING = np.radians(60.0)  # of cranks between two positions, where nothing is said of it
@@ -39,7 +39,7 @@ DIFFERENT_PIVOTS = 0.25  # of the reach: distance of pivots that makes two propo
 RANGE_ANGLES = 181  # crank angles between first and last pose
 
 
-def function_solutions(task: FunctionTask, designs: Sequence[FunctionGenerator], frame: float, words: str) -> list[Solution]:
+def function_solutions(task: FunctionTask, designs: Sequence[FunctionGenerator], frame: float, words: str) -> list[LinkageSolution]:
     """Function generators as solutions, with a frame of some length [m]; ``words``: the function."""
     out = []
     for k, made in enumerate(designs):
@@ -63,12 +63,12 @@ def function_solutions(task: FunctionTask, designs: Sequence[FunctionGenerator],
             "type": bar.grashof.value,
         }
         defects = made.defects.words(0) or ("" if runs else "does not run through")
-        out.append(Solution(scene, numbers, defects))
+        out.append(LinkageSolution(scene, numbers, defects))
     return out
 
 
 # -- motion generation ------------------------------------------------------------------------------------------------
-def dyads(poses: Poses, moving: Sequence[complex], fixed: Sequence[complex], swing: float) -> tuple[Complex, Complex]:
+def dyads(poses: BodyPositions, moving: Sequence[complex], fixed: Sequence[complex], swing: float) -> tuple[Complex, Complex]:
     """Moving pivots (R,) in the body and fixed pivots (R,) for poses: those that are given, completed, or all there are.
 
     ``moving`` and ``fixed`` are given pivots, for two or three poses; ``swing``: angle [rad] by which cranks turn between two.
@@ -89,7 +89,7 @@ def dyads(poses: Poses, moving: Sequence[complex], fixed: Sequence[complex], swi
             )
         return w, c
     if count == 4:
-        return thinned(burmester_curve(poses), poses)
+        return thinned_curves(burmester_curve(poses), poses)
     if count == 2 and fixed:
         raise MechanismError(Fault("fixed", "with two positions the moving pivots are given.", "Give those, or a third position."))
     if not moving and not fixed:
@@ -109,7 +109,7 @@ def dyads(poses: Poses, moving: Sequence[complex], fixed: Sequence[complex], swi
     return np.concatenate([w, moving_pivots(poses, given)]), np.concatenate([fixed_pivots(poses, w), given])
 
 
-def thinned(curve: BurmesterCurve, poses: Poses) -> tuple[Complex, Complex]:
+def thinned_curves(curve: BurmesterCurve, poses: BodyPositions) -> tuple[Complex, Complex]:
     """So many points of Burmester's curves that are not far away, at about equal steps. Raises `MechanismError` where all are."""
     middle = poses.places.mean()
     near = (
@@ -140,7 +140,7 @@ class MotionDesign:
     pivots: Complex
 
 
-def motion_designs(poses: Poses, w: Complex, c: Complex, most: int, *, all_of_them: bool) -> list[MotionDesign]:
+def motion_designs(poses: BodyPositions, w: Complex, c: Complex, most: int, *, all_of_them: bool) -> list[MotionDesign]:
     """Four-bars of pairs of dyads: all with their defects, or so many that differ, without defects, best transmission first."""
     guides = guidance(poses, w, c)
     pins = poses.of_points(guides.w)
@@ -177,13 +177,13 @@ def motion_designs(poses: Poses, w: Complex, c: Complex, most: int, *, all_of_th
     return kept
 
 
-def motion_choices(poses: Poses, most: int = MOST_CHOICES) -> list[MotionDesign]:
+def motion_choices(poses: BodyPositions, most: int = MOST_CHOICES) -> list[MotionDesign]:
     """Four-bars for poses without anything else being said: at most so many, those without defects first."""
     designs = motion_designs(poses, *dyads(poses, (), (), SWING), most, all_of_them=len(poses.places) >= 5)
     return sorted(designs, key=lambda made: bool(made.defects))
 
 
-def pose_marks(poses: Poses) -> dict[str, complex]:
+def pose_marks(poses: BodyPositions) -> dict[str, complex]:
     """Points of the frame that show poses: P where the body is, Q on its x axis."""
     arms = zip(poses.places, poses.places + MARK_DISTANCE * poses.reach * poses.turns, strict=True)
     return {f"{letter}{k}": complex(z) for k, pair in enumerate(arms, 1) for letter, z in zip("PQ", pair, strict=True)}
@@ -198,17 +198,17 @@ def four_bar_marks(scene: Scene) -> dict[str, complex]:
     return {name: complex(*place) for name, place in links[frame].points.items()}
 
 
-def poses_in(scene: Scene) -> Poses | None:
+def poses_in(scene: Scene) -> BodyPositions | None:
     """The poses that a scene of `motion_solutions` shows; None for any other scene."""
     points = four_bar_marks(scene)
     count = sum(f"P{k}" in points and f"Q{k}" in points for k in range(1, len(points) + 1))
     if count < 2:
         return None
     p, q = (np.array([points.get(f"{letter}{k}", complex(np.nan)) for k in range(1, count + 1)]) for letter in "PQ")
-    return Poses(p, np.angle(q - p)) if np.isfinite(p).all() and np.isfinite(q).all() else None
+    return BodyPositions(p, np.angle(q - p)) if np.isfinite(p).all() and np.isfinite(q).all() else None
 
 
-def motion_solutions(poses: Poses, designs: Sequence[MotionDesign]) -> list[Solution]:
+def motion_solutions(poses: BodyPositions, designs: Sequence[MotionDesign]) -> list[LinkageSolution]:
     """Four-bars that lead a body through poses as solutions."""
     count = len(poses.places)
     out = []
@@ -229,7 +229,7 @@ def motion_solutions(poses: Poses, designs: Sequence[MotionDesign]) -> list[Solu
         if count > 5:  # not met exactly
             deviation = float(np.abs(bar.positions(made.theta)[2] - poses.places).max())
             numbers |= {"farthest [mm]": f"{deviation * MM:.3g}"}
-        out.append(Solution(scene, numbers, made.defects))
+        out.append(LinkageSolution(scene, numbers, made.defects))
     return out
 
 
@@ -273,7 +273,7 @@ class SliderGuide:
     defects: str
 
 
-def slider_guides(poses: Poses, w: Complex, c: Complex, most: int) -> list[SliderGuide]:
+def slider_guides(poses: BodyPositions, w: Complex, c: Complex, most: int) -> list[SliderGuide]:
     """Guides by one of the cranks (R,), moving pivots in the body and fixed ones, and one of the slides of the poses: so many that
     differ, those without defects first, the best transmission first. Raises `MechanismError` where there is no slide."""
     points, along = slider_points(poses)
@@ -288,7 +288,7 @@ def slider_guides(poses: Poses, w: Complex, c: Complex, most: int) -> list[Slide
     if not len(of):
         raise MechanismError(Fault("poses", "no crank goes with the slide of these positions.", "Move one of them a little."))
     far = slides[:, 0] + 1j * along * LONG_ROCKER * poses.reach
-    defects = judge(c[of], far[slide], pins[of], slides[slide])
+    defects = judge_four_bars(c[of], far[slide], pins[of], slides[slide])
     at_poses = acute(pins[of] - slides[slide], 1j * along[slide, None]).min(1)
     made: list[SliderGuide] = []
     for k in np.lexsort((-at_poses, ~defects.none)):
@@ -307,7 +307,7 @@ def slider_guides(poses: Poses, w: Complex, c: Complex, most: int) -> list[Slide
     return sorted(made, key=lambda one: (bool(one.defects), -np.nan_to_num(one.transmission)))
 
 
-def slider_guide_solutions(poses: Poses, designs: Sequence[SliderGuide]) -> list[Solution]:
+def slider_guide_solutions(poses: BodyPositions, designs: Sequence[SliderGuide]) -> list[LinkageSolution]:
     """Guides as solutions."""
     out = []
     for k, made in enumerate(designs, 1):
@@ -327,5 +327,5 @@ def slider_guide_solutions(poses: Poses, designs: Sequence[SliderGuide]) -> list
             "slide [deg]": f"{np.degrees(np.angle(made.along)):.4g}",
             "transmission [deg]": "-" if made.defects else f"{np.degrees(made.transmission):.1f}",
         }
-        out.append(Solution(scene, numbers, made.defects))
+        out.append(LinkageSolution(scene, numbers, made.defects))
     return out

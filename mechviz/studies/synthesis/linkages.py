@@ -19,12 +19,12 @@ from mechviz.scene.scene import Scene, dump
 
 MM = 1e3
 SPEED = "60 rpm"
-Drive = Mapping[str, Any]
+DriveEntry = Mapping[str, Any]
 
 
 def four_bar_scene(
     bar: FourBar,
-    drive: Drive,
+    drive: DriveEntry,
     *,
     name: str,
     title: str,
@@ -41,7 +41,7 @@ def four_bar_scene(
         joints[driven]["drive"] = joints["A"].pop("drive")
     if side:
         joints["C"]["side"] = "left" if side > 0 else "right"
-    links["frame"]["points"] |= {name: place(z) for name, z in (marks or {}).items()}
+    links["frame"]["points"] |= {name: place_mm(z) for name, z in (marks or {}).items()}
     return Scene.build(
         name=name,
         title=title,
@@ -54,11 +54,11 @@ def four_bar_scene(
     )
 
 
-def four_bar_parts(bar: FourBar, drive: Drive, *, traced: bool) -> tuple[dict[str, Any], dict[str, Any]]:
+def four_bar_parts(bar: FourBar, drive: DriveEntry, *, traced: bool) -> tuple[dict[str, Any], dict[str, Any]]:
     """Links and joints of a four-bar as tables of a scene in mm."""
-    coupler = {"B": [0, 0], "C": [bar.coupler * MM, 0]} | ({"E": place(bar.tracer)} if traced else {})
+    coupler = {"B": [0, 0], "C": [bar.coupler * MM, 0]} | ({"E": place_mm(bar.tracer)} if traced else {})
     links = {
-        "frame": {"points": {"A": place(bar.crank_pivot), "D": place(bar.rocker_pivot)}},
+        "frame": {"points": {"A": place_mm(bar.crank_pivot), "D": place_mm(bar.rocker_pivot)}},
         "crank": {"points": {"A": [0, 0], "B": [bar.crank * MM, 0]}},
         "coupler": {"points": coupler},
         "rocker": {"points": {"D": [0, 0], "C": [bar.rocker * MM, 0]}},
@@ -73,7 +73,7 @@ def four_bar_parts(bar: FourBar, drive: Drive, *, traced: bool) -> tuple[dict[st
 
 
 def slider_crank_scene(
-    crank: float, rod: float, offset: float, drive: Drive, *, name: str, title: str, teaches: str, ahead: bool = True
+    crank: float, rod: float, offset: float, drive: DriveEntry, *, name: str, title: str, teaches: str, ahead: bool = True
 ) -> Scene:
     """A slider-crank as a scene: crank on A, pins B and C, the slide along x through G. Lengths and offset [m]."""
     return Scene.build(
@@ -152,7 +152,7 @@ def slider_guide_scene(
     pins: tuple[complex, complex],
     traced: complex,
     along: complex,
-    drive: Drive,
+    drive: DriveEntry,
     *,
     marks: Mapping[str, complex],
     **words: str,
@@ -166,9 +166,9 @@ def slider_guide_scene(
         units={"length": "mm", "angle": "deg"},
         trace=["E"],
         links={
-            "frame": {"points": {"A": place(pivot), "G": place(c)} | {name: place(z) for name, z in marks.items()}},
+            "frame": {"points": {"A": place_mm(pivot), "G": place_mm(c)} | {name: place_mm(z) for name, z in marks.items()}},
             "crank": {"points": {"A": [0, 0], "B": [abs(b - pivot) * MM, 0]}},
-            "coupler": {"points": {"B": [0, 0], "C": [abs(c - b) * MM, 0], "E": place((traced - b) / turned)}},
+            "coupler": {"points": {"B": [0, 0], "C": [abs(c - b) * MM, 0], "E": place_mm((traced - b) / turned)}},
             "slider": {"points": {"C": [0, 0]}},
         },
         joints={
@@ -185,7 +185,7 @@ def slider_guide_scene(
     )
 
 
-def through(bar: FourBar, theta: Real, *, usable: bool) -> Drive:
+def through(bar: FourBar, theta: Real, *, usable: bool) -> DriveEntry:
     """A drive that leads the crank through angles (K,) [rad]: full turns where it can, else to and fro between the ends.
 
     A linkage that is not ``usable`` runs as far as it can go.
@@ -198,26 +198,26 @@ def through(bar: FourBar, theta: Real, *, usable: bool) -> Drive:
     return to_and_fro(first, last)
 
 
-def to_and_fro(first: float, last: float) -> Drive:
+def to_and_fro(first: float, last: float) -> DriveEntry:
     """A harmonic motion between two angles [rad], from the first on."""
     half = math.degrees(abs(last - first)) / 2.0
     phase = -90 if last >= first else 90
     return {"oscillation": {"centre": math.degrees(first + last) / 2.0, "amplitude": half, "period": "2 s", "phase": phase}}
 
 
-def once(first: float, last: float) -> Drive:
+def once(first: float, last: float) -> DriveEntry:
     """A steady motion from an angle to another [rad] in two seconds."""
     speed = math.degrees(last - first) / 2.0
     return {"speed": f"{speed!r} deg/s", "range": sorted(math.degrees(angle) for angle in (first, last))}
 
 
-def place(z: complex) -> list[float]:
+def place_mm(z: complex) -> list[float]:
     """Coordinates [mm] of a place [m]."""
     return [float(np.real(z)) * MM, float(np.imag(z)) * MM]
 
 
 @dataclass(frozen=True, eq=False)
-class Solution:
+class LinkageSolution:
     """A linkage as a scene, its characteristic numbers by title, and its defects in words, "" for none."""
 
     scene: Scene
@@ -225,7 +225,7 @@ class Solution:
     defects: str = ""
 
 
-def table(solutions: Sequence[Solution]) -> Iterator[str]:
+def solution_table(solutions: Sequence[LinkageSolution]) -> Iterator[str]:
     """Lines: number, numbers of the solution, defects."""
     rows = [["", *solutions[0].numbers, "defects"]] if solutions else []
     rows += [[str(k + 1), *one.numbers.values(), one.defects or "none"] for k, one in enumerate(solutions)]
@@ -245,7 +245,7 @@ def check_folder(target: Path) -> None:
         )
 
 
-def write(solutions: Sequence[Solution], target: Path) -> list[Path]:
+def write(solutions: Sequence[LinkageSolution], target: Path) -> list[Path]:
     """Write the first solution to a file that ends in ``.toml``, or all of them to a folder; gives the files."""
     if target.suffix == ".toml":
         dump(solutions[0].scene, target)

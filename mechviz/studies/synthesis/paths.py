@@ -16,7 +16,7 @@ from mechcore.spec.mechanism import Revolute
 from mechviz.runs import Run
 from mechviz.scene.scene import Scene
 from mechviz.studies.synthesis.four_bars import four_bar_lengths, four_bar_marks
-from mechviz.studies.synthesis.linkages import MM, SPEED, Solution, four_bar_scene, through
+from mechviz.studies.synthesis.linkages import MM, SPEED, LinkageSolution, four_bar_scene, through
 
 EXACT_MISS = 1e-9  # of the size of a path: what misses by less passes its points
 DRAWN_POINTS = 20  # points that stand for a drawn curve, at equal distances along it
@@ -37,7 +37,7 @@ def ranked_paths(designs: Sequence[PathDesign], points: Complex) -> list[PathDes
     return sorted(designs, key=rank)
 
 
-def path_solutions(designs: Sequence[PathDesign], points: Complex) -> list[Solution]:
+def path_solutions(designs: Sequence[PathDesign], points: Complex) -> list[LinkageSolution]:
     """Four-bars through points as solutions."""
     out = []
     for k, made in enumerate(designs):
@@ -50,7 +50,7 @@ def path_solutions(designs: Sequence[PathDesign], points: Complex) -> list[Solut
         )  # fmt: skip
         rms = np.sqrt(made.error / len(points)) * MM
         out.append(
-            Solution(
+            LinkageSolution(
                 scene,
                 four_bar_lengths(made.four_bar)
                 | {
@@ -132,7 +132,7 @@ def traced_four_bar(run: Run) -> tuple[FourBar, float]:
     return from_pins(o2, o4, a, b, complex(*motion.point(coupler, points[0])[0])), float(np.angle(a - o2))
 
 
-def cognate_solutions(bar: FourBar, theta: float) -> list[Solution]:
+def cognate_solutions(bar: FourBar, theta: float) -> list[LinkageSolution]:
     """The cognates of a four-bar in the assembly mode that it has at a crank angle [rad]. The second one's crank turns as that of
     the four-bar does; in the first it is the coupler that does, so that a drive turns that against its crank."""
     out = []
@@ -149,5 +149,5 @@ def cognate_solutions(bar: FourBar, theta: float) -> list[Solution]:
         )  # fmt: skip
         pivots = (("A", made.crank_pivot), ("D", made.rocker_pivot))
         numbers = {f"{name} [mm]": f"({z.real * MM:.5g}, {z.imag * MM:.5g})" for name, z in pivots} | four_bar_lengths(made)
-        out.append(Solution(scene, numbers | {"driven at": joint, "type": made.grashof.value}))
+        out.append(LinkageSolution(scene, numbers | {"driven at": joint, "type": made.grashof.value}))
     return out

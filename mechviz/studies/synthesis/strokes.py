@@ -19,22 +19,22 @@ from mechviz.studies.synthesis.four_bars import four_bar_lengths
 from mechviz.studies.synthesis.linkages import (
     MM,
     SPEED,
-    Solution,
+    LinkageSolution,
     four_bar_parts,
     four_bar_scene,
     once,
-    place,
+    place_mm,
     slider_crank_scene,
     slotted_lever_scene,
     to_and_fro,
     whitworth_scene,
 )
 
-SAMPLES = 361  # of a structural error
+PATH_SAMPLES = 361  # of a structural error
 QUICK = "At constant speed of the crank the way back takes less time than the way out, by the angle between the dead lines."
 
 
-def slider_crank_solution(made: SliderCrank, stroke: float, ratio: float) -> Solution:
+def slider_crank_solution(made: SliderCrank, stroke: float, ratio: float) -> LinkageSolution:
     """A slider-crank of a stroke [m] and a time ratio."""
     scene = slider_crank_scene(
         made.crank, made.rod, made.offset, {"speed": SPEED}, name="stroke", teaches=QUICK,
@@ -46,12 +46,12 @@ def slider_crank_solution(made: SliderCrank, stroke: float, ratio: float) -> Sol
         "offset [mm]": f"{made.offset * MM:.6g}",
         "pressure angle [deg]": f"{np.degrees(made.pressure_angle):.2f}",
     }
-    return Solution(scene, numbers, "" if made.turns else "the crank does not turn fully")
+    return LinkageSolution(scene, numbers, "" if made.turns else "the crank does not turn fully")
 
 
-def slider_function_solution(task: FunctionTask, made: SliderGenerator, words: str) -> Solution:
+def slider_function_solution(task: FunctionTask, made: SliderGenerator, words: str) -> LinkageSolution:
     """A slider-crank whose slider follows a function, ``words``."""
-    x = np.linspace(task.start, task.end, SAMPLES)
+    x = np.linspace(task.start, task.end, PATH_SAMPLES)
     turned, wanted = task.turned(x)
     errors = made.displacements(made.input_start + turned) - made.output_start - wanted
     runs = bool(np.isfinite(errors).all())
@@ -69,10 +69,10 @@ def slider_function_solution(task: FunctionTask, made: SliderGenerator, words: s
         "offset [mm]": f"{made.offset * MM:.6g}",
         "largest error [mm]": f"{errors[np.abs(errors).argmax()] * MM:.4g}" if runs else "-",
     }
-    return Solution(scene, numbers, "branch" if made.branch else "" if runs else "does not run through")
+    return LinkageSolution(scene, numbers, "branch" if made.branch else "" if runs else "does not run through")
 
 
-def slotted_lever_solution(made: SlottedLever, stroke: float, ratio: float) -> Solution:
+def slotted_lever_solution(made: SlottedLever, stroke: float, ratio: float) -> LinkageSolution:
     """A slotted lever whose end has a stroke [m] and a time ratio."""
     title = f"Slotted lever with a stroke of {stroke * MM:g} mm and a time ratio of {ratio:g}"
     numbers = {
@@ -81,10 +81,10 @@ def slotted_lever_solution(made: SlottedLever, stroke: float, ratio: float) -> S
         "lever [mm]": f"{made.lever * MM:.6g}",
         "swing [deg]": f"{np.degrees(made.swing):.4g}",
     }
-    return Solution(slotted_lever_scene(made, name="stroke", title=title, teaches=QUICK), numbers)
+    return LinkageSolution(slotted_lever_scene(made, name="stroke", title=title, teaches=QUICK), numbers)
 
 
-def whitworth_solution(made: Whitworth, stroke: float, ratio: float) -> Solution:
+def whitworth_solution(made: Whitworth, stroke: float, ratio: float) -> LinkageSolution:
     """Whitworth's quick return of a stroke [m] and a time ratio."""
     title = f"Whitworth's quick return with a stroke of {stroke * MM:g} mm and a time ratio of {ratio:g}"
     teaches = "The lever turns fully, faster on the side of the crank's pivot: the slider returns quickly."
@@ -94,19 +94,19 @@ def whitworth_solution(made: Whitworth, stroke: float, ratio: float) -> Solution
         "arm [mm]": f"{made.arm * MM:.6g}",
         "rod [mm]": f"{made.rod * MM:.6g}",
     }
-    return Solution(whitworth_scene(made, name="stroke", title=title, teaches=teaches), numbers)
+    return LinkageSolution(whitworth_scene(made, name="stroke", title=title, teaches=teaches), numbers)
 
 
-def crank_rocker_solution(made: FourBar, swing: float, ratio: float) -> Solution:
+def crank_rocker_solution(made: FourBar, swing: float, ratio: float) -> LinkageSolution:
     """A crank-rocker of a swing [rad] and a time ratio."""
     scene = four_bar_scene(
         made, {"speed": SPEED}, name="swing", teaches=QUICK, traced=False,
         title=f"Crank-rocker with a swing of {np.degrees(swing):g} deg and a time ratio of {ratio:g}",
     )  # fmt: skip
-    return Solution(scene, four_bar_lengths(made) | {"transmission [deg]": f"{np.degrees(made.least_transmission()):.2f}"})
+    return LinkageSolution(scene, four_bar_lengths(made) | {"transmission [deg]": f"{np.degrees(made.least_transmission()):.2f}"})
 
 
-def straight_line_solutions(names: list[str], travel: float, straight: float | None) -> list[Solution]:
+def straight_line_solutions(names: list[str], travel: float, straight: float | None) -> list[LinkageSolution]:
     """Straight-line linkages by name, of a travel [m]; ``straight``: crank range [rad] for which Hoecken's are chosen."""
     for name in names:
         if name not in STRAIGHT_LINES:
@@ -121,7 +121,7 @@ def straight_line_solutions(names: list[str], travel: float, straight: float | N
     return [_straight_line(name, line, travel) for name, line in lines.items()]
 
 
-def _straight_line(name: str, line: StraightLine, travel: float) -> Solution:
+def _straight_line(name: str, line: StraightLine, travel: float) -> LinkageSolution:
     measured = straightness(line)
     bar = line.four_bar.scaled(travel / measured.travel)
     drive = {"speed": SPEED} if bar.crank_turns else to_and_fro(line.start, line.end)
@@ -136,16 +136,16 @@ def _straight_line(name: str, line: StraightLine, travel: float) -> Solution:
         "width [mm]": f"{measured.ratio * travel * MM:.4g}",
         "width/travel": f"{measured.ratio:.3g}",
     }  # fmt: skip
-    return Solution(scene, numbers)
+    return LinkageSolution(scene, numbers)
 
 
-def dwell_solutions(linkages: Sequence[DwellLinkage], crank: float, dwell: float) -> list[Solution]:
+def dwell_solutions(linkages: Sequence[DwellLinkage], crank: float, dwell: float) -> list[LinkageSolution]:
     """Dwell linkages as solutions, with a crank of some length [m]."""
     out = []
     for k, made in enumerate(linkages):
         bar = made.four_bar.scaled(crank)
         links, joints = four_bar_parts(bar, {"speed": SPEED, "start": math.degrees(made.start)}, traced=True)
-        links["frame"]["points"]["G"] = place(made.pivot * crank)
+        links["frame"]["points"]["G"] = place_mm(made.pivot * crank)
         links["link"] = {"points": {"E": [0, 0], "F": [made.link * crank * MM, 0]}}
         links["lever"] = {"points": {"G": [0, 0], "F": [made.lever * crank * MM, 0]}}
         joints["E"] = {"revolute": ["coupler", "link"]}
@@ -171,11 +171,11 @@ def dwell_solutions(linkages: Sequence[DwellLinkage], crank: float, dwell: float
             "swing [deg]": f"{swing:.4g}",
             "drift [deg]": f"{drift:.3g}",
         }
-        out.append(Solution(scene, numbers))
+        out.append(LinkageSolution(scene, numbers))
     return out
 
 
-def lid_solutions(task: LidTask, springs: Sequence[LidSpring]) -> list[Solution]:
+def lid_solutions(task: LidTask, springs: Sequence[LidSpring]) -> list[LinkageSolution]:
     """Balancing springs as solutions: the drive of the hinge is what the hand has to do, times its distance."""
     out = []
     for k, made in enumerate(springs):
@@ -188,9 +188,9 @@ def lid_solutions(task: LidTask, springs: Sequence[LidSpring]) -> list[Solution]
             effects=["gravity"],
             gravity=[0, -task.gravity],
             links={
-                "frame": {"points": {"O": [0, 0], "P": place(made.frame_point)}},
+                "frame": {"points": {"O": [0, 0], "P": place_mm(made.frame_point)}},
                 "lid": {
-                    "points": {"O": [0, 0], "Q": place(made.lid_point), "H": [task.hand * MM, 0]},
+                    "points": {"O": [0, 0], "Q": place_mm(made.lid_point), "H": [task.hand * MM, 0]},
                     "mass": f"{task.mass!r} kg",
                     "centre": [task.arm * MM, 0],
                 },
@@ -215,5 +215,5 @@ def lid_solutions(task: LidTask, springs: Sequence[LidSpring]) -> list[Solution]
             "to [mm]": f"{lengths.max() * MM:.4g}",
             "hand off by [N]": f"{made.error:.3g}",
         }
-        out.append(Solution(scene, numbers))
+        out.append(LinkageSolution(scene, numbers))
     return out

@@ -12,7 +12,7 @@ from ezdxf.math import ConstructionEllipse, rational_bspline_from_ellipse
 
 import mechviz
 from mechcore.cams.analysis import analyse
-from mechcore.cams.contour import bulged, cam_contour, circle, moved, polygon, self_crossing, spline_contour
+from mechcore.cams.contour import bulged, cam_contour, circle, moved_contour, polygon, self_crossing, spline_contour
 from mechcore.cams.followers import Arc, Flat, Follower, Knife, Oscillating, Roller, Translating
 from mechcore.cams.real_profiles import lift_of
 from mechcore.cams.synthesis import cam_on_base
@@ -106,7 +106,7 @@ def test_the_profile_of_a_law_gives_the_law_back(follower):
 
 def test_a_moved_contour_is_the_same_shape():
     c, turn = tangent_cam(), np.exp(0.7j)
-    other, t = moved(c, 0.01 + 0.002j, turn), np.linspace(0.0, 3.9, 9)
+    other, t = moved_contour(c, 0.01 + 0.002j, turn), np.linspace(0.0, 3.9, 9)
     np.testing.assert_allclose(other(t, 2)[0], 0.01 + 0.002j + turn * c(t, 2)[0])
     np.testing.assert_allclose(other.curvature(t), c.curvature(t), rtol=1e-12, atol=1e-9)
 

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from mechcore.cams.analysis import analyse
 from mechcore.cams.contour import cam_contour
 from mechcore.cams.followers import Flat, Follower, Knife, Oscillating, Roller, Translating
-from mechcore.cams.limits import Requirement, find_limits, judge, undercut_ranges
+from mechcore.cams.limits import Requirement, find_limits, judge_limits, undercut_ranges
 from mechcore.cams.real_profiles import cut_profile
 from mechcore.cams.sizing import best_offset, least_base
 from mechcore.cams.spatial import Barrel, BarrelArm, Globoid, SpatialCam, spatial_limits
@@ -142,7 +142,7 @@ def test_least_base_keeps_its_limits_for_any_law(up, down, over, e, face, alpha,
     best = least_base(lift, Follower(Translating(e), face), want, turn, at_least=0.002)
     assert all(v.margin > -1e-9 for v in best.verdicts), (best.decides, best.verdicts)
     if best.decides != "base circle" and not isinstance(face, Flat):
-        worse = judge(find_limits(Cam(lift.raised(best.start * (1 - 1e-4)), best.cam.follower, turn)), want)
+        worse = judge_limits(find_limits(Cam(lift.raised(best.start * (1 - 1e-4)), best.cam.follower, turn)), want)
         assert not all(v.passed for v in worse)
 
 

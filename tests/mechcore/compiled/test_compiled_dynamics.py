@@ -20,7 +20,7 @@ from mechcore.constants import TURN
 from mechcore.dynamics.equations import curve
 from mechcore.dynamics.equations.charts import Chart
 from mechcore.dynamics.equations.contacts import missing_in_c
-from mechcore.dynamics.equations.curve import Curve
+from mechcore.dynamics.equations.curve import CurveEquations
 from mechcore.dynamics.equations.program import compiled_program
 from mechcore.dynamics.equations.reduced import motion_at, reduce
 from mechcore.dynamics.integration.collocation import Window, gauss
@@ -157,7 +157,7 @@ def test_a_table_is_made_only_where_a_coordinate_leads_no_longer() -> None:
     sketch = {link.name: tuple(at.pose(link.name)[0]) for link in m.links[1:]}
     led = replace(m, drives=(Drive(joint="S", law=Free(start, speed)),), loads=(damper,), modes={}, sketch=sketch)
     by_numpy, by_c = (simulate(compile_mechanism(led, executor=e), 0.3, tolerance=1e-9) for e in ("numpy", "c"))
-    assert [(type(s.system), s.independent) for s in by_c.segments] == [(Chart, ["S"]), (Curve, ["O"])]
+    assert [(type(s.system), s.independent) for s in by_c.segments] == [(Chart, ["S"]), (CurveEquations, ["O"])]
     assert [s.independent for s in by_numpy.segments] == [["S"], ["O"]]
     for a, b in zip(by_numpy([0.3]), by_c([0.3]), strict=True):
         np.testing.assert_allclose(a, b, rtol=1e-8)

@@ -7,7 +7,7 @@ import pytest
 from design_cases import design_case, plane
 
 from mechcore.design.burmester import (
-    Poses,
+    BodyPositions,
     burmester_curve,
     burmester_points,
     circle_point_values,
@@ -17,13 +17,13 @@ from mechcore.design.burmester import (
     moving_pivots,
     slider_points,
 )
-from mechcore.design.four_bars import from_pins, judge
+from mechcore.design.four_bars import from_pins, judge_four_bars
 from mechcore.errors import MechanismError
 
 
 def poses_of(inputs):
     x, y, angle = np.array(inputs["poses"], float).T
-    return Poses(x + 1j * y, angle)
+    return BodyPositions(x + 1j * y, angle)
 
 
 def lengths(poses, w, c):
@@ -91,7 +91,7 @@ def test_all_of_the_curve_keeps_its_distance_and_sees_the_poles_alike():
 def test_points_of_the_body_lie_on_lines_in_all_positions(count):
     inputs, _ = design_case("burmester-4-positions")
     whole = poses_of(inputs)
-    poses = Poses(whole.places[:count], whole.angles[:count])
+    poses = BodyPositions(whole.places[:count], whole.angles[:count])
     w, direction = slider_points(poses)
     assert len(w) == (1 if count == 4 else 72)
     across = np.imag(np.conj(direction)[:, None] * poses.of_points(w))
@@ -106,7 +106,7 @@ def test_five_positions_leave_no_slide_unless_they_are_given_so():
     with pytest.raises(MechanismError, match=r"of 5 positions no point.*mm off"):
         slider_points(poses_of(inputs))
     angles = np.array([0.1, 0.5, 0.4, 1.2, 2.0])
-    straight = Poses(np.exp(0.3j) * np.array([0.0, 1.0, 2.5, 3.0, 4.5]) - (1 - 2j) * np.exp(1j * angles), angles)
+    straight = BodyPositions(np.exp(0.3j) * np.array([0.0, 1.0, 2.5, 3.0, 4.5]) - (1 - 2j) * np.exp(1j * angles), angles)
     w, direction = slider_points(straight)
     assert w == pytest.approx(np.array([1 - 2j]), rel=1e-9)
     assert np.imag(direction * np.exp(-0.3j)) == pytest.approx(0.0, abs=1e-9)
@@ -118,7 +118,8 @@ def test_five_positions():
     w, c = burmester_points(poses)
     assert w == pytest.approx(plane([row["w"] for row in expected["real_dyads"]]), rel=1e-10)
     assert c == pytest.approx(plane([row["C"] for row in expected["real_dyads"]]), rel=1e-10)
-    moved = Poses((1 + 2j) * poses.places * 40.0 + (300 - 100j), poses.angles + np.angle(1 + 2j))  # turned, scaled, elsewhere
+    # turned, scaled, elsewhere
+    moved = BodyPositions((1 + 2j) * poses.places * 40.0 + (300 - 100j), poses.angles + np.angle(1 + 2j))
     assert burmester_points(moved)[0] == pytest.approx(w * 40.0 * abs(1 + 2j), rel=1e-8)
 
 
@@ -126,10 +127,10 @@ def test_more_positions_than_can_be_met_are_fitted():
     rng = np.random.default_rng(1)
     bar = from_pins(0j, 4 + 0j, 1 + 0.5j, 3 + 2.5j, 2 + 3j)
     a, b, p = bar.positions(np.radians([20, 50, 90, 130, 170, 220, 260]))
-    exact = Poses(p, np.angle(b - a))
+    exact = BodyPositions(p, np.angle(b - a))
     _, c = burmester_points(exact)
     assert min(abs(c - 4)) < 1e-8 and min(abs(c)) < 1e-8
-    noisy = Poses(p + 1e-5 * rng.normal(size=7), np.angle(b - a))
+    noisy = BodyPositions(p + 1e-5 * rng.normal(size=7), np.angle(b - a))
     assert min(abs(burmester_points(noisy)[1])) < 1e-2
 
 
@@ -144,7 +145,7 @@ def test_defects_are_those_of_the_motion_itself():
             np.where(kept, one, two)
             for one, two in zip(bar.positions(np.radians(angles)), other.positions(np.radians(angles)), strict=True)
         ]
-        return judge(np.array([bar.crank_pivot]), np.array([bar.rocker_pivot]), pins[0][None], pins[1][None]).words(0)
+        return judge_four_bars(np.array([bar.crank_pivot]), np.array([bar.rocker_pivot]), pins[0][None], pins[1][None]).words(0)
 
     def other(bar):
         return type(bar)(bar.crank_pivot, bar.rocker_pivot, bar.crank, bar.coupler, bar.rocker, -bar.side)
@@ -171,6 +172,6 @@ def test_pairs_of_dyads_make_linkages_that_pass_all_poses():
 
 def test_what_says_nothing_is_refused():
     with pytest.raises(MechanismError, match="same"):
-        Poses(np.zeros(3, complex), np.zeros(3))
+        BodyPositions(np.zeros(3, complex), np.zeros(3))
     with pytest.raises(MechanismError, match="translates"):
-        burmester_curve(Poses(np.array([0, 1, 2 + 1j, 3j]), np.zeros(4)))
+        burmester_curve(BodyPositions(np.array([0, 1, 2 + 1j, 3j]), np.zeros(4)))

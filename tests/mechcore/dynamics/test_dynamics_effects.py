@@ -9,7 +9,7 @@ import pytest
 
 import mechviz
 from mechcore.dynamics.equations.charts import curve_around
-from mechcore.dynamics.equations.curve import Curve
+from mechcore.dynamics.equations.curve import CurveEquations
 from mechcore.dynamics.equations.reduced import reduce
 from mechcore.dynamics.events import EndStop
 from mechcore.dynamics.simulate import simulate
@@ -354,7 +354,7 @@ def test_what_is_in_proportion_to_speeds_is_tabulated():
     """The equations with the table are those of bodies and forces at the same states, and nothing is left to evaluate."""
     compiled = compile_mechanism(mechviz.loads(DAMPED).mechanism)
     curve, _ = curve_around(compiled, np.deg2rad(40.0), 1e-13)
-    assert isinstance(curve, Curve) and not curve.rest and not curve.conservative
+    assert isinstance(curve, CurveEquations) and not curve.rest and not curve.conservative
     rng = np.random.default_rng(3)
     q, v, t = rng.uniform(-9.0, 9.0, (40, 1)), rng.uniform(-20.0, 20.0, (40, 1)), np.zeros(40)
     exact = reduce(compiled, q, v, t).acceleration()

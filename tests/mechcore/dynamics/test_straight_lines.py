@@ -10,7 +10,7 @@ from mechanisms import case
 from mechcore.compiled.symbols import Untraceable
 from mechcore.dynamics.equations import charts
 from mechcore.dynamics.equations.charts import Chart
-from mechcore.dynamics.equations.lines import python_of, solved, straight_lines
+from mechcore.dynamics.equations.lines import python_of, solved_by_lines, straight_lines
 from mechcore.dynamics.equations.reduced import free_of, reduce
 from mechcore.dynamics.simulate import simulate
 from mechcore.motion.solve import compile_mechanism
@@ -54,7 +54,9 @@ def test_systems_are_solved_term_by_term():
     half = RANDOM.standard_normal((6, 4, 4))
     matrix, rhs = half @ half.swapaxes(1, 2) + np.eye(4), RANDOM.standard_normal((6, 4))
     triangle = [matrix[:, i, j] for i in range(4) for j in range(i + 1)]
-    assert np.stack(solved(triangle, list(rhs.T)), axis=1) == pytest.approx(np.linalg.solve(matrix, rhs[..., None])[..., 0])
+    assert np.stack(solved_by_lines(triangle, list(rhs.T)), axis=1) == pytest.approx(
+        np.linalg.solve(matrix, rhs[..., None])[..., 0]
+    )
 
 
 def test_lines_of_c_in_python():

@@ -20,7 +20,7 @@ from mechcore.effects.resistance import ViscousFriction
 from mechcore.effects.springs import AngleDamper, BushingDampers, LineDamper
 from mechcore.errors import MechanismError
 from mechcore.forces.kinetostatics import LOSSES
-from mechcore.laws.indicator import Compressor, Diagram, FourStroke
+from mechcore.laws.indicator import Compressor, FourStroke, IndicatorDiagram
 from mechcore.laws.timed import ConstantSpeed, Oscillation
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
 from mechcore.spec.clearance import Clearance, with_clearances
@@ -202,7 +202,7 @@ def test_damper_over_a_harmonic_stroke():
 
 def test_viscous_friction_and_gas_do_not_depend_on_which_link_is_named_first():
     law = Oscillation(0.1, 0.05, 2.0)
-    cycle = Diagram(stroke=0.1, outward=lambda x: 3e5 + 0.0 * x, inward=lambda x: 2e5 + 0.0 * x)
+    cycle = IndicatorDiagram(stroke=0.1, outward=lambda x: 3e5 + 0.0 * x, inward=lambda x: 2e5 + 0.0 * x)
     loads = (
         Viscous(name="v", joint="S", coefficient=40.0),
         GasPressure(name="g", joint="S", area=0.01, cycle=cycle, top=0.15, back=1e5),

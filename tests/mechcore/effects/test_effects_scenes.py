@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import mechviz
-from mechcore.laws.indicator import Compressor, Diagram, FourStroke, FourStrokeDiagram
+from mechcore.laws.indicator import Compressor, FourStroke, FourStrokeDiagram, IndicatorDiagram
 from mechcore.spec.loads import Damper, Drag, Force, GasPressure, GasSpring, Spring, Torque, TorsionDamper, TorsionSpring, Viscous
 from mechviz.outputs.exports.tables import wide_table
 from mechviz.runs import run_scene
@@ -82,7 +82,7 @@ def test_loads_in_si():
     assert isinstance(air, GasPressure) and air.area == pytest.approx(math.pi * 0.04**2) and air.top == 0.19 and air.back == 1e5
     assert air.cycle == Compressor(stroke=0.08, suction=1e5, delivery=7e5, exponent=1.3, clearance=0.05)
     assert motor.cycle == FourStroke(stroke=0.08, ratio=9.0, rise=3.0) and motor.fires == 2.0 * math.pi and motor.drive == "A"
-    assert isinstance(card.cycle, Diagram) and card.cycle.outward(0.04) == pytest.approx(3.5e5)
+    assert isinstance(card.cycle, IndicatorDiagram) and card.cycle.outward(0.04) == pytest.approx(3.5e5)
     (four,) = mechviz.loads(BASE + FOUR).mechanism.loads
     assert isinstance(four.cycle, FourStrokeDiagram) and four.cycle.compression(0.0) == pytest.approx(8e5)
     piston = next(link for link in scene.mechanism.links if link.name == "piston")

@@ -11,11 +11,11 @@ import pytest
 from sections import section
 from shapely import Point
 
-from mechviz.meshes.kinds.rims import Loop
+from mechviz.meshes.kinds.rims import BeltLoop
 from mechviz.outputs.exports.gltf import glb_bytes
 from mechviz.outputs.presentation import presentation_of
 from mechviz.outputs.rerun.plots import main_outputs
-from mechviz.outputs.rerun.recorded import numbers_in, picture_in
+from mechviz.outputs.rerun.recorded import picture_in, recorded_numbers
 from mechviz.outputs.viewer.world.bodies import BodyNodes
 from mechviz.picture.build import picture_of
 from mechviz.picture.nodes import Body
@@ -29,7 +29,7 @@ def drive() -> Made:
 
 @pytest.mark.parametrize("crossed", [False, True])
 def test_a_loop_is_closed_and_runs_along_itself(crossed):
-    loop = Loop("V", "frame", "wheel", (0.1 + 0.2j, 1.3 + 0.9j), (0.3, 0.5), crossed, 0.1)
+    loop = BeltLoop("V", "frame", "wheel", (0.1 + 0.2j, 1.3 + 0.9j), (0.3, 0.5), crossed, 0.1)
     way = np.linspace(-1.0, 1.0, 20001) * loop.length
     at, direction = loop.at(way)
     step = np.diff(at) / np.diff(way)
@@ -82,7 +82,7 @@ def test_marks_lie_on_the_belts_that_are_drawn():
 
 def test_recording_page_viewer_and_glb_show_the_same_marks():
     marks = list(find_belt_marks(drive().run, solids("belt-drive")))
-    read = list(picture_in(drive().recording, numbers_in(drive().recording)).of(Body, "belt"))
+    read = list(picture_in(drive().recording, recorded_numbers(drive().recording)).of(Body, "belt"))
     assert [(m.key, m.parent) for m in read] == [(f"belt.{m.name}", m.link) for m in marks]
     data = glb_bytes(presentation_of(drive().run))
     size = int.from_bytes(data[12:16], "little")

@@ -8,7 +8,7 @@ import pytest
 
 import mechviz
 from mechcore.constructions import equations
-from mechcore.constructions.equations import Equilibrium
+from mechcore.constructions.equations import EquilibriumSystem
 from mechcore.forces.kinetostatics import solve_forces
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
 
@@ -21,7 +21,7 @@ NAMES = (
 def equilibrium_of(name, frames=9):
     scene = mechviz.load(name)
     motion = solve_motion(compile_mechanism(scene.mechanism), default_times(scene.mechanism, frames, scene.cycles))
-    return Equilibrium(solve_forces(motion))
+    return EquilibriumSystem(solve_forces(motion))
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -12,7 +12,7 @@ from support.mechanisms import four_bar, pin, slider_crank
 from mechcore.errors import MechanismError
 from mechcore.forces.kinetostatics import Forces, solve_forces
 from mechcore.forces.section_forces import SectionForces, guide_load, section_forces
-from mechcore.forces.section_lines import Axis, Cuts, Mass, axis_of, mass_line
+from mechcore.forces.section_lines import Cuts, MassPart, SectionAxis, axis_of, mass_line
 from mechcore.laws.timed import ConstantSpeed, Law, Oscillation
 from mechcore.motion.solve import compile_mechanism, solve_motion
 from mechcore.spec.loads import Force
@@ -236,12 +236,12 @@ def test_turned_scaled_and_reversed_links_carry_the_same() -> None:
 
 def test_the_distribution_of_mass_meets_mass_centre_and_inertia() -> None:
     random = np.random.default_rng(3)
-    straight, bent = Axis(np.array([0.1 + 0.2j, 0.7 + 0.5j])), Axis(np.array([0j, 0.3 + 0j, 0.3 + 0.4j]))
+    straight, bent = SectionAxis(np.array([0.1 + 0.2j, 0.7 + 0.5j])), SectionAxis(np.array([0j, 0.3 + 0j, 0.3 + 0.4j]))
     for axis in (straight, bent):
         for _ in range(60):
             centre = complex(*random.uniform(-0.3, 0.9, 2))
-            whole = Mass(float(random.uniform(0.1, 5.0)), centre, float(10.0 ** random.uniform(-5.0, 0.5)))
-            known = [Mass(0.05, complex(*random.uniform(0.0, 0.5, 2)), 1e-6)] if random.random() < 0.3 else []
+            whole = MassPart(float(random.uniform(0.1, 5.0)), centre, float(10.0 ** random.uniform(-5.0, 0.5)))
+            known = [MassPart(0.05, complex(*random.uniform(0.0, 0.5, 2)), 1e-6)] if random.random() < 0.3 else []
             rest = whole.inertia - 0.05 * sum(
                 abs(k.centre - centre) ** 2 * (1.0 + 0.05 / (whole.mass - 0.05)) + 2e-5 for k in known
             )
@@ -258,7 +258,7 @@ def test_the_distribution_of_mass_meets_mass_centre_and_inertia() -> None:
 
 def test_a_tapered_rod_has_a_linear_density() -> None:
     """Density (1 + s/L): mass 3/2, centre 5/9 L, moment of inertia 13/162 of mass times length squared."""
-    line = mass_line(Axis(np.array([0j, 1.0 + 0j])), Mass(1.5, 5.0 / 9.0 + 0j, 1.5 * 13.0 / 162.0))
+    line = mass_line(SectionAxis(np.array([0j, 1.0 + 0j])), MassPart(1.5, 5.0 / 9.0 + 0j, 1.5 * 13.0 / 162.0))
     (spread,) = line.distributed
     assert not line.points
     assert line.extra < 1e-15
@@ -266,10 +266,10 @@ def test_a_tapered_rod_has_a_linear_density() -> None:
 
 
 def test_known_masses_stay_where_they_are() -> None:
-    ball = Mass(0.5, 1.0 + 0j, 0.0)  # a uniform rod of 2 kg with a ball at its end
+    ball = MassPart(0.5, 1.0 + 0j, 0.0)  # a uniform rod of 2 kg with a ball at its end
     centre = (2.0 * 0.5 + 0.5 * 1.0) / 2.5
     inertia = 2.0 / 12.0 + 2.0 * (0.5 - centre) ** 2 + 0.5 * (1.0 - centre) ** 2
-    line = mass_line(Axis(np.array([0j, 1.0 + 0j])), Mass(2.5, centre + 0j, inertia), [ball])
+    line = mass_line(SectionAxis(np.array([0j, 1.0 + 0j])), MassPart(2.5, centre + 0j, inertia), [ball])
     assert np.allclose(line.distributed[0].density, [2.0, 0.0, 0.0], atol=1e-12)
     assert np.allclose(line.beyond(Cuts(np.array([0.0, 0.25, 0.999999]), np.ones(3)))[0], [2.5, 2.0, 0.500002])
 

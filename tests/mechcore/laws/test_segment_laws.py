@@ -11,15 +11,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mechcore.errors import MechanismError
-from mechcore.laws.boundary_conditions import Condition
+from mechcore.laws.boundary_conditions import BoundaryCondition
 from mechcore.laws.factors import jumps, peak
 from mechcore.laws.program import CurveOverMaster, Segment, over_time, program
 from mechcore.laws.segment_laws import (
+    BoundaryPolynomial,
     GivenAcceleration,
     GivenPosition,
     GivenVelocity,
     LeastPeak,
-    Polynomial,
     Spline,
     fourier_curve,
     joined_table,
@@ -134,8 +134,8 @@ def test_tables_and_splines_pass_through_their_points():
     assert program([Segment(1.0, None, table), Segment(1.0)], repeats=False)([0.4, 1.0, 1.7], 0)[0] == pytest.approx(
         [0.3, 0.1, 0.1]
     )
-    inner = (Condition(0.5, 0.8), Condition(1.2, 0.9), Condition(1.2, 0.25, 1))
-    for law in (Spline(inner), Polynomial(inner)):
+    inner = (BoundaryCondition(0.5, 0.8), BoundaryCondition(1.2, 0.9), BoundaryCondition(1.2, 0.25, 1))
+    for law in (Spline(inner), BoundaryPolynomial(inner)):
         curve = program([Segment(2.0, 1.0, law)], repeats=False)
         assert curve([0.0, 0.5, 1.2, 2.0], 0)[0] == pytest.approx([0.0, 0.8, 0.9, 1.0], abs=1e-11)
         assert curve(1.2, 1)[1] == pytest.approx(0.25)

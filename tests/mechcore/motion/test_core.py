@@ -399,7 +399,7 @@ def test_a_path_does_not_change_branch_even_with_wild_steps(monkeypatch):
     compiled = compile_mechanism(class_three())
     monkeypatch.setattr(continuation, "LARGEST_CORRECTION", np.inf)
 
-    row, same, other = (continuation.Row(0.0, {}, {}, {"P": d}, {}) for d in (0.3, 0.2, -0.2))
+    row, same, other = (continuation.PathPoint(0.0, {}, {}, {"P": d}, {}) for d in (0.3, 0.2, -0.2))
     assert row.same_branch(same) and not row.same_branch(other)
     branch = branch_by_drive(compiled.model, compiled.assembly)
     fine = continuation.continuation_path(branch, 0.0, 0.0, 6.0, 0.05)

@@ -12,7 +12,7 @@ from mechanisms import case, four_bar
 
 import mechviz
 from mechcore.constructions.force_polygons import force_polygons, funicular
-from mechcore.constructions.polygons import acceleration_polygon, centrodes, layout, velocity_polygon
+from mechcore.constructions.polygons import acceleration_polygon, centrodes, polygon_layout, velocity_polygon
 from mechcore.forces.kinetostatics import solve_forces
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
 from mechcore.reduction.reduced import resultant
@@ -33,7 +33,8 @@ def test_every_plan_of_the_gallery_closes(name):
         return
     motion, forces = run.motion, run.forces
     for plan in (velocity_polygon(motion), acceleration_polygon(motion)):
-        assert bool(plan.edges) == any(not c.fixed for c in layout(motion.model)[0])  # links on fixed pins alone have no side
+        # links on fixed pins alone have no side
+        assert bool(plan.edges) == any(not c.fixed for c in polygon_layout(motion.model)[0])
         good = np.isfinite(plan.largest)
         assert good.mean() > 0.9
         assert plan.closing[good].max() <= 1e-9, plan.name

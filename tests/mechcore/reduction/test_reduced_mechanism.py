@@ -16,9 +16,9 @@ from mechcore.forces.kinetostatics import solve_forces
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
 from mechcore.reduction.balancing import (
     Counterweight,
-    FourBar,
+    FourBarLinks,
     Shaking,
-    SliderCrank,
+    SliderCrankLinks,
     balance,
     counterweights,
     find_linkage,
@@ -178,14 +178,14 @@ def test_partial_balance_of_a_slider_crank_shifts_the_shaking_from_the_guide_acr
 def test_counterweights_are_where_they_are_said_to_be():
     m = four_bar(E=(0.28, 0.0), AB=0.1, BD=0.3, DE=0.25, bodies=BODIES)
     linkage = find_linkage(m)
-    assert isinstance(linkage, FourBar)
+    assert isinstance(linkage, FourBarLinks)
     for w in counterweights(linkage, (0.05, 0.08)):
         assert np.hypot(*w.at) == pytest.approx({"crank": 0.05, "rocker": 0.08}[w.link])
         assert w.mass > 0
     heavier = with_counterweights(m, (Counterweight("crank", 2.0, (-0.1, 0.0)),))
     crank = next(k for k in heavier.links if k.name == "crank")
     assert crank.mass == pytest.approx(2.8) and crank.centre[0] == pytest.approx((0.8 * 0.05 - 0.2) / 2.8)
-    assert isinstance(find_linkage(slider_crank(r=0.04, l=0.14)), SliderCrank)
+    assert isinstance(find_linkage(slider_crank(r=0.04, l=0.14)), SliderCrankLinks)
 
 
 def test_what_is_no_linkage_is_refused():

@@ -23,7 +23,7 @@ from mechcore.numerics.interpolation import between, differentiate
 from mechviz.accuracy import fit as fit_module
 from mechviz.accuracy.estimate import integration_error, interpolation_error
 from mechviz.accuracy.fit import achieved, fit_frames, provider, stand_out, target_words
-from mechviz.accuracy.quantities import Passage, Quantity, passages_of, quantities, size_at
+from mechviz.accuracy.quantities import CheckedQuantity, Passage, passages_of, quantities, size_at
 from mechviz.hard_cases.dynamics import SQUEEZED
 from mechviz.runs import run_scene
 from mechviz.scene.faults import SceneError
@@ -292,7 +292,7 @@ def test_more_frames_resolve_a_bend_and_not_a_jump(extra, reached, jumps, monkey
     """Cubics over a sine with something in it: the error where it bends falls with the frames, that of a jump stays."""
 
     def at(t):
-        return [Quantity("x", "position", (np.sin(6.0 * t) + extra(t))[:, None], 1.0)]
+        return [CheckedQuantity("x", "position", (np.sin(6.0 * t) + extra(t))[:, None], 1.0)]
 
     monkeypatch.setattr(fit_module, "provider", lambda *_: at)
     monkeypatch.setattr(fit_module, "duration", lambda *_: 1.0)
@@ -403,10 +403,10 @@ def test_a_pole_between_frames_is_told_as_large_as_it_is_beside_it(share):
     passage = Passage(5, share)
     for strength in (1.0, -3.0):
         values = (strength / x + 0.7 + 0.2 * x)[:, None]
-        said = size_at(passage, Quantity("reaction A", "reaction", values, 2.0))
+        said = size_at(passage, CheckedQuantity("reaction A", "reaction", values, 2.0))
         assert said == pytest.approx(abs(strength) / 0.01 / 2.0, rel=0.1)
     for values in (0.7 + 0.2 * x, np.sin(x), x**3, 1e-5 / x + 1.0):
-        assert size_at(passage, Quantity("reaction A", "reaction", values[:, None], 1.0)) == 0.0
+        assert size_at(passage, CheckedQuantity("reaction A", "reaction", values[:, None], 1.0)) == 0.0
 
 
 def test_poles_are_where_bars_come_into_line():

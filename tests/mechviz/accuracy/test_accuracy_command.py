@@ -20,13 +20,13 @@ from mechviz.scene.scene import load
 from mechviz.studies import cost, precision
 from mechviz.studies.cost import Timed, side_by_side, timed
 from mechviz.studies.influences import influence_lines, influences
-from mechviz.studies.precision import Point, cheapest, ladder, pareto
+from mechviz.studies.precision import PrecisionPoint, cheapest, ladder, pareto
 from mechviz.studies.precision_diagram import PANEL, diagram, setting_changes
 
 
-def point(seconds: float, error: float, **more: object) -> Point:
+def point(seconds: float, error: float, **more: object) -> PrecisionPoint:
     # of tests
-    return Point("frames", str(more.pop("method", "a")), "x", {}, error, seconds, 0.0, 3, **more)  # type: ignore[arg-type]
+    return PrecisionPoint("frames", str(more.pop("method", "a")), "x", {}, error, seconds, 0.0, 3, **more)  # type: ignore[arg-type]
 
 
 POINTS = [point(1.0, 1e-2), point(2.0, 1e-4, current=True), point(3.0, 1e-3, method="b"), point(4.0, 1e-6, method="b")]

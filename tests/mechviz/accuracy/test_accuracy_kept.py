@@ -144,8 +144,8 @@ def test_arrows_between_drawn_frames_are_within_the_target(target, tmp_path, mon
 
 # -- frames --------------------------------------------------------------------------------------------------------------------
 def test_a_target_that_needs_too_many_frames_is_named(monkeypatch, capsys):
-    assert fit_module.MOST >= 200_000
-    monkeypatch.setattr(fit_module, "MOST", 300)
+    assert fit_module.MOST_FRAMES_FITTED >= 200_000
+    monkeypatch.setattr(fit_module, "MOST_FRAMES_FITTED", 300)
     run = run_scene(load("crank-rocker"), accuracy=accuracy_for(1e-8, interpolation=1))
     assert run.fit.frames == 300 and run.fit.error > 1e-8
     (words, _) = target_words(run)

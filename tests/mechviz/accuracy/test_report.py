@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from mechviz.hard_cases import all_cases
-from mechviz.hard_cases.case import FAMILIES
+from mechviz.hard_cases.case import CASE_FAMILIES
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[3] / "benchmarks"))
 sys.path.append(str(Path(__file__).resolve().parents[3] / "benchmarks" / "peers"))
@@ -121,7 +121,7 @@ def test_generated_pages_are_filled_and_their_pictures_are_there(page):
 
 def test_the_page_of_hard_cases_lists_the_suite():
     text = (ROOT / "docs" / "hard-cases.md").read_text(encoding="utf-8")
-    for family in FAMILIES:
+    for family in CASE_FAMILIES:
         body = re.search(rf"<!-- block: {family} -->\n(.*?)<!-- end -->", text, flags=re.DOTALL)[1]
         named = [line.split(" | ")[0].removeprefix("| ") for line in body.splitlines() if line.startswith("| ")][1:]
         assert named == [c.name for c in all_cases(family)], family

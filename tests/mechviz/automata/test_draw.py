@@ -10,9 +10,9 @@ from design_cases import design_case
 
 from mechcore.errors import MechanismError
 from mechcore.forces.cam_rating import placed_cams
-from mechviz.automata.pen_linkages import Slides
+from mechviz.automata.pen_linkages import CrossSlides
 from mechviz.automata.pen_motion import plan_motion, plotter_scene
-from mechviz.automata.strokes import in_order, on_sheet, svg_strokes, text_strokes
+from mechviz.automata.strokes import on_sheet, ordered_strokes, svg_strokes, text_strokes
 from mechviz.automata.writer import design_writer
 from mechviz.meshes.solids import build_solids
 from mechviz.picture.surface_marks import drawn_strokes, growing
@@ -43,7 +43,7 @@ def writer():
 
 @pytest.fixture(scope="module")
 def slides():
-    return design_writer([HOOK, RING], ERROR, title="Hook and ring", linkage=Slides)
+    return design_writer([HOOK, RING], ERROR, title="Hook and ring", linkage=CrossSlides)
 
 
 def fine(motion, count=8000):
@@ -204,11 +204,11 @@ def test_strokes_are_put_in_a_short_order_and_joined():
     rng = np.random.default_rng(5)
     ends = rng.uniform(-1.0, 1.0, (30, 2)) @ np.array([1.0, 1.0j])
     strokes = [np.array([z, z + 0.1]) for z in ends]
-    ordered = in_order(strokes, 0.0)
+    ordered = ordered_strokes(strokes, 0.0)
     before, after = (sum(abs(b[0] - a[-1]) for a, b in pairwise([*some, some[0]])) for some in (strokes, ordered))
     assert len(ordered) == 30 and after < 0.5 * before
     chain = [np.array([k + 0.0j, k + 1.0]) for k in (2, 0, 1)]
-    (joined,) = in_order(chain, 1e-9)
+    (joined,) = ordered_strokes(chain, 1e-9)
     assert np.allclose(joined, [0, 1, 2, 3])
 
 

@@ -14,7 +14,7 @@ from mechviz.commands.main import app
 from mechviz.outputs.rerun.reader import Recording
 from mechviz.outputs.rerun.writer import write_recording
 from mechviz.outputs.viewer.build import view_model_of_recording
-from mechviz.picture.constructions import drawings_of, layout
+from mechviz.picture.constructions import drawings_of, graph_layout
 from mechviz.runs import run_scene
 from recordings import gallery_scene
 
@@ -64,7 +64,7 @@ def crossing(a, b, c, d):
 @pytest.mark.parametrize("name", NAMES)
 def test_vertices_stand_apart_and_edges_hardly_cross(name):
     graph = graph_of(name)
-    positions = layout(graph)
+    positions = graph_layout(graph)
     z = positions.vertices
     assert min(abs(a - b) for a, b in combinations(z, 2)) > 0.3
     assert np.angle(z[0] - z.mean()) == pytest.approx(-0.5 * np.pi)  # the frame at the bottom

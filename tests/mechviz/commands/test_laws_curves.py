@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from mechcore.errors import MechanismError
 from mechcore.laws.boundary_conditions import (
-    Condition,
+    BoundaryCondition,
     from_acceleration,
     measured_table,
     polynomial_law,
@@ -172,7 +172,7 @@ def test_order_and_shape_of_the_angles_do_not_matter():
     one = np.array([curve(v, 3) for v in x.ravel()]).T.reshape(4, 7, 11)
     np.testing.assert_array_equal(got, one)
     np.testing.assert_allclose(curve(x + 2 * PI, 3), got, atol=1e-12)
-    many = spline_law([Condition(a, np.sin(a)) for a in np.linspace(0, 6, 50)])
+    many = spline_law([BoundaryCondition(a, np.sin(a)) for a in np.linspace(0, 6, 50)])
     where = np.searchsorted(many.knots, (0.7, 3.3)) - 1
     one_by_one = np.array([many.pieces[k].at(v - many.knots[k], 2) for v, k in zip((0.7, 3.3), where, strict=True)])
     np.testing.assert_allclose(many([0.7, 3.3], 2).T, one_by_one, rtol=1e-13, atol=1e-13)
@@ -183,7 +183,7 @@ def test_order_and_shape_of_the_angles_do_not_matter():
 
 def test_polynomial_from_rest_conditions_is_3_4_5_and_its_elders():
     for order, name in ((3, "3-4-5"), (4, "4-5-6-7"), (5, "5-6-7-8-9")):
-        conditions = [Condition(a, float(a == 1.0 and k == 0), k) for a in (0.0, 1.0) for k in range(order)]
+        conditions = [BoundaryCondition(a, float(a == 1.0 and k == 0), k) for a in (0.0, 1.0) for k in range(order)]
         np.testing.assert_allclose(polynomial_law(conditions).pieces[0].poly, rise(name).pieces[0].poly, atol=1e-10)
 
 
@@ -194,7 +194,7 @@ def test_polynomials_and_splines_meet_any_conditions_at_any_angles(data):
     conditions = []
     for a in angles:
         for k in range(data.draw(st.integers(1, 3))):
-            conditions.append(Condition(0.5 * a - 1.0, data.draw(st.floats(-2, 2)), k))
+            conditions.append(BoundaryCondition(0.5 * a - 1.0, data.draw(st.floats(-2, 2)), k))
     for law in (polynomial_law(conditions), spline_law(conditions) if len(conditions) > 5 else None):
         if law is not None:
             for c in conditions:
@@ -206,9 +206,9 @@ def test_polynomials_and_splines_meet_any_conditions_at_any_angles(data):
 
 def test_conditions_that_fix_nothing_are_refused():
     with pytest.raises(MechanismError, match="do not fix"):  # slope at the middle and values at both ends: degenerate parabola
-        polynomial_law([Condition(-1, 0), Condition(1, 1), Condition(0, 0, 1)])
+        polynomial_law([BoundaryCondition(-1, 0), BoundaryCondition(1, 1), BoundaryCondition(0, 0, 1)])
     with pytest.raises(MechanismError, match="two conditions"):
-        polynomial_law([Condition(0, 0), Condition(0, 1)])
+        polynomial_law([BoundaryCondition(0, 0), BoundaryCondition(0, 1)])
     with pytest.raises(MechanismError, match="Did you mean 'cycloidal'"):
         rise("cycloid")
     with pytest.raises(MechanismError, match="no parameter 'skew'"):
@@ -218,7 +218,10 @@ def test_conditions_that_fix_nothing_are_refused():
 
 
 def test_powers_of_one_s_own_choice():
-    law = polynomial_law([Condition(0, 0), Condition(1, 1), Condition(1, 0, 1), Condition(1, 0, 2)], powers=(0, 2, 10, 18))
+    law = polynomial_law(
+        [BoundaryCondition(0, 0), BoundaryCondition(1, 1), BoundaryCondition(1, 0, 1), BoundaryCondition(1, 0, 2)],
+        powers=(0, 2, 10, 18),
+    )
     assert np.flatnonzero(law.pieces[0].poly).tolist() == [2, 10, 18]
     np.testing.assert_allclose(law(1.0, 2, "left"), [1, 0, 0], atol=1e-12)
 
@@ -227,8 +230,8 @@ def test_splines_converge_and_carry_end_conditions():
     errors = []
     for n in (12, 24):
         a = np.linspace(0, 2, n)
-        extra = [Condition(0.0, 1.0, 1), Condition(2.0, np.cos(2.0), 1)]
-        law = spline_law([*(Condition(x, np.sin(x)) for x in a), *extra])
+        extra = [BoundaryCondition(0.0, 1.0, 1), BoundaryCondition(2.0, np.cos(2.0), 1)]
+        law = spline_law([*(BoundaryCondition(x, np.sin(x)) for x in a), *extra])
         x = np.linspace(0, 2, 301)
         errors.append(np.abs(law(x, 0)[0] - np.sin(x)).max())
         assert law(0.0, 1)[1] == pytest.approx(1.0, abs=1e-12)

@@ -16,12 +16,12 @@ import pytest
 import mechviz
 from mechcore.errors import Fault, MechanismError
 from mechcore.motion.events import Event
-from mechcore.texts import Kind, Text, as_angle, as_coordinate, as_force, as_length
+from mechcore.texts import QuantityKind, Text, as_angle, as_coordinate, as_force, as_length
 from mechviz.scene.document import UnitsDocument
 from mechviz.scene.faults import SceneError
 from mechviz.scene.folder import GALLERY_FOLDER, gallery
 from mechviz.scene.scene import Scene, load
-from mechviz.scene.units import KINDS, Units
+from mechviz.scene.units import UNIT_KINDS, Units
 from mechviz.studies.report import check_lines
 
 ODD = Units(length="in", angle="turn", force="kgf")
@@ -57,13 +57,13 @@ def test_faults_and_events_show_theirs_too():
 
 def test_the_units_of_a_scene_have_all_kinds_of_quantities_of_texts():
     units = Units(length="mm", angle="deg", force="kN", time="s", torque="kN m")
-    shown = {kind: units.show(1.0, kind, 4) for kind in Kind.__args__}
+    shown = {kind: units.show(1.0, kind, 4) for kind in QuantityKind.__args__}
     assert shown == {
         "length": "1000 mm", "angle": "57.3°", "linear speed": "1000 mm/s", "angular speed": "57.3 °/s", "force": "0.001 kN",
         "torque": "0.001 kN m", "stiffness": "1e-06 kN/mm", "torsional stiffness": "1.745e-05 kN m/°", "Pa": "1e-06 MPa",
         "1/m": "1 1/m", "rad/m^2": "1 rad/m²",
     }  # fmt: skip
-    assert set(shown) - set(KINDS) == {"Pa", "1/m", "rad/m^2"}
+    assert set(shown) - set(UNIT_KINDS) == {"Pa", "1/m", "rad/m^2"}
 
 
 # --- faults: scenes whose numbers are changed -------------------------------------------------------------------------

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from mechviz.picture.build import picture_of
-from mechviz.picture.nodes import Arc, Arrow, Body
+from mechviz.picture.nodes import Arrow, Body, MomentArc
 from mechviz.picture.proportions import ARROW_HEAD_RADIUS
 from mechviz.quantities import tables
 from recordings import made, ran, solids
@@ -49,11 +49,11 @@ def test_forces_from_two_places_that_lie_on_each_other_are_drawn_side_by_side():
 def test_couples_about_one_place_have_circles_of_their_own_behind_the_forces():
     m = made("belt-slip", FRAMES)
     picture = picture_of(m.run, m.solids)
-    arcs = {f"{a.moment.family} {a.moment.item}": a for a in picture.of(Arc)}
+    arcs = {f"{a.moment.family} {a.moment.item}": a for a in picture.of(MomentArc)}
     drive = arcs["drive A"]
     same = [a for a in arcs.values() if a is not drive and np.allclose(a.moment.origin, drive.moment.origin)]
     assert same and all(abs(a.radius - drive.radius) > 0.02 * picture.size for a in same)
-    for arc in picture.of(Arc):
+    for arc in picture.of(MomentArc):
         assert all(a.height >= arc.height for a in picture.of(Arrow) if a.owner == arc.owner)
 
 
@@ -88,5 +88,5 @@ def test_numbers_that_are_not_kept_make_the_same_tables_and_picture(name, monkey
         twin = other.by_key[arrow.key]
         np.testing.assert_array_equal(twin.origin, arrow.origin)
         np.testing.assert_array_equal(twin.vector.value, arrow.vector.value)
-    for arc in picture.of(Arc):
+    for arc in picture.of(MomentArc):
         np.testing.assert_array_equal(other.by_key[arc.key].moment.value, arc.moment.value)

@@ -13,7 +13,7 @@ import mechviz
 from mechviz.outputs.exports.gltf import glb_bytes
 from mechviz.outputs.page.page import make_page
 from mechviz.outputs.presentation import presentation_of
-from mechviz.outputs.rerun.recorded import numbers_in, picture_in
+from mechviz.outputs.rerun.recorded import picture_in, recorded_numbers
 from mechviz.picture.build import solids_of
 from mechviz.picture.nodes import Body
 from mechviz.picture.springs import WIRE_SIDES, coil_shell, find_coils
@@ -59,7 +59,7 @@ def test_springs_reach_from_point_to_point_in_recordings_pages_and_the_viewer(na
     np.testing.assert_allclose(end, b, atol=4.0 * small)
     np.testing.assert_allclose(np.asarray(at.values)[:, :2], a, atol=small)
     np.testing.assert_array_equal(np.asarray(scale.values)[:, 1:], 1.0)
-    (coil,) = picture_in(m.recording, numbers_in(m.recording)).of(Body, "springs")
+    (coil,) = picture_in(m.recording, recorded_numbers(m.recording)).of(Body, "springs")
     assert coil.owner == ("load", load)
     np.testing.assert_array_equal(coil.poses.scales, scale.values)
     header, arrays = content(make_page(m.shown)[0])

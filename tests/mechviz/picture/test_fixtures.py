@@ -11,7 +11,7 @@ import shapely
 from mechcore.spec.loads import Spring
 from mechviz import scene
 from mechviz.meshes.extrude import Shell
-from mechviz.meshes.model import place
+from mechviz.meshes.model import world_points
 from mechviz.meshes.solids import Solid, Solids
 from mechviz.picture.base import BASE_COLOR
 from mechviz.picture.build import picture_of, solids_of
@@ -52,7 +52,7 @@ def test_no_link_runs_into_what_stands_on_the_ground(name):
             for fixed, z in standing:
                 if low < z.max() and high > z.min():
                     ring = np.asarray(shape.exterior.coords)
-                    moved = shapely.polygons(place(ring, poses[::3]))
+                    moved = shapely.polygons(world_points(ring, poses[::3]))
                     assert not shapely.intersects(fixed.buffer(-1e-6 * solids.size), moved).any(), (name, link)
 
 

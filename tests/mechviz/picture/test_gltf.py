@@ -21,7 +21,7 @@ from mechviz.outputs.rerun.writer import write_recording
 from mechviz.picture.build import picture_of, solids_of
 from mechviz.picture.nodes import Body
 from mechviz.picture.proportions import ARROW_HEAD_LENGTH, SPIRAL_TURNS
-from mechviz.quantities.vectors import FAMILIES
+from mechviz.quantities.vectors import VECTOR_FAMILIES
 from mechviz.runs import run_scene
 from recordings import vectors_of
 
@@ -197,7 +197,7 @@ def test_arrows_reach_from_the_point_of_action_as_far_as_the_force_is_large():
     assert set(ARROW_FAMILIES) & set(vectors) >= {"reaction", "applied", "inertia"}
     for family in set(ARROW_FAMILIES) & set(vectors):
         for item, vector in vectors[family].items():
-            name = f"{FAMILIES[family].label}: {item}"
+            name = f"{VECTOR_FAMILIES[family].label}: {item}"
             place, turn, scale = (_track(glb, name, path, run.motion.frames) for path in ("translation", "rotation", "scale"))
             head, shaft = _track(glb, f"{name} head", "translation", 41), _track(glb, f"{name} shaft", "scale", 41)
             assert head[:, 0] == pytest.approx(shaft[:, 0]), "the head sits on the shaft"

@@ -10,7 +10,17 @@ from shapely import affinity
 from shapely.geometry import Point, Polygon, box
 
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
-from mechviz.meshes.layer_order import COST_WEIGHTS, Costs, Post, greedy, improve, improve_many, natural_ranks, order_layers, packed
+from mechviz.meshes.layer_order import (
+    COST_WEIGHTS,
+    Costs,
+    Post,
+    greedy,
+    improve,
+    improve_many,
+    natural_ranks,
+    order_layers,
+    without_empty_layers,
+)
 from mechviz.meshes.layers import Sweeps
 from mechviz.meshes.solids import build_solids
 from mechviz.scene.scene import loads
@@ -82,7 +92,7 @@ def test_many_costs_at_once_are_the_costs_of_each(seed):
     rng = random.Random(seed)
     puzzle = Puzzle(rng, rng.randint(1, 9))
     orders = [[rng.randint(0, 4) for _ in range(puzzle.n)] for _ in range(20)]
-    orders = packed(np.array(orders, np.int16))
+    orders = without_empty_layers(np.array(orders, np.int16))
     assert puzzle.costs(orders) == pytest.approx([puzzle.cost(order) for order in orders.tolist()])
     some = np.where(np.array([[rng.random() < 0.4 for _ in order] for order in orders]), -1, orders)
     some[:, rng.randrange(puzzle.n)] = 0
@@ -95,12 +105,12 @@ def test_many_costs_at_once_are_the_costs_of_each(seed):
 def test_moves_in_bulk_end_where_no_single_move_helps(bulk, n, seed):
     puzzle = Puzzle(random.Random(100 + seed), n)
     ranks = [natural_ranks(puzzle.conflicts, puzzle.posts), list(range(n))]
-    start = packed(greedy(puzzle.costs, np.array(ranks)))
+    start = without_empty_layers(greedy(puzzle.costs, np.array(ranks)))
     assert start.tolist() == [placed_one_by_one(puzzle, order) for order in ranks]
     result = bulk(puzzle.costs, start).tolist()
     costs = [puzzle.cost(order) for order in result]
     assert min(costs) <= min(puzzle.cost(order) for order in start.tolist()) + 1e-9
-    assert result == packed(np.array(result, np.int16)).tolist()
+    assert result == without_empty_layers(np.array(result, np.int16)).tolist()
     for order, cost in zip(result, costs, strict=True):
         assert all(puzzle.cost(trial) >= cost - 1e-6 for trial in puzzle.moves(order))
 
@@ -123,7 +133,10 @@ def test_the_order_is_the_cheapest_that_any_start_leads_to():
     assert layers.clashes == cost // COST_WEIGHTS[0]
     rng = random.Random(0)
     for _ in range(200):
-        assert cost <= puzzle.cost(packed(np.array([[rng.randint(0, 5) for _ in range(6)]], np.int16))[0].tolist()) + 1e-9
+        assert (
+            cost
+            <= puzzle.cost(without_empty_layers(np.array([[rng.randint(0, 5) for _ in range(6)]], np.int16))[0].tolist()) + 1e-9
+        )
 
 
 def outline(rng: np.random.Generator) -> Polygon:

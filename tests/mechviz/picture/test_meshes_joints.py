@@ -18,7 +18,7 @@ import mechviz
 from mechcore.joints.registry import build_joints
 from mechcore.spec.mechanism import Mechanism
 from mechviz.meshes.kinds.rims import ADDENDUM, BACKLASH, DEDENDUM, external_wheel, rack_teeth, ring_teeth
-from mechviz.meshes.model import build_model
+from mechviz.meshes.model import scale_mechanism
 from mechviz.meshes.shading import BELT_COLOR, PIN_COLOR, components
 from mechviz.meshes.solids import Solids, build_solids
 from mechviz.scene.builder import SceneBuilder
@@ -248,7 +248,7 @@ def test_teeth_stand_in_the_gaps_of_each_other_from_the_start_to_the_end(built, 
 def test_numbers_of_teeth_are_the_stated_ones_or_fit_the_radii():
     def wheels(name: str) -> list[tuple[str, str, int]]:
         spec = CASES[name]().scene().mechanism if name in CASES else mechviz.load(name).mechanism
-        return [(w.link, w.kind, w.teeth) for w in build_model(spec, None, 48).wheels.wheels]
+        return [(w.link, w.kind, w.teeth) for w in scale_mechanism(spec, None, 48).wheels.wheels]
 
     assert wheels("planetary-gear") == [
         ("sun", "gear", 24), ("planet", "gear", 18), ("planet2", "gear", 18), ("planet3", "gear", 18), ("frame", "ring", 60),
@@ -260,7 +260,7 @@ def test_numbers_of_teeth_are_the_stated_ones_or_fit_the_radii():
     assert (z1, z2) == (16, 40)
     b = scene("small numbers").link("frame", A=(0, 0), B=(30, 0)).link("a", A=(0, 0)).link("b", B=(0, 0))
     b.revolute("A", "frame", "a", drive=TURN).revolute("B", "frame", "b").gear("G", "a", "b", teeth=[1, 2])
-    result = build_model(b.scene().mechanism, None, 48).wheels.wheels
+    result = scale_mechanism(b.scene().mechanism, None, 48).wheels.wheels
     assert [w.teeth for w in result] == [16, 32], "a ratio is no number of teeth"
 
 
@@ -268,7 +268,7 @@ def test_wheels_of_one_train_share_their_module_where_only_radii_are_stated():
     b = scene("train").link("frame", A=(0, 0), B=(50, 0), C=(110, 0)).link("a", A=(0, 0)).link("b", B=(0, 0)).link("c", C=(0, 0))
     b.revolute("A", "frame", "a", drive=TURN).revolute("B", "frame", "b").revolute("C", "frame", "c")
     b.gear("G", "a", "b", radii=[20, 30]).gear("H", "b", "c", radii=[30, 30])
-    result = build_model(b.scene().mechanism, None, 48).wheels
+    result = scale_mechanism(b.scene().mechanism, None, 48).wheels
     assert [w.link for w in result.wheels] == ["a", "b", "c"], "the middle wheel is one wheel"
     assert len({round(w.module, 12) for w in result.wheels}) == 1
     assert [w.teeth for w in result.wheels] == [16, 24, 24]
@@ -398,7 +398,7 @@ def test_a_wheel_stands_on_its_rail_all_the_way(built, name, wheel, edge, radius
 @pytest.mark.parametrize("name", ["rolling-wheel", "planetary-gear", "belt-drive", "rack-and-pinion"])
 def test_round_parts_have_openings_by_which_their_turning_shows(built, name):
     spec, _, solids = built(name)
-    for wheel in build_model(spec, None, 48).wheels.wheels:
+    for wheel in scale_mechanism(spec, None, 48).wheels.wheels:
         if wheel.kind == "ring":
             continue
         (part,) = parts_of(solids, wheel.link, "plate")[:1]

@@ -11,7 +11,7 @@ from page_content import content
 
 from mechviz.outputs.page.page import make_page
 from mechviz.outputs.presentation import presentation_of
-from mechviz.outputs.rerun.recorded import numbers_in, picture_in
+from mechviz.outputs.rerun.recorded import picture_in, recorded_numbers
 from mechviz.outputs.viewer.build import build, view_model_of_recording, view_model_of_run
 from mechviz.picture.build import picture_of
 from mechviz.quantities.catalogue import Catalogue
@@ -70,7 +70,7 @@ def test_a_recording_holds_the_picture_and_the_catalogue_of_its_run(name: str) -
 
 
 def the_picture_is_that_of_the_run(m: Made) -> None:
-    run, recording = picture_of(m.run, m.solids), picture_in(m.recording, numbers_in(m.recording))
+    run, recording = picture_of(m.run, m.solids), picture_in(m.recording, recorded_numbers(m.recording))
     assert [node.key for node in recording.nodes] == [node.key for node in run.nodes]
     assert len(run.by_key) == len(run.nodes), "keys are unique"
     assert (recording.frame, recording.size, recording.top) == (run.frame, run.size, run.top)
@@ -83,7 +83,7 @@ def the_picture_is_that_of_the_run(m: Made) -> None:
 
 
 def the_catalogue_is_that_of_the_run(m: Made) -> None:
-    run, recording = m.run.catalogue, Catalogue(numbers_in(m.recording))
+    run, recording = m.run.catalogue, Catalogue(recorded_numbers(m.recording))
     assert [(q.key, q.label, q.unit, q.curves) for q in recording.quantities] == [
         (q.key, q.label, q.unit, q.curves) for q in run.quantities
     ]

@@ -108,7 +108,7 @@ def fraction(picture: np.ndarray, color: tuple[int, ...], near: float = 0.06) ->
 )
 def test_a_recording_shows_the_mechanism(tmp_path, name, view, families):
     from mechviz.picture.build import solids_of
-    from mechviz.quantities.vectors import FAMILIES
+    from mechviz.quantities.vectors import VECTOR_FAMILIES
 
     m = made(name)
     with viewer(tmp_path) as v:
@@ -121,7 +121,7 @@ def test_a_recording_shows_the_mechanism(tmp_path, name, view, families):
         if link in ("crank", "coupler", "rocker", "rod"):
             assert fraction(picture, solid.color[:3]) > 0.001, f"{link} is not to be seen"
     for family in families:
-        assert fraction(picture, FAMILIES[family].on_dark) > 0.0003, f"no arrows of the family {family}"
+        assert fraction(picture, VECTOR_FAMILIES[family].on_dark) > 0.0003, f"no arrows of the family {family}"
     edges = np.concatenate([picture[:4].reshape(-1, 3), picture[-4:].reshape(-1, 3)])
     assert np.ptp(edges, axis=0).max() < 40, "the mechanism reaches beyond the picture"
 

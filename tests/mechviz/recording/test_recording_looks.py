@@ -8,7 +8,7 @@ import pytest
 import mechviz
 from mechcore.motion.events import Event
 from mechviz.outputs.rerun.blueprint import calm_range, legend_place, make_blueprint, opening_timeline, spans_of_plots
-from mechviz.outputs.rerun.content import ARROW_FAMILIES, Content, Family, find_statics, find_streams
+from mechviz.outputs.rerun.content import ENTITY_FAMILIES, Content, EntityFamily, find_statics, find_streams
 from mechviz.outputs.rerun.entities import Static, Stream, picture_stride
 from mechviz.picture.build import picture_of, solids_of
 from mechviz.picture.constructions import drawings_of
@@ -125,8 +125,8 @@ def test_the_legend_has_every_family_that_is_drawn_and_its_arrows_are_to_scale(b
 
 
 def test_a_family_is_one_entry_of_the_registry(bar, monkeypatch):
-    more = Family("mine", streams=lambda c: [Stream("/mine", lambda frames: None)], statics=lambda c: [Static("/mine", None)])
-    monkeypatch.setattr("mechviz.outputs.rerun.content.ARROW_FAMILIES", (*ARROW_FAMILIES, more))
+    more = EntityFamily("mine", streams=lambda c: [Stream("/mine", lambda frames: None)], statics=lambda c: [Static("/mine", None)])
+    monkeypatch.setattr("mechviz.outputs.rerun.content.ENTITY_FAMILIES", (*ENTITY_FAMILIES, more))
     content = content_of(bar)
     assert find_streams(content)[-1].path == "/mine" == find_statics(content)[-1].path
 

@@ -31,7 +31,7 @@ from mechviz.scene.builder import SceneBuilder
 from mechviz.scene.faults import SceneError
 from mechviz.scene.folder import gallery
 from mechviz.scene.scene import Scene, dump, load, loads
-from mechviz.scene.units import KINDS, Units, parse, unit_factor
+from mechviz.scene.units import UNIT_KINDS, Units, parse, unit_factor
 from recordings import gallery_scene
 
 NAMES = [entry.name for entry in gallery()]
@@ -146,7 +146,7 @@ def test_bare_numbers_are_in_the_units_of_the_scene_and_derived_units_follow():
 
 
 def test_every_kind_of_quantity_understands_its_own_example():
-    for name, kind in KINDS.items():
+    for name, kind in UNIT_KINDS.items():
         assert math.isfinite(parse(kind.example, name)), name
 
 

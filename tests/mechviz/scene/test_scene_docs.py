@@ -14,9 +14,9 @@ from mechcore.spec.mechanism import EFFECTS
 from mechviz.scene.document import LinkDocument, SceneDocument
 from mechviz.scene.kinds.drives import DriveDocument
 from mechviz.scene.kinds.friction import ClearanceDocument, FrictionDefaults, FrictionDocument
-from mechviz.scene.kinds.joints.document import KINDS as JOINTS
+from mechviz.scene.kinds.joints.document import JOINT_KINDS as JOINTS
 from mechviz.scene.kinds.joints.document import JointDocument
-from mechviz.scene.kinds.loads.document import KINDS as LOADS
+from mechviz.scene.kinds.loads.document import LOAD_KINDS as LOADS
 from mechviz.scene.kinds.loads.document import LoadDocument
 from mechviz.scene.kinds.signals import ChirpDocument, RampDocument, SineDocument, StepDocument
 from mechviz.scene.reading.formulas import resolve

@@ -7,8 +7,8 @@ import pytest
 from mechviz.scene.builder import SceneBuilder
 from mechviz.scene.faults import SceneError, path_text
 from mechviz.scene.folder import gallery
-from mechviz.scene.kinds.joints.document import KINDS as JOINTS
-from mechviz.scene.kinds.loads.document import KINDS as LOADS
+from mechviz.scene.kinds.joints.document import JOINT_KINDS as JOINTS
+from mechviz.scene.kinds.loads.document import LOAD_KINDS as LOADS
 from mechviz.scene.names import references
 from mechviz.scene.scene import Scene, load
 

@@ -10,7 +10,7 @@ from design_cases import time_ratio
 from typer.testing import CliRunner
 
 import mechviz
-from mechcore.design.burmester import Poses, burmester_curve
+from mechcore.design.burmester import BodyPositions, burmester_curve
 from mechcore.design.chains import kinematic_chains
 from mechcore.design.dwells import dwell_linkages
 from mechcore.design.strokes import whitworth
@@ -18,14 +18,14 @@ from mechcore.errors import MechanismError
 from mechviz.commands.main import app
 from mechviz.runs import run_scene
 from mechviz.studies.synthesis import figures
-from mechviz.studies.synthesis.chains import chain_solutions, layout, outline
+from mechviz.studies.synthesis.chains import chain_layout, chain_solutions, outline
 from mechviz.studies.synthesis.four_bars import (
     dyads,
     motion_designs,
     motion_solutions,
     slider_guide_solutions,
     slider_guides,
-    thinned,
+    thinned_curves,
 )
 from mechviz.studies.synthesis.paths import cognate_solutions, traced_four_bar
 from mechviz.studies.synthesis.strokes import dwell_solutions, whitworth_solution
@@ -84,7 +84,7 @@ def test_angles_and_least_squares():
 @pytest.mark.parametrize("count", [2, 3, 4])
 def test_bodies_pass_their_positions(count, tmp_path):
     rows = [(0, 0, 0), (30, 15, 20), (60, 20, 45), (75, 10, 70)][:count]
-    poses = Poses(np.array([complex(x, y) for x, y, _ in rows]) / 1e3, np.radians([angle for *_, angle in rows]))
+    poses = BodyPositions(np.array([complex(x, y) for x, y, _ in rows]) / 1e3, np.radians([angle for *_, angle in rows]))
     lines = given(
         "motion", *(f"{x},{y},{angle}" for x, y, angle in rows), "--most", 3, "-o", tmp_path, "--plot", tmp_path / "a.svg"
     )
@@ -101,7 +101,7 @@ def test_bodies_pass_their_positions(count, tmp_path):
 def test_pivots_of_ones_own_are_judged():
     lines = given("motion", "0,0,0", "30,15,20", "60,20,45", "--moving", "-10,5", "--fixed", "80,-40")
     assert len(lines) == 3  # driven at either one
-    poses = Poses(np.array([0, 0.03 + 0.015j, 0.06 + 0.02j]), np.radians([0, 20, 45]))
+    poses = BodyPositions(np.array([0, 0.03 + 0.015j, 0.06 + 0.02j]), np.radians([0, 20, 45]))
     w, c = dyads(poses, [-0.01 + 0.005j], [0.08 - 0.04j], 1.0)
     assert w[0] == -0.01 + 0.005j and c[1] == pytest.approx(0.08 - 0.04j)
     for made in motion_designs(poses, w, c, 9, all_of_them=True):
@@ -196,7 +196,7 @@ def test_every_inversion_of_six_links_runs():
 def test_sketches_of_eight_links_do_not_cross():
     """Two links may touch at a joint only: segments of different links have no inner point in common."""
     for chain in kinematic_chains(8):
-        places = layout(chain)
+        places = chain_layout(chain)
         rings = [outline(chain, link, places) for link in range(chain.links)]
         edges = [(a, b) for ring in rings for a, b in zip(ring, np.roll(ring, 1), strict=True)]
         for n, (a, b) in enumerate(edges):
@@ -208,7 +208,7 @@ def test_sketches_of_eight_links_do_not_cross():
 
 
 def test_burmesters_curves_pass_the_pivots_of_every_proposal():
-    poses = Poses(np.array([0, 0.03 + 0.015j, 0.06 + 0.02j, 0.075 + 0.01j]), np.radians([0, 20, 45, 70]))
+    poses = BodyPositions(np.array([0, 0.03 + 0.015j, 0.06 + 0.02j, 0.075 + 0.01j]), np.radians([0, 20, 45, 70]))
     curve = burmester_curve(poses, 4000)
     designs = motion_designs(poses, *dyads(poses, [], [], 1.0), 5, all_of_them=False)
     assert len(motion_solutions(poses, designs)) == 5
@@ -266,7 +266,7 @@ def test_whitworths_quick_return_has_its_stroke_and_time_ratio():
 @pytest.mark.parametrize("count", [3, 4])
 def test_a_slide_and_a_crank_lead_a_body_through_positions(count):
     rows = np.array([[0, 0, 0], [30, 15, 20], [60, 20, 45], [75, 10, 70]], float)[:count]
-    poses = Poses((rows[:, 0] + 1j * rows[:, 1]) * 1e-3, np.radians(rows[:, 2]))
+    poses = BodyPositions((rows[:, 0] + 1j * rows[:, 1]) * 1e-3, np.radians(rows[:, 2]))
     best = slider_guides(poses, *dyads(poses, (), (), 1.0), 3)
     assert not best[0].defects and [bool(one.defects) for one in best[1:]] == [count == 4] * 2
     run = run_scene(slider_guide_solutions(poses, best)[0].scene, frames=720)
@@ -278,7 +278,7 @@ def test_a_slide_and_a_crank_lead_a_body_through_positions(count):
 
 
 def test_four_positions_whose_pivots_are_all_far_away_are_refused():
-    poses = Poses(np.array([0, 1, 2 + 1j, 3j]), np.array([0.0, 0.3, 0.7, 0.2]))
+    poses = BodyPositions(np.array([0, 1, 2 + 1j, 3j]), np.array([0.0, 0.3, 0.7, 0.2]))
     curve = burmester_curve(poses, 50)
     with pytest.raises(MechanismError, match="far away from these positions"):
-        thinned(replace(curve, w=np.full_like(curve.w, np.inf)), poses)
+        thinned_curves(replace(curve, w=np.full_like(curve.w, np.inf)), poses)

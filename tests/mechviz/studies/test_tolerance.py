@@ -13,7 +13,7 @@ from mechviz.runs import run_scene
 from mechviz.scene.scene import Scene, load
 from mechviz.studies.designs.measures import parse_measure
 from mechviz.studies.designs.sensitivity import Sensitivity
-from mechviz.studies.designs.tolerance import Limits, parse_limits, slopes_within, toleranced, tolerances
+from mechviz.studies.designs.tolerance import QuantityLimits, parse_limits, slopes_within, toleranced, tolerances
 
 CASE = case("design", "tolerance-four-bar")
 
@@ -41,7 +41,7 @@ def rocker():
     )
     run = run_scene(scene, frames=8)
     measure = parse_measure(scene, f"link.rocker.angle:at {given['theta_deg']} deg")
-    return tolerances(run, [measure], toleranced(scene, ()), limits=[Limits(*given["limits_deg"])], seed=3)[0]
+    return tolerances(run, [measure], toleranced(scene, ()), limits=[QuantityLimits(*given["limits_deg"])], seed=3)[0]
 
 
 def test_the_four_bar_of_the_reference(rocker):

@@ -12,7 +12,7 @@ from websockets.sync.client import ClientConnection
 
 from mechviz import scene
 from mechviz.outputs.viewer.app import Viewer
-from mechviz.outputs.viewer.panels.plots import Slot
+from mechviz.outputs.viewer.panels.plots import PlotSlot
 from mechviz.outputs.viewer.world.solids import SolidNodes, link_path
 from mechviz.runs import run_scene
 
@@ -34,7 +34,7 @@ def browser(viewer: Viewer) -> Iterator[ClientConnection]:
         yield socket
 
 
-def choose(browser: ClientConnection, slot: Slot) -> str:
+def choose(browser: ClientConnection, slot: PlotSlot) -> str:
     """Choose another quantity in a browser; what it is called."""
     title = next(t for t in slot.choice.options if t != slot.choice.value)
     send(browser, update(slot.choice, title))
@@ -42,16 +42,16 @@ def choose(browser: ClientConnection, slot: Slot) -> str:
 
 
 def test_a_control_of_which_the_callback_fails_goes_back(viewer, browser, monkeypatch, caplog):
-    slot, real = viewer.plots.slots[0], Slot.plot
+    slot, real = viewer.plots.slots[0], PlotSlot.plot
     before = slot.choice.value
 
-    def fail(self: Slot, quantity: Any, axis: Any, frame: int, compared: Any = None) -> None:
+    def fail(self: PlotSlot, quantity: Any, axis: Any, frame: int, compared: Any = None) -> None:
         if quantity.title != before:
             self._read(quantity, axis, compared)
             raise ZeroDivisionError("out of order")
         real(self, quantity, axis, frame, compared)
 
-    monkeypatch.setattr(Slot, "plot", fail)
+    monkeypatch.setattr(PlotSlot, "plot", fail)
     choose(browser, slot)
     until(lambda: "out of order" in caplog.text, "the failure is told")
     until(lambda: slot.choice.value == before, "the control goes back")
@@ -64,15 +64,15 @@ def test_a_control_of_which_the_callback_fails_goes_back(viewer, browser, monkey
 
 
 def test_a_control_after_which_the_picture_fails_goes_back(viewer, browser, monkeypatch, caplog):
-    slot, real = viewer.plots.slots[0], Slot.show
+    slot, real = viewer.plots.slots[0], PlotSlot.show
     before = slot.choice.value
 
-    def fail(self: Slot, frame: int) -> None:
+    def fail(self: PlotSlot, frame: int) -> None:
         if self is slot and self.quantity.title != before:
             raise ZeroDivisionError("cannot be drawn")
         real(self, frame)
 
-    monkeypatch.setattr(Slot, "show", fail)
+    monkeypatch.setattr(PlotSlot, "show", fail)
     monkeypatch.setattr(viewer.plots, "choose", lambda slot, title: setattr(slot, "quantity", viewer.plots._quantities[title]))
     title = choose(browser, slot)
     until(lambda: slot.quantity.title == title, "the change is made")
@@ -113,17 +113,17 @@ def test_an_edit_of_which_the_drawing_fails_is_undone(viewer, browser, monkeypat
 
 
 def test_what_cannot_be_looked_at_closer_is_left_alone(viewer, monkeypatch):
-    closer, real = viewer.inspector.detail, Slot.plot
+    closer, real = viewer.inspector.detail, PlotSlot.plot
     before, other = closer.choice.options[:2]
     closer.look_at(before)
     own = closer.slot.quantity.title
 
-    def fail(self: Slot, quantity: Any, axis: Any, frame: int) -> None:
+    def fail(self: PlotSlot, quantity: Any, axis: Any, frame: int) -> None:
         if quantity.title != own:
             raise ZeroDivisionError("no such plot")
         real(self, quantity, axis, frame)
 
-    monkeypatch.setattr(Slot, "plot", fail)
+    monkeypatch.setattr(PlotSlot, "plot", fail)
     with pytest.raises(ZeroDivisionError):
         closer.look_at(other)
     assert (closer.item, closer.choice.value, closer.slot.quantity.title) == (before, before, own)

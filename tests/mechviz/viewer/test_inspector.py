@@ -31,10 +31,10 @@ from mechviz.outputs.viewer.build import Built, build, view_model_of_recording, 
 from mechviz.outputs.viewer.panels import charts
 from mechviz.outputs.viewer.panels.diagrams import diagram_svg, diagrams_of
 from mechviz.outputs.viewer.panels.saving import file_name
-from mechviz.outputs.viewer.panels.timeline import columns, health_svg, shade
+from mechviz.outputs.viewer.panels.timeline import health_svg, shade, worst_in_columns
 from mechviz.outputs.viewer.server import ViewerError
 from mechviz.outputs.viewer.session import Contribution, EditSession, Status
-from mechviz.outputs.viewer.view_model import Body, Piece
+from mechviz.outputs.viewer.view_model import ColoredPart, LinkSolid
 from mechviz.outputs.viewer.viser_adapter import buffer_of
 from mechviz.outputs.viewer.world.camera import VIEW_PRESETS, fit_view
 from mechviz.outputs.viewer.world.constructions import OVERLAY_GROUPS
@@ -300,7 +300,7 @@ def test_a_section_pushes_plates_flat_and_drops_what_lies_before_it():
     offset = len(boxes[0].vertices)
     vertices = np.concatenate([b.vertices for b in boxes]).astype(np.float32)
     faces = np.concatenate([boxes[0].faces, boxes[1].faces + offset]).astype(np.uint32)
-    body = Body((Piece(vertices, faces, (10, 200, 30)),))
+    body = LinkSolid((ColoredPart(vertices, faces, (10, 200, 30)),))
     for height, volume, top in ((0.25, 0.5, 0.25), (1.5, 2.0, 1.0), (2.0, 2.5, 2.0), (5.0, 3.0, 2.25)):
         pieces = sectioned(body, height).pieces
         mesh = trimesh.util.concatenate([trimesh.Trimesh(piece.vertices, piece.faces, process=False) for piece in pieces])
@@ -629,7 +629,7 @@ def test_a_cam_follows_its_values_while_they_are_dragged():
     dragged = run_scene(draft.with_value(parameter.path, parameter.written(1.15 * parameter.value)).scene(), frames=60)
     shown, exact = view_model_of_run(dragged, built, view_model_of_run(opened, built)).bodies, build(dragged).bodies["cam"]
 
-    def rim(body: Body) -> np.ndarray:
+    def rim(body: LinkSolid) -> np.ndarray:
         """The largest radius of the disc by angle."""
         z = np.concatenate([p.vertices for p in body.pieces]).astype(float) @ [1.0, 1.0j, 0.0]
         z = z[np.argsort(np.angle(z))]
@@ -666,7 +666,7 @@ def test_a_single_bad_frame_is_seen_in_the_strip():
     values[1234] = 1.0
     health = Health("closure", "m", values, 1e-12, 1e-6)
     assert health.severity.max() == 1.0 and health.severity[0] == 0.0
-    row = columns(health.severity)
+    row = worst_in_columns(health.severity)
     assert row[int(1234 / 5000 * len(row))] == 1.0 and row.sum() == 1.0
     text = health_svg([health], [Event(0.5, "WARN", "A", "<b>dead</b>")], np.linspace(0.0, 1.0, 5000))
     assert shade(1.0) in text and shade(0.0) in text and "&lt;b&gt;" in text and "<b>dead" not in text

@@ -11,10 +11,10 @@ from browsers import browser
 from browsing import CAMERA, CANVAS, SEEN, SIZE, camera_rests, next_frames, open_tab, open_viewer, until
 
 import mechviz
-from mechcore.design.burmester import Poses
+from mechcore.design.burmester import BodyPositions
 from mechcore.errors import MechanismError
 from mechviz.outputs.viewer.app import Viewer
-from mechviz.outputs.viewer.panels.synthesis import lengthened, moved, on_sheet, shortened
+from mechviz.outputs.viewer.panels.synthesis import lengthened, sheet_place, shortened, with_moved_pose
 from mechviz.outputs.viewer.world.camera import fit_view
 from mechviz.outputs.viewer.world.solids import link_path
 from mechviz.runs import run_scene
@@ -23,7 +23,7 @@ from mechviz.studies.synthesis.paths import drawn_points
 
 __all__ = ["browser"]  # a fixture
 
-POSES = Poses(np.array([0, 0.03 + 0.015j, 0.06 + 0.02j]), np.radians([0, 20, 45]))
+POSES = BodyPositions(np.array([0, 0.03 + 0.015j, 0.06 + 0.02j]), np.radians([0, 20, 45]))
 
 
 @pytest.fixture(scope="module")
@@ -59,7 +59,7 @@ def test_positions_are_dragged_added_and_taken_away(solutions):
         assert len(tab._nodes) == 3
         tab._dragged(1, dragged(0.032 + 0.02j, np.radians(25)))
         assert session.wait(rested=True)
-        wanted = moved(POSES, 1, 0.032 + 0.02j, np.radians(25))
+        wanted = with_moved_pose(POSES, 1, 0.032 + 0.02j, np.radians(25))
         assert poses_in(session.run.scene).places == pytest.approx(wanted.places, abs=1e-12)
         assert poses_in(session.run.scene).angles == pytest.approx(wanted.angles, abs=1e-9)
         assert max(passes(session.run, wanted)) < 2e-3
@@ -126,7 +126,7 @@ def test_any_four_bar_begins_with_its_own_positions():
         tab, session = viewer.inspector.synthesis.positions, viewer.session
         x, y = session.run.catalogue["point.coupler.E.position"].values()[[0, 15, 30]].T / 1e3
         assert tab.poses.places == pytest.approx(x + 1j * y, abs=1e-12)
-        wanted = moved(tab.poses, 2, tab.poses.places[2] + 0.01, tab.poses.angles[2])
+        wanted = with_moved_pose(tab.poses, 2, tab.poses.places[2] + 0.01, tab.poses.angles[2])
         tab.ask("number 3", wanted)
         assert session.wait(rested=True)
         assert poses_in(session.run.scene).places == pytest.approx(wanted.places, abs=1e-12)
@@ -137,7 +137,7 @@ def test_any_four_bar_begins_with_its_own_positions():
 
 def test_there_are_two_to_five_positions():
     with pytest.raises(MechanismError, match="fewest"):
-        shortened(Poses(POSES.places[:2], POSES.angles[:2]))
+        shortened(BodyPositions(POSES.places[:2], POSES.angles[:2]))
     with pytest.raises(MechanismError, match="leave"):
         lengthened(lengthened(lengthened(POSES)))
 
@@ -199,7 +199,7 @@ def test_what_is_drawn_becomes_points_at_equal_distances():
     assert abs(points[0] - arc[0]) < 1e-3 and abs(points[-1] - arc[-1]) < 1e-3
     with pytest.raises(MechanismError, match="no length"):
         drawn_points(np.array([1j, 1j, 1j]))
-    assert on_sheet((0, 0, 1), (1, 0, 1), 0.0) is None  # along the sheet
+    assert sheet_place((0, 0, 1), (1, 0, 1), 0.0) is None  # along the sheet
 
 
 @pytest.mark.browser

@@ -15,7 +15,7 @@ from viser import _messages
 
 from mechviz import scene
 from mechviz.outputs.viewer.app import Viewer
-from mechviz.outputs.viewer.viser_adapter import SharedBuffer, buffer_of, place, send_now, uuid_of
+from mechviz.outputs.viewer.viser_adapter import SharedBuffer, buffer_of, send_now, send_poses, uuid_of
 from mechviz.outputs.viewer.world.solids import link_path
 from mechviz.runs import run_scene
 
@@ -34,8 +34,8 @@ def test_messages_are_those_of_viser_and_only_of_nodes_that_moved(viewer):
     nodes = [viewer.server.scene.add_frame(f"/test/{k}", show_axes=False) for k in range(3)]
     buffer, still = buffer_of(viewer.server), np.array([1.0, 0.0, 0.0, 0.0])
     turned = np.array([0.6, 0.0, 0.0, 0.8])
-    assert place(viewer.server, [(node, np.zeros(3), still) for node in nodes]) == 0, "they stand there already"
-    assert place(viewer.server, [(nodes[0], np.array([1, 2, 3]), turned), (nodes[1], np.zeros(3), None)]) == 2
+    assert send_poses(viewer.server, [(node, np.zeros(3), still) for node in nodes]) == 0, "they stand there already"
+    assert send_poses(viewer.server, [(nodes[0], np.array([1, 2, 3]), turned), (nodes[1], np.zeros(3), None)]) == 2
     assert nodes[0].position.tolist() == [1.0, 2.0, 3.0] and nodes[0].wxyz.tolist() == turned.tolist()
     for ours in [buffer.message_from_id[buffer.message_counter - k] for k in (1, 2)]:
         theirs = getattr(_messages, ours.kind)(ours.name, ours.values)
@@ -48,15 +48,15 @@ def test_messages_are_those_of_viser_and_only_of_nodes_that_moved(viewer):
         m for m in buffer.message_from_id.values() if getattr(m, "name", "").startswith("/test/") and m.lifecycle_phase != "remove"
     ]
     assert not left, "viser's removal takes our messages with it"
-    assert place(viewer.server, [(nodes[0], np.ones(3), still)]) == 0, "of a node that is no more"
+    assert send_poses(viewer.server, [(nodes[0], np.ones(3), still)]) == 0, "of a node that is no more"
 
 
 def test_what_is_not_a_number_is_not_sent_and_what_follows_is(viewer):
     node = viewer.server.scene.add_frame("/test/lost", show_axes=False)
-    assert place(viewer.server, [(node, np.array([1.0, np.nan, 0.0]), None)]) == 0
+    assert send_poses(viewer.server, [(node, np.array([1.0, np.nan, 0.0]), None)]) == 0
     assert node.position.tolist() == [0.0, 0.0, 0.0]
-    assert place(viewer.server, [(node, np.array([1.0, 1e-14, 0.0]), None)]) == 1
-    assert place(viewer.server, [(node, np.array([1.0, 0.0, 0.0]), None)]) == 0, "round-off"
+    assert send_poses(viewer.server, [(node, np.array([1.0, 1e-14, 0.0]), None)]) == 1
+    assert send_poses(viewer.server, [(node, np.array([1.0, 0.0, 0.0]), None)]) == 0, "round-off"
     node.remove()
 
 

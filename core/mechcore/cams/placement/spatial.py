@@ -34,7 +34,7 @@ def room_of_rollers(blank: SpatialBlank, arm: float, inner: float) -> float:
 
 
 @dataclass(frozen=True, eq=False)
-class Rubbing:
+class FlankSliding:
     """One sliding of the roller on its flank over the frames (F): a unit of friction along it on the follower is the force
     ``along`` in the plane at ``place``, the opposite on the cam there, and the couple ``twist`` [m] on the cam against the carrier.
 
@@ -167,7 +167,7 @@ class PlacedSpatial(PlacedRoller):
         turning = at[:, 0] * direction[:, 1] - at[:, 1] * direction[:, 0]
         return np.asarray(np.imag(np.conj(w) * f) - turning)
 
-    def rubbing(self, motion: Motion, flank: Values) -> tuple[Rubbing, Rubbing, Real]:
+    def rubbing(self, motion: Motion, flank: Values) -> tuple[FlankSliding, FlankSliding, Real]:
         """The roller against its flank across its axis, where it rolls, and along it, where it slides; and how much of the normal
         force lies in the plane (F). ``flank``: negative where the other flank of a groove is pressed.
 
@@ -184,7 +184,7 @@ class PlacedSpatial(PlacedRoller):
         rate = self.sense * self.law(self.argument(motion))[1][:, None] * pace  # of the follower's coordinate
         slip = rate * self.cam.mount.carried(point) - pace * np.cross([0.0, 0.0, 1.0], point)
         directions = [
-            Rubbing(
+            FlankSliding(
                 place=np.asarray(self.place(motion, self._shadow(point))),
                 along=np.asarray(self._shadow(d) * self.world(motion)),
                 twist=self._twist(point, d),

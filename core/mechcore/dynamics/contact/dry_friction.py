@@ -16,7 +16,7 @@ import numpy as np
 
 from mechcore.arrays import Index, Plane, Real, Values
 from mechcore.dynamics.equations.charts import differences, jacobian_of
-from mechcore.dynamics.equations.contacts import ContactProgram, FrictionState, add_inertia, contact_program
+from mechcore.dynamics.equations.contacts import ContactProgram, FrictionValues, add_inertia, contact_program
 from mechcore.dynamics.equations.reduced import (
     constrained,
     free_of,
@@ -32,7 +32,7 @@ from mechcore.errors import Fault, MechanismError
 from mechcore.forces.equilibrium import transmit
 from mechcore.forces.friction.elements import Element, elements_of, relative_rate, scales_of
 from mechcore.forces.friction.normal_loads import solve_normal_loads
-from mechcore.forces.friction.solve import FrictionResult, Response, Transmitted, picked, system
+from mechcore.forces.friction.solve import FrictionResult, Response, TransmittedForces, picked, system
 from mechcore.forces.kinetostatics import Forces
 from mechcore.motion.compiled import Compiled
 from mechcore.motion.motion import Motion
@@ -55,7 +55,9 @@ class GivenFriction(FrictionResult):
     """Friction of a motion that forward dynamics has found, sticking included: ``values`` (F, e) along the elements' unit
     wrenches."""
 
-    def __init__(self, motion: Motion, applied: Sequence[Wrench], elements: Sequence[Element], solution: Dry, passed: Transmitted):
+    def __init__(
+        self, motion: Motion, applied: Sequence[Wrench], elements: Sequence[Element], solution: Dry, passed: TransmittedForces
+    ):
         self.motion = motion
         self.stability = np.ones(motion.frames)
         self.elements = tuple(elements)
@@ -66,7 +68,7 @@ class GivenFriction(FrictionResult):
         self._passed = passed  # what joints and relations transmit
 
     @property
-    def _transmitted(self) -> Transmitted:
+    def _transmitted(self) -> TransmittedForces:
         return self._passed
 
     def value(self, i: int) -> Real:
@@ -111,7 +113,7 @@ class DrySystem:
         program = contact_program(self.compiled, self.rests, long=long)
         return None if program is None else program.with_signs(self.signs, breaking=self.breaking)
 
-    def _compiled_state(self, q: Real, v: Real, t: Real) -> FrictionState | None:
+    def _compiled_state(self, q: Real, v: Real, t: Real) -> FrictionValues | None:
         """Values of a compiled program at states; None where there is none for any states."""
         program = self.program()
         return None if program is None or not program.everywhere else program.friction_state(q, v, t)

@@ -40,20 +40,20 @@ TURN_BACK_WINDOWS = 10.0  # windows shorter than so many times `soon` are those 
 class FrictionState:
     """The phases of the present mechanism's friction, and which way every element slides (0: sticks), recorded in a ``log``.
 
-    ``counts``: whether the mechanism names friction among its effects. ``soon`` [s]: as in `Phases`.
+    ``counts``: whether the mechanism names friction among its effects. ``soon`` [s]: as in `FrictionPhases`.
     """
 
     def __init__(self, counts: bool, soon: float, log: Log):
         self.counts, self._soon, self._log = counts, soon, log
-        self._phases: Phases | None = None
-        self._sliding: dict[Key, float] = {}
+        self._phases: FrictionPhases | None = None
+        self._sliding: dict[ElementKey, float] = {}
 
     def begin(self, compiled: Compiled, t: float, q: Real, v: Real) -> None:
         """Friction of a mechanism that has other contacts than before: what slides goes on. Where every drive is prescribed
         nothing has to be found: friction follows from statics. Raises `MechanismError`."""
         self._phases = self._phases_of(compiled, t, q, v)
 
-    def _phases_of(self, compiled: Compiled, t: float, q: Real, v: Real) -> Phases | None:
+    def _phases_of(self, compiled: Compiled, t: float, q: Real, v: Real) -> FrictionPhases | None:
         if not (self.counts and len(q)):
             return None
         if self._phases is not None:
@@ -130,7 +130,7 @@ class FrictionState:
             self._log.add(event)
 
 
-Key = tuple[str, str, str]
+ElementKey = tuple[str, str, str]
 Here = tuple[Motion, list[Motion], list[Element], ReducedEquations]
 """At one state: the motion with q'' = 0, its tangents, the elements of friction, and the equations of motion without it."""
 NO_EFFECT = 1e-12  # part of what a force on an element would move, if it did, that is rounding
@@ -139,7 +139,7 @@ STARTING_RATE = 1e-12  # rate of what just begins to move
 SOON_MOVED = 1e-16  # of its scale: what moves by less soon is at rest as well
 
 
-class Phases:
+class FrictionPhases:
     """Which elements slide which way and which stick, and what ends that; ``signs`` (e,) as in `DrySystem`.
 
     ``rests``: joints that rest on end stops. ``soon`` [s]: elements that no free coordinate moves, because prescribed drives or
@@ -147,7 +147,12 @@ class Phases:
     """
 
     def __init__(
-        self, compiled: Compiled, keys: Sequence[Key], scales: Real, soon: float, before: Mapping[Key, float] | None = None
+        self,
+        compiled: Compiled,
+        keys: Sequence[ElementKey],
+        scales: Real,
+        soon: float,
+        before: Mapping[ElementKey, float] | None = None,
     ):
         self.compiled, self.keys, self.scales = compiled, keys, scales
         self.soon = soon
@@ -340,13 +345,15 @@ def senses(motion: Motion) -> Real:
     return np.where(np.abs(rates) <= REST * size * scales_of(motion.model, elements), 0.0, np.sign(rates))
 
 
-def keys_of(elements: Sequence[Element]) -> list[Key]:
+def keys_of(elements: Sequence[Element]) -> list[ElementKey]:
     """Name of an element, whatever other contacts the mechanism has."""
     return [(e.joint, e.what, e.kind) for e in elements]
 
 
-def rubbing(compiled: Compiled, q: Real, v: Real, t: float, before: Mapping[Key, float], soon: float) -> Phases | None:
-    """Phases of a mechanism that moves, see `Phases`; None where it has no friction. Raises `MechanismError`."""
+def rubbing(
+    compiled: Compiled, q: Real, v: Real, t: float, before: Mapping[ElementKey, float], soon: float
+) -> FrictionPhases | None:
+    """Phases of a mechanism that moves, see `FrictionPhases`; None where it has no friction. Raises `MechanismError`."""
     known = compiled.model.once(_elements_known)
     if not known:
         elements = braking_elements(compiled, q, v, t)
@@ -358,8 +365,8 @@ def rubbing(compiled: Compiled, q: Real, v: Real, t: float, before: Mapping[Key,
                 )
         known.append((keys_of(elements), scales_of(compiled.model, elements)))
     keys, scales = known[0]
-    return Phases(compiled, keys, scales, soon, before) if keys else None
+    return FrictionPhases(compiled, keys, scales, soon, before) if keys else None
 
 
-def _elements_known(_: Model) -> list[tuple[list[Key], Real]]:
+def _elements_known(_: Model) -> list[tuple[list[ElementKey], Real]]:
     return []

@@ -21,7 +21,7 @@ from mechcore.branches.paths import Starts, Waypoint
 from mechcore.branches.unwrapped import UnwrappedAngles, raw_angles
 from mechcore.constants import TURN
 from mechcore.dynamics.equations.contacts import contact_program
-from mechcore.dynamics.equations.curve import Curve, beside_singular, tabulate, whole_turn
+from mechcore.dynamics.equations.curve import CurveEquations, beside_singular, tabulate, whole_turn
 from mechcore.dynamics.equations.lines import straight_lines
 from mechcore.dynamics.equations.program import EquationsProgram, Programmed
 from mechcore.dynamics.equations.reduced import (
@@ -113,7 +113,7 @@ class Chart(Programmed):
     def with_slopes(self, q: Real, v: Real, t: Real, near: Real) -> tuple[Real, Real, Real]:
         """Accelerations (n, f) and their `slopes`, all in one call, ``near`` accelerations (n, f)."""
         f, steps = q.shape[1], steps_of_differences(self.compiled, q, v, near)
-        every = self(*beside(q, v, t, steps, itself=True)).reshape(2 * f + 1, *q.shape)
+        every = self(*states_beside(q, v, t, steps, itself=True)).reshape(2 * f + 1, *q.shape)
         return every[-1], *quotients(every[:-1] - every[-1], steps)
 
 
@@ -121,10 +121,10 @@ def differences(
     system: Callable[[Real, Real, Real], Real], q: Real, v: Real, t: Real, a: Real, steps: tuple[Real, Real]
 ) -> tuple[Real, Real]:
     """Slopes of a system's accelerations by position and speed (n, f, f) each, by differences with steps (f,), all in one call."""
-    return quotients(system(*beside(q, v, t, steps)).reshape(-1, *q.shape) - a, steps)
+    return quotients(system(*states_beside(q, v, t, steps)).reshape(-1, *q.shape) - a, steps)
 
 
-def beside(q: Real, v: Real, t: Real, steps: tuple[Real, Real], *, itself: bool = False) -> tuple[Real, Real, Real]:
+def states_beside(q: Real, v: Real, t: Real, steps: tuple[Real, Real], *, itself: bool = False) -> tuple[Real, Real, Real]:
     """States (m n, f) and times (m n,): n of them with a step of each coordinate, then of each rate, then as they are, if that is
     wanted."""
     n, f = q.shape
@@ -262,11 +262,11 @@ class CurveChart:
     """A chart of the curve: the mechanism driven by its coordinate, the table, the range in which it is good (None: everywhere)."""
 
     compiled: Compiled
-    curve: Curve | Chart
+    curve: CurveEquations | Chart
     valid_range: tuple[float, float] | None
 
 
-def curve_around(compiled: Compiled, q: float, tolerance: float) -> tuple[Curve | Chart, tuple[float, float] | None]:
+def curve_around(compiled: Compiled, q: float, tolerance: float) -> tuple[CurveEquations | Chart, tuple[float, float] | None]:
     """The mechanism tabulated over one turn of its coordinate, or as far around ``q`` as its coordinate leads at all; then also
     the range within which it leads well. At an edge of that, where another joint had better take over at once, no table but a
     chart.
@@ -368,7 +368,7 @@ def best_chart(
             before, after = (motion_at(c, *_at_rest(place)).angles.class_angles for c in (chart.compiled, again))
             if np.abs(after - before).max() < 1.0:
                 return chart, place, rate if v else 0.0
-            if isinstance(chart.curve, Curve) and not counted:
+            if isinstance(chart.curve, CurveEquations) and not counted:
                 return CurveChart(again, replace(chart.curve, compiled=again), chart.valid_range), place, rate if v else 0.0
     led = np.array([[coordinate, rate if v else 0.0]])
     own = carried_on(_compiled(compiled, motion, [joint], led), np.array([coordinate]), 0.0, motion)

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mechcore.arrays import Plane, Real, Values
-from mechcore.compiled.collocation import HEAD, BatchLimits, CollocationRule, Contacts, Phases, WindowTrial, lower_triangle
+from mechcore.compiled.collocation import HEAD, BatchLimits, CollocationRule, ContactCounts, PhaseBatch, WindowTrial, lower_triangle
 from mechcore.compiled.steps import check_forces_traceable
 from mechcore.compiled.symbols import Symbol, Untraceable
 from mechcore.constants import REST
@@ -29,7 +29,7 @@ from mechcore.dynamics.equations.program import (
     traced_equations,
     wanted,
     working,
-    written,
+    written_equations,
 )
 from mechcore.dynamics.equations.reduced import free_of, reduced_terms
 from mechcore.effects.base import rate
@@ -53,7 +53,7 @@ class Ending(IntEnum):
     FLIGHT = 4  # of a joint towards a stop
 
 
-class FrictionState(NamedTuple):
+class FrictionValues(NamedTuple):
     """States with friction: accelerations (n, f + s); of every element (n, e) friction, the limit up to which it sticks, relative
     rate and second rate; efforts (n, c) that hold the joints at rest. ``solved``: whether there are all of these; there always
     are rates."""
@@ -100,7 +100,7 @@ class ContactProgram(EquationsProgram):
 
     def phases(
         self, rule: CollocationRule, at: Real, limits: BatchLimits, constants: Sequence[float], given: Sequence[Real]
-    ) -> Phases | None:
+    ) -> PhaseBatch | None:
         """Phases one after the other, see `CompiledEquations.phases`; none next to a singular point."""
         between = self._away(at[HEAD : HEAD + self._equations.freedoms])
         if between is None:
@@ -125,14 +125,14 @@ class ContactProgram(EquationsProgram):
         inertia[:, i, j] = inertia[:, j, i] = rest[:, f : f + len(i)]
         return inertia, np.einsum("nij,nj->ni", inertia, rest[:, :f])
 
-    def friction_state(self, q: Real, v: Real, t: Real) -> FrictionState:
+    def friction_state(self, q: Real, v: Real, t: Real) -> FrictionValues:
         """At states (n, f) each."""
         self._set(self._signs)
         accelerations, rest = self._outputs(q, v, t)
         e = len(self._signs) - 1
         value, limit, rates, second = (rest[:, k * e : (k + 1) * e] for k in range(4))
         holding, solved = np.split(rest[:, 4 * e : 4 * e + self._rests + 1], [-1], axis=1)
-        return FrictionState(accelerations, value, limit, rates, second, holding, bool(solved.all()))
+        return FrictionValues(accelerations, value, limit, rates, second, holding, bool(solved.all()))
 
 
 def contact_program(compiled: Compiled, rests: Sequence[str], *, long: bool = False) -> ContactProgram | None:
@@ -151,7 +151,7 @@ def _known(_: Compiled) -> dict[tuple[str, ...], ContactProgram | None]:
 
 
 def _written(compiled: Compiled, rests: Sequence[str]) -> Written | str:
-    return written(compiled, partial(_traced, rests=tuple(rests)), ("contacts", *rests))
+    return written_equations(compiled, partial(_traced, rests=tuple(rests)), ("contacts", *rests))
 
 
 def _traced(compiled: Compiled, rests: tuple[str, ...]) -> TracedEquations:
@@ -174,7 +174,7 @@ def rubs(compiled: Compiled) -> bool:
 
 
 def _of_motion(compiled: Compiled, rests: Sequence[str] = ()) -> Written | str:
-    return _written(compiled, rests) if rests or rubs(compiled) else written(compiled, traced_equations)
+    return _written(compiled, rests) if rests or rubs(compiled) else written_equations(compiled, traced_equations)
 
 
 def missing_in_c(compiled: Compiled, rests: Sequence[str] = ()) -> str | None:
@@ -220,7 +220,7 @@ class _ContactWriter(EquationsWriter):
         lower = [x for row in inertia for x in row]
         coordinates = [self._coordinate(moving, joint) for joint in stopped(self.compiled)]
         joints = [x for order in zip(*coordinates, strict=True) for x in order]
-        self.contacts = Contacts(len(values) // 4, len(rests), len(coordinates))
+        self.contacts = ContactCounts(len(values) // 4, len(rests), len(coordinates))
         return one + acceleration, [*values[:-1], *efforts, values[-1], *first, *lower, *joints]
 
     def _coordinate(self, moving: Motion, joint: str) -> tuple[Any, Any, Any]:

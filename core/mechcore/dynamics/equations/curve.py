@@ -42,7 +42,7 @@ LITTLE_ENERGY = 1e-3  # of the work from one end of a table: kinetic energies be
 
 
 @dataclass(frozen=True, eq=False)
-class Curve(Programmed):
+class CurveEquations(Programmed):
     """``table``: J, the tabulated part of Q and, where loads are in proportion to speeds, C; ``both``: these, their derivatives,
     and J''; ``rest``: effects that are not in the table; ``beside_singular``: whether it comes close to singular positions."""
 
@@ -158,7 +158,7 @@ def beside_singular(compiled: Compiled, x: Real, at_x: Motion | None = None) -> 
     return x
 
 
-def tabulate(compiled: Compiled, low: float, high: float, *, tolerance: float = 1e-13) -> Curve:
+def tabulate(compiled: Compiled, low: float, high: float, *, tolerance: float = 1e-13) -> CurveEquations:
     """Reduce the mechanism to its free coordinate between ``low`` and ``high``."""
     fixed, rest = _parted(compiled, lambda: _unit(compiled, nodes_of(low, high, FIRST_PANELS)))
     return _curve(compiled, *_fitted(compiled, _values(compiled, fixed), low, high, periodic=False, tolerance=tolerance), rest)
@@ -224,7 +224,7 @@ def whole_turn(
     tolerance: float = 1e-13,
     usable: Callable[[Motion], bool] = lambda _: True,
     most_strain: float = np.inf,
-) -> Curve | None:
+) -> CurveEquations | None:
     """Reduce the mechanism to its free coordinate over one turn, after which everything repeats; None where it does not, or where
     the coordinate does not lead over the whole turn, as ``usable`` says of the motion at a unit rate, or where some joint then has
     a rate of more than ``most_strain``.
@@ -331,11 +331,11 @@ def _columns(unit: Motion, forces: Mapping[Effect, Values]) -> Real:
     return np.column_stack(columns)
 
 
-def _curve(compiled: Compiled, table: Panels, singular: bool, rest: Sequence[Effect]) -> Curve:
+def _curve(compiled: Compiled, table: Panels, singular: bool, rest: Sequence[Effect]) -> CurveEquations:
     first = table.derivative()
     second = first.derivative()
     both = table.stacked(first).stacked(second.only(0))
-    return Curve(compiled, table, both, tuple(rest), singular)
+    return CurveEquations(compiled, table, both, tuple(rest), singular)
 
 
 def _clear_of(singular_points: SingularPoints, start: float, q: float) -> float:

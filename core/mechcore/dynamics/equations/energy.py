@@ -14,7 +14,7 @@ from numpy.polynomial.chebyshev import chebvander
 
 from mechcore.arrays import Real, numbers
 from mechcore.constants import MOST_TURNS
-from mechcore.dynamics.equations.curve import Curve
+from mechcore.dynamics.equations.curve import CurveEquations
 from mechcore.errors import Fault, MechanismError
 from mechcore.numerics.chebyshev import PANEL_NODES, Panels, fit_where_needed
 from mechcore.records import dataclass
@@ -101,7 +101,7 @@ def _place(before: float, after: float, ends: tuple[bool, bool]) -> float:
 class EnergyMotion:
     """The motion over its legs; beyond the last one it repeats with ``period`` [s] and ``advance`` [rad], where that is given."""
 
-    curve: Curve
+    curve: CurveEquations
     legs: tuple[Leg, ...]
     period: float | None
     advance: float
@@ -154,7 +154,7 @@ LAST_STEP = 1e-10  # a last step of Newton's method that is shorter leaves an er
 
 
 def by_energy(
-    curve: Curve,
+    curve: CurveEquations,
     q0: float,
     v0: float,
     duration: float,
@@ -224,7 +224,7 @@ def by_energy(
     return EnergyMotion(curve, tuple(legs), None, 0.0)
 
 
-def _swings(curve: Curve, q0: float, force: float, slope: float, twice_kinetic: float) -> bool:
+def _swings(curve: CurveEquations, q0: float, force: float, slope: float, twice_kinetic: float) -> bool:
     """Whether a motion near q0 stays about an equilibrium there: the force drives it back at twice the linear amplitude on both
     sides. A small force at the start alone proves nothing: a machine may be spun up from where its springs hold the balance."""
     if not slope < 0.0:
@@ -238,7 +238,7 @@ def _swings(curve: Curve, q0: float, force: float, slope: float, twice_kinetic: 
 class _Work:
     """Reduced inertia, and work of the reduced force from the table's start, on the whole line where the table is periodic."""
 
-    def __init__(self, curve: Curve):
+    def __init__(self, curve: CurveEquations):
         self.table = table = curve.table
         self.both = table.with_integral(1)
         integral = self.both.coefficients[:, :, 2]

@@ -55,7 +55,7 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
 """Functions that lines of C may call, by their names there: the others read tables, in the way of C."""
 
 
-class Lines:
+class StraightLines:
     """The equations of motion of a mechanism as a function of arrays: ``self(q, v, t)`` are accelerations as `Chart` gives them."""
 
     def __init__(self, compiled: Compiled, traced: TracedEquations):
@@ -82,7 +82,7 @@ class Lines:
         with np.errstate(**QUIET):
             columns = (np.ascontiguousarray(x.T) for x in (q, v))
             self._computed(self._numbers, self._modes, *columns, t, given, of_time, outputs)
-            for k, x in enumerate(solved(outputs[:low], outputs[low : low + f])):
+            for k, x in enumerate(solved_by_lines(outputs[:low], outputs[low : low + f])):
                 accelerations[:, k] = x
         for k, x in enumerate(outputs[low + f :], start=f):
             accelerations[:, k] = x
@@ -98,7 +98,7 @@ def python_of(line: str) -> str:
     return line
 
 
-def solved(triangle: Sequence[Values], rhs: Sequence[Values]) -> list[Values]:
+def solved_by_lines(triangle: Sequence[Values], rhs: Sequence[Values]) -> list[Values]:
     """x (f,) of M x = rhs, by the lower triangle of a positive definite M, row by row, term by term over the frames: L D L'."""
     f = len(rhs)
     scaled = [list(triangle[i * (i + 1) // 2 :][: i + 1]) for i in range(f)]  # becomes L D, and D on the diagonal
@@ -118,13 +118,13 @@ def solved(triangle: Sequence[Values], rhs: Sequence[Values]) -> list[Values]:
     return x
 
 
-def straight_lines(compiled: Compiled) -> Lines | None:
+def straight_lines(compiled: Compiled) -> StraightLines | None:
     """The equations of a mechanism as lines of numpy; None where they cannot be written so. Ask for it by `Compiled.once`."""
     points = compiled.singular_points
     if compiled.accuracy.differentiation != "exact" or (points is not None and points.points):
         return None
     try:
         traced = traced_equations(compiled)
-        return None if traced.outputs[1] else Lines(compiled, traced)  # angles that are followed depend on what was before
+        return None if traced.outputs[1] else StraightLines(compiled, traced)  # angles that are followed depend on what was before
     except Untraceable:
         return None

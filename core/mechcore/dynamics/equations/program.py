@@ -16,16 +16,16 @@ import numpy as np
 from mechcore.arrays import Real, Values
 from mechcore.branches.unwrapped import LinkAngles, StartPose
 from mechcore.compiled.collocation import (
-    Batch,
     BatchLimits,
     CollocationRule,
     CompiledEquations,
-    Contacts,
+    ContactCounts,
+    WindowBatch,
     WindowTrial,
     WrittenEquations,
 )
 from mechcore.compiled.motion import MOST_LINES
-from mechcore.compiled.steps import check_traceable, followed_angle, place_all
+from mechcore.compiled.steps import check_traceable, followed_angle, place_all_symbols
 from mechcore.compiled.symbols import Code, Symbol, Untraceable, on_symbols, rotation
 from mechcore.constants import TURN
 from mechcore.dynamics.equations.reduced import (
@@ -185,7 +185,7 @@ class EquationsProgram:
         away = q - self.compiled.start[0]
         return not self._singular.within(float(away.min()) - reach, float(away.max()) + reach)
 
-    def windows(self, rule: CollocationRule, at: Real, limits: BatchLimits) -> Batch:
+    def windows(self, rule: CollocationRule, at: Real, limits: BatchLimits) -> WindowBatch:
         """Windows one after the other, see `CompiledEquations.windows`; only where it is ``alone``, and ``checked`` where it
         ``has_forms`` forms."""
         return self._equations.windows(rule, at, limits)
@@ -196,7 +196,7 @@ def compiled_program(compiled: Compiled) -> EquationsProgram | None:
 
     Ask for it by `Compiled.once`. Raises `MechanismError` where C is asked for and cannot be compiled.
     """
-    equations = written(compiled, traced_equations)
+    equations = written_equations(compiled, traced_equations)
     return None if isinstance(equations, str) else working(compiled, lambda: EquationsProgram(compiled, *equations))
 
 
@@ -214,7 +214,7 @@ Written: TypeAlias = tuple[WrittenEquations, tuple[Unknown, ...]]
 """A program and the unknowns that it follows."""
 
 
-def written(compiled: Compiled, traced: Callable[[Compiled], TracedEquations], kind: object = None) -> Written | str:
+def written_equations(compiled: Compiled, traced: Callable[[Compiled], TracedEquations], kind: object = None) -> Written | str:
     """The program of equations that are ``traced``, of some ``kind``, or why C does not have them, in words."""
     known = compiled.model.once(_known)
     start = compiled.angles.start
@@ -261,7 +261,7 @@ class TracedEquations(NamedTuple):
     outputs: tuple[list[Any], ...]
     freedoms: tuple[int, int]
     given: int
-    contacts: Contacts | None
+    contacts: ContactCounts | None
     followed: tuple[Unknown, ...]
 
 
@@ -279,7 +279,7 @@ class EquationsWriter:
     def __init__(self, compiled: Compiled):
         self.compiled, self.model, self.code = compiled, compiled.model, Code()
         self.took_over = compiled.angles.at.time > -np.inf  # from another chart
-        self.contacts: Contacts | None = None
+        self.contacts: ContactCounts | None = None
         self.followed: list[Unknown] = []  # in the order of the program's
         self.turned: dict[int, Any] = {}  # angles of groups from the start pose on, as far as something asks for them
         self.gone: dict[int, Any] = {}  # of rotation classes that drives turn, as far as something asks for them
@@ -293,13 +293,15 @@ class EquationsWriter:
                 drives.append((code.input(f"q[{k}]"), code.input(f"v[{k}]"), 0.0))
             else:
                 k = 3 * (d - sum(x < d for x in free))
-                drives.append(tuple(code.input(f"d[{k + i}]") for i in range(3)))  # type: ignore[arg-type]  # symbols stand for arrays
+                # symbols stand for arrays
+                drives.append(tuple(code.input(f"d[{k + i}]") for i in range(3)))  # type: ignore[arg-type]
         state = self._state([q for q, _, _ in drives])
         angles = self._angles(state)
         moving = self._motion(state, angles, drives, second=True)
         units = [self._motion(state, angles, [(q, 1.0 * (d == i), 0.0) for d, (q, _, _) in enumerate(drives)]) for i in free]
         states = integrating(self.compiled)
-        moving.states.update({e.name: code.input(f"v[{len(free) + i}]") for i, e in enumerate(states)})  # type: ignore[misc]  # symbols stand for arrays
+        # symbols stand for arrays
+        moving.states.update({e.name: code.input(f"v[{len(free) + i}]") for i, e in enumerate(states)})  # type: ignore[misc]
         with on_symbols("a load"):
             outputs, additional = self._reduced(moving, units)
             integrated = [self._operand(e.state_rate(moving)) for e in states]
@@ -348,7 +350,7 @@ class EquationsWriter:
         for block in model.blocks:
             if block.kind == "general":
                 state.near[block.name] = [self._near(*unknown) for unknown in block.unknowns]
-        place_all(model, state, [code.input(f"m[{k}]") for k in range(len(model.blocks))], tied=True)
+        place_all_symbols(model, state, [code.input(f"m[{k}]") for k in range(len(model.blocks))], tied=True)
         self.turned |= {g: state.angle[g] for g in model.multi_turn}
         return state
 

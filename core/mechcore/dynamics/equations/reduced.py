@@ -41,10 +41,10 @@ class ReducedEquations:
         rhs = self.force - self.bias
         if rhs.shape[1] == 1:
             return np.asarray(rhs / self.inertia[:, :, 0])
-        return solved(self.inertia, rhs)
+        return solve_frames(self.inertia, rhs)
 
 
-def solved(matrix: Real, rhs: Real) -> Real:
+def solve_frames(matrix: Real, rhs: Real) -> Real:
     """x (n, f) of matrix x = rhs, (n, f, f) and (n, f); not a number at frames where the matrix is singular."""
     try:
         return np.asarray(np.linalg.solve(matrix, rhs[..., None])[..., 0], float)
@@ -72,7 +72,7 @@ def constrained(inertia: Real, force: Real, jacobian: Real, second: Real | None 
         unknowns = np.asarray(np.linalg.solve(inertia, force[..., None])[..., 0], float)
     except np.linalg.LinAlgError:  # one of many, frame by frame
         each = np.broadcast_to(inertia, (*force.shape, force.shape[-1]))
-        unknowns = solved(each.reshape(-1, *each.shape[-2:]), force.reshape(-1, force.shape[-1])).reshape(force.shape)
+        unknowns = solve_frames(each.reshape(-1, *each.shape[-2:]), force.reshape(-1, force.shape[-1])).reshape(force.shape)
     if c == f:  # everything is held where nothing moves: rounding would have a direction
         unknowns[..., :f] *= (
             0.0 if second is None else second.reshape(len(second), *[1] * (force.ndim - 2), c).any(axis=-1, keepdims=True)

@@ -10,7 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from mechcore.arrays import Real, numbers
-from mechcore.compiled.collocation import Batch, BatchLimits, CollocationRule, WindowTrial
+from mechcore.compiled.collocation import BatchLimits, CollocationRule, WindowBatch, WindowTrial
 from mechcore.dynamics.integration.collocation import (
     Rule,
     System,
@@ -50,7 +50,7 @@ class WindowProgram(Protocol):
     def has_forms(self) -> bool: ...
     def near(self, q: Real, v: Real, t: Real) -> Real: ...
     def window(self, rule: CollocationRule, trial: WindowTrial) -> tuple[Real, int] | None: ...
-    def windows(self, rule: CollocationRule, at: Real, limits: BatchLimits) -> Batch: ...
+    def windows(self, rule: CollocationRule, at: Real, limits: BatchLimits) -> WindowBatch: ...
 
 
 class BreakpointFinder(Protocol):
@@ -404,7 +404,7 @@ class _Rows:
         return np.array(boundaries)
 
 
-def windows_of(batch: Batch) -> list[Window]:
+def windows_of(batch: WindowBatch) -> list[Window]:
     """The windows that a compiled program has made."""
     starts, lengths, cut, strain = (x.tolist() for x in (batch.starts, batch.lengths, batch.cut > 0.0, batch.strain))
     return list(map(Window, starts, lengths, batch.q, batch.v, batch.a, cut, strain))

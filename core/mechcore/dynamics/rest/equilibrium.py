@@ -277,7 +277,7 @@ class Fastest:
         )
 
 
-def beside(compiled: Compiled, q: Real) -> Real:
+def places_beside(compiled: Compiled, q: Real) -> Real:
     """A place (f,), and places beside it (n, f) from which slopes by the free coordinates follow."""
     shifts = (np.eye(len(q))[:, None, :] * NODES[None, :, None]).reshape(-1, len(q))
     return np.vstack([q[None], q + DIFFERENCE_STEP * compiled.once(coordinate_scales) * shifts])
@@ -285,7 +285,7 @@ def beside(compiled: Compiled, q: Real) -> Real:
 
 def vibrations(compiled: Compiled, forces: Real, inertia: Real) -> tuple[Real, Real, Real] | None:
     """Squares of the frequencies (f,) [rad^2/s^2] in order, shapes (f, f) in sizes of the coordinates, and the stiffness (c, f, f)
-    of each of the ``forces`` (c, n, f) at places `beside` one; the last of them counts. None where they are not known."""
+    of each of the ``forces`` (c, n, f) at places `places_beside` one; the last of them counts. None where they are not known."""
     scale, f = compiled.once(coordinate_scales), forces.shape[-1]
     by_q = np.einsum("cknj,n->cjk", forces[:, 1:].reshape(-1, f, len(NODES), f), DIFFERENCE_WEIGHTS) / (DIFFERENCE_STEP * scale)
     stiffness = -0.5 * (by_q + by_q.swapaxes(1, 2))
@@ -308,7 +308,7 @@ def fastest_vibration(compiled: Compiled, q: Real, v: Real) -> Fastest | None:
     springs = [load for load in compiled.mechanism.loads if isinstance(load, Spring | TorsionSpring | Bushing)]
     if not springs or not len(q):
         return None
-    scale, places = compiled.once(coordinate_scales), beside(compiled, q)
+    scale, places = compiled.once(coordinate_scales), places_beside(compiled, q)
     motion = motion_at(compiled, places, np.zeros_like(places), np.zeros(len(places)))
     units = tangents(motion, free_of(compiled))
     at_rest = reduced_equations(motion, units)

@@ -49,7 +49,7 @@ from mechcore.spec.mechanism import (
 )
 
 Movement = Literal["turn", "slide"]
-Kind = Literal["pin", "guide", "normal", "contact", "brake", "drive"]
+ElementKind = Literal["pin", "guide", "normal", "contact", "brake", "drive"]
 
 RESTING_SPEED = 1e-12  # relative speeds below this part of the largest of the whole mechanism: joints that never move
 
@@ -60,7 +60,7 @@ class Element:
 
     joint: str
     what: Movement
-    kind: Kind  # how the normal load follows from what the joint transmits
+    kind: ElementKind  # how the normal load follows from what the joint transmits
     friction: Friction
     factor: Values  # moment or force per normal load [m or 1] where it slides, a number or (F,)
     limit: Values  # the same up to which it sticks
@@ -157,16 +157,16 @@ def two_sided(motion: Motion) -> bool:
     return any(isinstance(p, CamJoint) and p.closure == "form" and friction_of(p) is not None for p in motion.mechanism.joints)
 
 
-def _parts(joint: Joint) -> list[tuple[Movement, Kind, float]]:
+def _parts(joint: Joint) -> list[tuple[Movement, ElementKind, float]]:
     """Movements that friction brakes in a joint, by which normal load, with which arm [m or 1] or, of a brake, effort [N m or
     N]."""
     f = friction_of(joint)
     if f is None:
         return []
-    parts: list[tuple[Movement, Kind, float]] = []
+    parts: list[tuple[Movement, ElementKind, float]] = []
     if isinstance(joint, Revolute | Prismatic | Cylinder):
         what: Movement = "turn" if isinstance(joint, Revolute) else "slide"
-        kind: Kind = "pin" if what == "turn" else "guide" if isinstance(joint, Prismatic) else "drive"
+        kind: ElementKind = "pin" if what == "turn" else "guide" if isinstance(joint, Prismatic) else "drive"
         arm = f.radius if what == "turn" else 1.0
         parts = [(what, kind, arm)] if f.coefficient and arm else []
         return [*parts, (what, "brake", f.brake)] if f.brake else parts
@@ -183,7 +183,7 @@ def _parts(joint: Joint) -> list[tuple[Movement, Kind, float]]:
     return [("turn", "normal" if isinstance(joint, Rolling) else "contact", f.lever)]
 
 
-def _factor(friction: Friction, kind: Kind, arm: float, coefficient: Values) -> Values:
+def _factor(friction: Friction, kind: ElementKind, arm: float, coefficient: Values) -> Values:
     """Moment or force per normal load at a coefficient of friction."""
     if kind == "brake" or friction.lever:
         return arm
@@ -202,7 +202,7 @@ def _element(
     motion: Motion,
     joint: Joint,
     what: Movement,
-    kind: Kind,
+    kind: ElementKind,
     arm: float,
     sense: Sense,
     flanks: Mapping[int, Values],

@@ -25,11 +25,11 @@ from mechcore.forces.friction.elements import Element, elements_of, two_sided
 from mechcore.forces.friction.normal_loads import NormalLoads, has_several_solutions, jacobian, solve_normal_loads, stability
 from mechcore.motion.at_once import indeterminate
 from mechcore.motion.motion import Motion
-from mechcore.numerics.frames import lazy, rows_of
+from mechcore.numerics.frames import lazy, plane_rows
 from mechcore.records import dataclass
 from mechcore.spec.mechanism import Revolute, braked, friction_of
 
-Transmitted = tuple[list[tuple[Plane, Values]], dict[str, tuple[Plane, Plane]], dict[int, Values]]
+TransmittedForces = tuple[list[tuple[Plane, Values]], dict[str, tuple[Plane, Plane]], dict[int, Values]]
 """Of each joint force and couple on its second link, of each relation place and force, and its multiplier: see `transmit`."""
 
 FLANK_ROUNDS = 8  # rounds in which the flanks of gears may change sides
@@ -105,8 +105,8 @@ def _refuse_indeterminate(motion: Motion) -> None:
 class Response:
     """``base``: transmitted without friction. ``units``: of each element, the same under its unit wrench alone."""
 
-    base: Transmitted
-    units: list[Transmitted]
+    base: TransmittedForces
+    units: list[TransmittedForces]
 
 
 def respond(
@@ -121,7 +121,7 @@ def respond(
     flanks = base[2] if flanks is None else flanks
     links, n = len(motion.model.links), len(elements)
     at_once = max(1, AT_ONCE // max(motion.frames, 1))
-    units: list[Transmitted] = []
+    units: list[TransmittedForces] = []
     for start in range(0, n, at_once):
         some = elements[start : start + at_once]
         own_force: list[Plane] = [0j] * links
@@ -135,7 +135,7 @@ def respond(
     return Response(base, units)
 
 
-def picked(together: Transmitted, shape: tuple[int, int]) -> list[Transmitted]:
+def picked(together: TransmittedForces, shape: tuple[int, int]) -> list[TransmittedForces]:
     """The parts of the elements of what several transmit side by side."""
     transmitted, contacts, multipliers = together
 
@@ -243,7 +243,7 @@ class FrictionResult:
 
     def applied(self, joint: str) -> Real:
         """Share of friction in the force [N] and couple [N m] on the second link (F, 3), beside what the joint transmits anyway."""
-        return rows_of(self.motion.shape, *self._applied_to(joint))
+        return plane_rows(self.motion.shape, *self._applied_to(joint))
 
     def _applied_to(self, joint: str) -> tuple[Plane, Values]:
         force: Plane = 0j
@@ -349,7 +349,7 @@ class FrictionResult:
         return float(np.trapezoid(p, self.motion.time)) if len(p) > 1 else float(p[0])
 
     @cached_property
-    def _transmitted(self) -> Transmitted:
+    def _transmitted(self) -> TransmittedForces:
         """Forces of the joints with friction, by superposition."""
         transmitted, contacts, multipliers = self._response.base
         values = [self.value(i) for i in range(len(self.elements))]

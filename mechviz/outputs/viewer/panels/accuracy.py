@@ -15,7 +15,7 @@ from mechviz.outputs.viewer import words
 from mechviz.outputs.viewer.server import Callback
 from mechviz.outputs.viewer.session import EditSession
 from mechviz.outputs.viewer.viser_adapter import uuid_of
-from mechviz.studies.precision import Point, ladder, pareto
+from mechviz.studies.precision import PrecisionPoint, ladder, pareto
 from mechviz.studies.precision_diagram import diagram, in_use, setting_changes, setting_words, target_changes
 
 AS_IT_IS = "as it is"
@@ -40,8 +40,8 @@ class AccuracyTab:
 
     def __init__(self, server: viser.ViserServer, tab: viser.GuiTabHandle, session: EditSession, callback: Callback):
         self._session = session
-        self._points: tuple[Point, ...] = ()
-        self._named: dict[str, Point] = {}
+        self._points: tuple[PrecisionPoint, ...] = ()
+        self._named: dict[str, PrecisionPoint] = {}
         self._measuring: threading.Thread | None = None
         gui = server.gui
         with tab:
@@ -82,7 +82,7 @@ class AccuracyTab:
     def _measure(self) -> None:
         run = self._session.run
         points = ladder(run.scene, run.accuracy.target, budget=0.02, only=SHOWN_SETTINGS)
-        named: dict[str, Point] = {}
+        named: dict[str, PrecisionPoint] = {}
         for setting in dict.fromkeys(p.setting for p in points):
             own = [p for p in points if p.setting == setting]
             front = {id(p) for p in pareto(own)}
@@ -92,7 +92,7 @@ class AccuracyTab:
         self.errors.content = self._said()
         self.choice.options = (AS_IT_IS, *named)
 
-    def _marked(self, points: list[Point] | tuple[Point, ...]) -> tuple[Point, ...]:
+    def _marked(self, points: list[PrecisionPoint] | tuple[PrecisionPoint, ...]) -> tuple[PrecisionPoint, ...]:
         """The settings, with those in use marked."""
         run = self._session.run
         return tuple(replace(p, current=in_use(run, p.setting, p.options)) for p in points)

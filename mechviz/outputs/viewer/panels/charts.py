@@ -18,7 +18,7 @@ from mechviz.outputs.viewer.world.constructions import readable_color
 HALO_STYLE = 'stroke="var(--mantine-color-body)" stroke-width="3" paint-order="stroke"'  # of the ground's colour: lines stay behind
 
 
-def svg_text(
+def svg_words(
     x: float, y: float, words: str, size: float, *, anchor: str = "middle", color: str = "currentColor", look: str = HALO_STYLE
 ) -> str:
     """An SVG element of ``words``, which are markup already, with their middle at a height; ``look``: more of its attributes."""
@@ -32,7 +32,7 @@ PICTURE_WIDTH, WORDS_HEIGHT = 330.0, 44.0  # of the picture, and of the words be
 MOST_STRIP_POINTS = 400  # of a strip, at most
 
 
-def chart_svg(diagram: Diagram, frame: int) -> str:
+def moving_diagram_svg(diagram: Diagram, frame: int) -> str:
     """The picture of a diagram at a frame."""
     parts = []
     for k, curve in enumerate(diagram.curves):
@@ -98,4 +98,4 @@ def _color(k: int) -> str:
 
 
 def _text(x: float, y: float, text: str, anchor: str, color: str = "currentColor") -> str:
-    return svg_text(x, y, escape(text), 10.5, anchor=anchor, color=color)
+    return svg_words(x, y, escape(text), 10.5, anchor=anchor, color=color)

@@ -12,7 +12,7 @@ from typing import Any
 import viser
 
 from mechviz.editor.parameters import GROUPS, Choice, Parameter, find_choices, find_parameters
-from mechviz.editor.rows import Row, find_rows
+from mechviz.editor.rows import NumberRow, find_rows
 from mechviz.outputs.viewer import words
 from mechviz.outputs.viewer.server import Callback, finite
 from mechviz.outputs.viewer.session import EditSession, Status
@@ -34,7 +34,7 @@ class Controls:
         self._parameters: dict[str, Parameter] = {}
         self.texts: dict[str, viser.GuiInputHandle[str]] = {}
         self._choices: dict[str, Choice] = {}
-        self._rows: dict[str, Row] = {}
+        self._rows: dict[str, NumberRow] = {}
         self._folders: list[viser.GuiFolderHandle] = []
         self._homes: dict[str, viser.GuiFolderHandle] = {}
         self._note: viser.GuiHtmlHandle | None = None
@@ -93,9 +93,9 @@ class Controls:
                 self._confirm(status)
             return
         self._faulty = True
-        text = words.fault(status.fault, p, status.value, status.reach)
+        text = words.refusal_words(status.fault, p, status.value, status.reach)
         placed = p is not None and status.key in self._homes
-        self.message.content = words.fault("", p, status.value, status.reach) if placed else text
+        self.message.content = words.refusal_words("", p, status.value, status.reach) if placed else text
         if placed:
             with self._homes[status.key]:
                 self._note = self._gui.add_html(text, order=self.sliders[status.key].order + 1e-6)
@@ -152,7 +152,7 @@ class Controls:
         chosen.on_update(self._callback(f"Changing {c.label}", partial(self._chosen, c.key)))
         self.lists[c.key] = chosen
 
-    def _add_text(self, r: Row) -> None:
+    def _add_text(self, r: NumberRow) -> None:
         text: Any = self._gui.add_text(r.title, r.text, multiline=True, hint=f"{r.key} of the scene file, with commas between")
         text.on_update(self._callback(f"Changing {r.title}", partial(self._typed, r.key)))
         self.texts[r.key] = text
@@ -163,7 +163,7 @@ class Controls:
             typed = text.value
             self._session.change(r.key, lambda draft: draft.changed(r.changes(typed)))
 
-    def _says(self, r: Row) -> bool:
+    def _says(self, r: NumberRow) -> bool:
         """Whether a text says the numbers of the scene, however it is written."""
         with contextlib.suppress(ValueError):
             return not r.changes(self.texts[r.key].value)

@@ -82,9 +82,9 @@ class Optimiser:
             optimum = optimise(search)
             self._take(search.problem, optimum.design)
             how = "Stopped: the best design so far." if search.interrupted else "Done."
-            self.report.content = words.table(f"{how} {search.evaluations} designs were looked at.", optimum.lines())
+            self.report.content = words.html_table(f"{how} {search.evaluations} designs were looked at.", optimum.lines())
         except MechanismError as error:
-            self.report.content = words.fault(" ".join(f"{f.message} {f.remedy}" for f in error.faults), None, 0.0, None)
+            self.report.content = words.refusal_words(" ".join(f"{f.message} {f.remedy}" for f in error.faults), None, 0.0, None)
         finally:
             self.start.visible, self.stop.visible = True, False
 
@@ -155,7 +155,7 @@ class StudyChart:
         self.chart.content = scatter(x, y, (str(self.across.value), str(self.up.value)), k, uuid)
         rows = [f"{escape(title)}: <b>{words.number(float(column[k]))}</b>" for title, column in self._columns.items()]
         why = self._study.reasons[k]
-        self.report.content = words.rows([f"Design {k}", *rows, *([escape(why)] if why else [])])
+        self.report.content = words.html_rows([f"Design {k}", *rows, *([escape(why)] if why else [])])
 
 
 def _number(values: Real) -> Real:

@@ -10,7 +10,7 @@ import numpy as np
 import viser
 
 from mechviz.outputs.viewer import words
-from mechviz.outputs.viewer.panels.plots import CURSOR_RATE, ROUND_OFF, Slot
+from mechviz.outputs.viewer.panels.plots import CURSOR_RATE, ROUND_OFF, PlotSlot
 from mechviz.outputs.viewer.playback import NumberTrack, PlotTrack
 from mechviz.outputs.viewer.server import Callback
 from mechviz.outputs.viewer.view_model import ViewModel
@@ -54,7 +54,7 @@ class DetailPanel:
             self._values = server.gui.add_html("")
         self.choice.on_update(callback("Looking closer", lambda _: self.look_at(self.choice.value)))
         self.item = items[0]
-        self.slot = Slot(server, tab, "Its plot", self._titles(), self._first(), self._axis())
+        self.slot = PlotSlot(server, tab, "Its plot", self._titles(), self._first(), self._axis())
         self.slot.choice.on_update(callback("Changing the plot", lambda _: self._plot(self.slot.choice.value)))
         self._read()
         self.show(0, False)

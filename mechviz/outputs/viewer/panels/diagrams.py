@@ -18,19 +18,18 @@ from mechcore.spec.mechanism import METRICS
 from mechviz.outputs.drawings import Curve as ChartCurve
 from mechviz.outputs.drawings import Diagram as Chart
 from mechviz.outputs.viewer import words
-from mechviz.outputs.viewer.panels.charts import chart_svg, svg_text
+from mechviz.outputs.viewer.panels.charts import moving_diagram_svg, svg_words
 from mechviz.outputs.viewer.server import Callback
 from mechviz.outputs.viewer.session import EditSession
-from mechviz.outputs.viewer.view_model import Rolling, ViewModel
+from mechviz.outputs.viewer.view_model import RollingCentrodes, ViewModel
 from mechviz.outputs.viewer.world.constructions import readable_color
 from mechviz.outputs.viewer.world.labels import LabelPlaces, half_sizes, parted
 from mechviz.outputs.viewer.world.marks import PATH_COLORS
 from mechviz.picture.constructions import Drawing
+from mechviz.picture.nodes import Color
 from mechviz.picture.overlays import FIXED_CENTRODE_COLOR, MOVING_CENTRODE_COLOR
 from mechviz.quantities.vectors import round_value
 from mechviz.scene.kinds.studies import PlanName
-
-Color = tuple[int, int, int]
 
 DIAGRAM_WIDTH, DIAGRAM_HEIGHT, DIAGRAM_MARGIN = 330.0, 300.0, 26.0  # [px]
 CENTRODE_RANGE = 1.5  # sizes of the mechanism beyond its bounds, where centrodes are cut off
@@ -53,7 +52,7 @@ NONE_OF_A_RECORDING = "The recording holds no diagrams. Press 'Edit this scene',
 
 
 @dataclass(frozen=True, eq=False)
-class Curve:
+class PlaneCurve:
     """A curve ``points`` (n,) of the plane, cut where it is not finite, with a dot at its place ``at`` (F,), in a ``color`` for a
     dark ground.
 
@@ -72,7 +71,7 @@ class Curve:
 
 
 @dataclass(frozen=True, eq=False)
-class Diagram:
+class MovingDiagram:
     """Something flat that moves: a drawing with arrows and points, or curves, in metres of a plane, one of which means
     ``per_metre`` of ``unit``."""
 
@@ -81,7 +80,7 @@ class Diagram:
     per_metre: float
     unit: str
     drawing: Drawing | None = None
-    curves: tuple[Curve, ...] = ()
+    curves: tuple[PlaneCurve, ...] = ()
 
     @cached_property
     def places(self) -> LabelPlaces:
@@ -91,17 +90,17 @@ class Diagram:
         return LabelPlaces(half_sizes(sides, 1.0), half_sizes(points, 1.0), ROOM_OF_LABELS)
 
 
-def diagrams_of(view_model: ViewModel) -> dict[str, Diagram | Chart]:
+def diagrams_of(view_model: ViewModel) -> dict[str, MovingDiagram | Chart]:
     """All diagrams of what is shown: the plans that its scene asks for, pole curves, paths of traced points, and charts."""
-    diagrams: dict[str, Diagram | Chart] = {}
+    diagrams: dict[str, MovingDiagram | Chart] = {}
     for drawing in view_model.drawings().values():
         title = drawing.title.split(":")[0]
-        curves: tuple[Curve, ...] = ()
+        curves: tuple[PlaneCurve, ...] = ()
         if drawing.name == "shaking":
             strokes = [(i.label, i.color, i.start + i.vector) for i in drawing.strokes]
-            curves = tuple(Curve(label, color, z[np.isfinite(z)], z) for label, color, z in strokes)
+            curves = tuple(PlaneCurve(label, color, z[np.isfinite(z)], z) for label, color, z in strokes)
         unit, factor = view_model.units.reads(drawing.unit)
-        diagrams[title] = Diagram(title, drawing.bounds, factor * drawing.per_metre, unit, drawing, curves)
+        diagrams[title] = MovingDiagram(title, drawing.bounds, factor * drawing.per_metre, unit, drawing, curves)
     for name, centrodes in view_model.centrodes().items():
         title = f"Polodes of {name}"
         diagrams[title] = _centrodes(view_model, centrodes, title, name)
@@ -109,7 +108,7 @@ def diagrams_of(view_model: ViewModel) -> dict[str, Diagram | Chart]:
         z = xyz[:, 0] + 1j * xyz[:, 1]
         title = f"Path of {name}"
         unit, factor = view_model.units.reads("m")
-        diagrams[title] = Diagram(title, _box([z]), factor, unit, curves=(Curve(name, PATH_COLORS[True], z, z),))
+        diagrams[title] = MovingDiagram(title, _box([z]), factor, unit, curves=(PlaneCurve(name, PATH_COLORS[True], z, z),))
     diagrams |= {chart.title: chart for chart in (*cam_charts(view_model), *view_model.charts())}
     return diagrams
 
@@ -129,7 +128,7 @@ def cam_charts(view_model: ViewModel) -> list[Chart]:
     return charts
 
 
-def _centrodes(view_model: ViewModel, centrodes: Rolling, title: str, name: str) -> Diagram:
+def _centrodes(view_model: ViewModel, centrodes: RollingCentrodes, title: str, name: str) -> MovingDiagram:
     """Both polodes of a link and its points: the moving one rolls on the fixed one with the link."""
     pose, size = view_model.poses[name], view_model.size
     fixed, moving = centrodes.fixed, centrodes.moving
@@ -143,19 +142,19 @@ def _centrodes(view_model: ViewModel, centrodes: Rolling, title: str, name: str)
     parts = [np.where(inside & ~jumps, part, np.nan) for part in (fixed, moving)]
     nowhere = np.full(len(pose), np.nan + 0j)
     curves = (
-        Curve(name, (188, 200, 220), centrodes.outline, nowhere, ride),
-        Curve("fixed polode", FIXED_CENTRODE_COLOR, parts[0], nowhere),
-        Curve("moving polode", MOVING_CENTRODE_COLOR, parts[1], np.where(inside, fixed, np.nan), ride),
+        PlaneCurve(name, (188, 200, 220), centrodes.outline, nowhere, ride),
+        PlaneCurve("fixed polode", FIXED_CENTRODE_COLOR, parts[0], nowhere),
+        PlaneCurve("moving polode", MOVING_CENTRODE_COLOR, parts[1], np.where(inside, fixed, np.nan), ride),
     )
     some = np.linspace(0, len(pose) - 1, min(len(pose), 24)).round().astype(int)
     unit, factor = view_model.units.reads("m")
-    return Diagram(title, _box([parts[0], *(curves[0].points_at(int(k)) for k in some)]), factor, unit, curves=curves)
+    return MovingDiagram(title, _box([parts[0], *(curves[0].points_at(int(k)) for k in some)]), factor, unit, curves=curves)
 
 
-def diagram_svg(diagram: Diagram | Chart, frame: int) -> str:
+def diagram_svg(diagram: MovingDiagram | Chart, frame: int) -> str:
     """The picture of a diagram at a frame."""
     if isinstance(diagram, Chart):
-        return chart_svg(diagram, frame)
+        return moving_diagram_svg(diagram, frame)
     low, high = diagram.bounds
     extent = np.maximum(high - low, 1e-300)
     scale = float(min((DIAGRAM_WIDTH - 2 * DIAGRAM_MARGIN) / extent[0], (DIAGRAM_HEIGHT - 2 * DIAGRAM_MARGIN) / extent[1]))
@@ -318,7 +317,7 @@ class Diagrams:
             self._picture.content = content
 
 
-def _scale_bar(diagram: Diagram, scale: float) -> str:
+def _scale_bar(diagram: MovingDiagram, scale: float) -> str:
     """A line of a round value, about a quarter of the picture long, with ``scale`` pixels a metre."""
     if not (diagram.per_metre > 0.0 and np.isfinite(diagram.per_metre)):
         return ""
@@ -342,7 +341,7 @@ def _arrow(start: tuple[float, float], end: tuple[float, float], color: str, pla
 
 
 def _text(at: tuple[float, float], text: str, color: str, anchor: str = "middle") -> str:
-    return svg_text(*at, _written(text), 11, anchor=anchor, color=color)
+    return svg_words(*at, _written(text), 11, anchor=anchor, color=color)
 
 
 def _written(label: str) -> str:

@@ -14,7 +14,7 @@ from mechcore.effects.registry import effects_of
 from mechcore.records import dataclass
 from mechcore.spec.mechanism import EFFECTS, Mechanism
 from mechviz.outputs.viewer import words
-from mechviz.outputs.viewer.panels.charts import svg_text
+from mechviz.outputs.viewer.panels.charts import svg_words
 from mechviz.outputs.viewer.server import Callback
 from mechviz.outputs.viewer.session import Contribution, EditSession
 from mechviz.outputs.viewer.view_model import ViewModel
@@ -28,7 +28,7 @@ BOX_LETTERS = (15, 13, 13)  # in a line of a box
 
 
 @dataclass(frozen=True)
-class Box:
+class StageBox:
     """A stage of the plan in a column (0: effects and loads, 1: quantities, 2: outputs); ``why`` it is computed or left out."""
 
     name: str
@@ -42,7 +42,7 @@ class Box:
 class PlanGraph:
     """Boxes, and arrows between them by name: the first calls for the second, or the second follows from the first."""
 
-    boxes: tuple[Box, ...]
+    boxes: tuple[StageBox, ...]
     arrows: tuple[tuple[str, str], ...]
 
 
@@ -50,12 +50,12 @@ def plan_graph(mechanism: Mechanism, plan: Plan) -> PlanGraph:
     """Graph of needs. An arrow goes to the highest derivative of the motion that an effect needs; those below follow."""
     stages = (*plan.computed, *plan.skipped)
     by_kind = {kind: [s for s in stages if s.kind is kind] for kind in StageKind}
-    boxes: list[Box] = []
+    boxes: list[StageBox] = []
     arrows: list[tuple[str, str]] = []
 
     def box(parts: Sequence[PlannedStage], label: str, column: int) -> str:
         on = any(s in plan.computed for s in parts)
-        boxes.append(Box(parts[0].name, label, column, on, "; ".join(dict.fromkeys(s.why for s in parts))))
+        boxes.append(StageBox(parts[0].name, label, column, on, "; ".join(dict.fromkeys(s.why for s in parts))))
         return parts[0].name
 
     named = len(mechanism.effects)  # those come first, then the loads
@@ -169,7 +169,7 @@ def _wrapped(text: str, letters: int) -> list[str]:
 
 
 def _text(x: float, y: float, text: str, more: str = "") -> str:
-    return svg_text(x, y, escape(text), 9.5, look=more)
+    return svg_words(x, y, escape(text), 9.5, look=more)
 
 
 class EffectsTab:

@@ -299,7 +299,7 @@ class Plots:
         return plot_file(kind, self._name, quantity, axis, beside.others, beside.half)
 
 
-class Slot:
+class PlotSlot:
     """One plot with the choice of its quantity and the values at the present frame; dashed beside the curves those of other
     designs that are compared, and around them their bands."""
 
@@ -451,7 +451,7 @@ class Slot:
         return 0.0 if abs(value) <= self._least else float(value)
 
 
-class SharedSlot(Slot):
+class SharedSlot(PlotSlot):
     """A plot that shows several quantities of one unit, can be saved as a file and taken away."""
 
     def __init__(

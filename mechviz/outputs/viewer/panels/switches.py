@@ -14,7 +14,7 @@ from mechviz.outputs.viewer.view_model import ViewModel
 from mechviz.outputs.viewer.viser_adapter import uuid_of
 from mechviz.outputs.viewer.world.camera import VIEW_PRESETS, reset_to
 from mechviz.outputs.viewer.world.scene import Scene3D
-from mechviz.quantities.vectors import FAMILIES, FORCE_FAMILIES
+from mechviz.quantities.vectors import FORCE_FAMILIES, VECTOR_FAMILIES
 
 SIZE_FAMILIES = {"Size of forces": FORCE_FAMILIES, "Size of velocities": ("velocity",), "Size of accelerations": ("acceleration",)}
 CAMERA_HINT = "2D is straight on and hardly has a perspective: there dragging moves the picture; elsewhere it turns the view"
@@ -48,8 +48,8 @@ class Switches:
             reset_to(server, uuid_of(self.cameras), VIEW_PRESETS["front"].label)
             self.arrows = gui.add_folder("Arrows")
             with self.arrows:
-                for name in FAMILIES:
-                    label, hint = FAMILIES[name].label, FAMILIES[name].meaning
+                for name in VECTOR_FAMILIES:
+                    label, hint = VECTOR_FAMILIES[name].label, VECTOR_FAMILIES[name].meaning
                     box = gui.add_checkbox(label, scene.arrows.is_on(name), hint=hint)
                     box.on_update(callback(f"Switching {label}", partial(self._switch, name)))
                     self.families[name] = box

@@ -12,7 +12,7 @@ import numpy as np
 import viser
 
 from mechcore.arrays import Complex
-from mechcore.design.burmester import Poses
+from mechcore.design.burmester import BodyPositions
 from mechcore.design.paths import PathDesign
 from mechcore.errors import Fault, MechanismError
 from mechcore.spec.mechanism import Mechanism, Revolute
@@ -37,7 +37,7 @@ def is_four_bar(mechanism: Mechanism) -> bool:
     return len(mechanism.links) == 4 and len(joints) == 4 and all(isinstance(joint, Revolute) for joint in joints)
 
 
-class Synthesis:
+class SynthesisTab:
     """Positions and a path in one tab; what is found takes the place of the four-bar, as an edit that can be undone."""
 
     def __init__(
@@ -46,7 +46,7 @@ class Synthesis:
         with tab:
             server.gui.add_html(words.hint("What is found takes the place of this four-bar. Undo brings it back."))
             self.positions = Positions(server, server.gui.add_folder("Positions"), session, callback)
-            self.drawing = Drawing(server, server.gui.add_folder("Path"), session, callback, release)
+            self.drawing = CurveSketch(server, server.gui.add_folder("Path"), session, callback, release)
 
     def update(self, view_model: ViewModel) -> None:
         """Take what another run shows."""
@@ -54,7 +54,7 @@ class Synthesis:
         self.drawing.update(view_model)
 
 
-def rows(choices: Iterable[str]) -> str:
+def solution_rows(choices: Iterable[str]) -> str:
     """Solutions by their numbers, in one line."""
     return "; ".join(f"{k}: {one}" for k, one in enumerate(choices, 1))
 
@@ -69,14 +69,14 @@ def tell(node: viser.GuiHtmlHandle, content: str) -> None:
 FEWEST_POSITIONS, MOST_POSITIONS = 2, 5
 
 
-def moved(poses: Poses, k: int, place: complex, angle: float) -> Poses:
+def with_moved_pose(poses: BodyPositions, k: int, place: complex, angle: float) -> BodyPositions:
     """Poses of which one is elsewhere."""
     places, angles = poses.places.copy(), poses.angles.copy()
     places[k], angles[k] = place, angle
-    return Poses(places, angles)
+    return BodyPositions(places, angles)
 
 
-def lengthened(poses: Poses) -> Poses:
+def lengthened(poses: BodyPositions) -> BodyPositions:
     """Poses with one more, about as far behind the last as that is behind the one before. Raises `MechanismError` at the most."""
     if len(poses.places) >= MOST_POSITIONS:
         raise MechanismError(
@@ -85,17 +85,17 @@ def lengthened(poses: Poses) -> Poses:
     step = poses.places[-1] - poses.places[-2]
     turn = float(np.angle(poses.turns[-1] / poses.turns[-2]))
     place = poses.places[-1] + 0.8 * step * np.exp(0.5j * turn)  # not in line with the others: that leaves little to choose from
-    return Poses(np.append(poses.places, place), np.append(poses.angles, poses.angles[-1] + 0.8 * turn))
+    return BodyPositions(np.append(poses.places, place), np.append(poses.angles, poses.angles[-1] + 0.8 * turn))
 
 
-def shortened(poses: Poses) -> Poses:
+def shortened(poses: BodyPositions) -> BodyPositions:
     """Poses without the last. Raises `MechanismError` where two are left."""
     if len(poses.places) <= FEWEST_POSITIONS:
         raise MechanismError(Fault("positions", "two positions are the fewest.", "Move them instead."))
-    return Poses(poses.places[:-1], poses.angles[:-1])
+    return BodyPositions(poses.places[:-1], poses.angles[:-1])
 
 
-def _poses(session: EditSession) -> Poses:
+def _poses(session: EditSession) -> BodyPositions:
     """The poses for which a scene was made; of another four-bar those of its coupler in the first quarter of its run."""
     scene, mechanism = session.run.scene, session.run.scene.mechanism
     given = poses_in(scene)
@@ -106,7 +106,7 @@ def _poses(session: EditSession) -> Poses:
     frames = np.linspace(0, (len(session.run.motion.time) - 1) // 4, 3).astype(int)
     x, y, angle = session.run.motion.pose(coupler.name)[frames].T
     traced = next((complex(*coupler.points[point]) for link, point in mechanism.traced if link == coupler.name), 0j)
-    return Poses(x + 1j * y + traced * np.exp(1j * angle), angle)
+    return BodyPositions(x + 1j * y + traced * np.exp(1j * angle), angle)
 
 
 class Positions:
@@ -142,20 +142,22 @@ class Positions:
         self._place(view_model)
         self._explain()
 
-    def drafted(self, draft: Draft, poses: Poses, choice: int) -> Draft:
+    def drafted(self, draft: Draft, poses: BodyPositions, choice: int) -> Draft:
         """A draft of the four-bar of a number (1: the best) for poses. Raises `MechanismError` where there is none."""
         choices = motion_choices(poses)
         self._choices = choices
         made = choices[min(max(choice, 1), len(choices)) - 1]
         return replace(draft, document=motion_solutions(poses, [made])[0].scene.document)
 
-    def ask(self, what: str, poses: Poses) -> None:
+    def ask(self, what: str, poses: BodyPositions) -> None:
         """Have the four-bar of other positions shown; ``what`` is changed, so that a drag becomes one step to undo."""
         self._session.change(f"positions: {what}", partial(self.drafted, poses=poses, choice=int(self.choice.value)))
 
     def _explain(self) -> None:
         """Say which four-bars there are."""
-        listed = rows(one.defects or self._session.view_model.units.text(one.transmission, "rad", 2) for one in self._choices)
+        listed = solution_rows(
+            one.defects or self._session.view_model.units.text(one.transmission, "rad", 2) for one in self._choices
+        )
         tell(self.report, words.hint(f"Least transmission angle, or defects, of each solution. {listed}") if listed else "")
 
     def _place(self, view_model: ViewModel) -> None:
@@ -188,11 +190,11 @@ class Positions:
         x, y, _ = (float(v) for v in event.target.position)
         w, _, _, z = (float(v) for v in event.target.wxyz)
         if self._held < 0 and np.isfinite([x, y, w, z]).all() and k < len(self.poses.places):
-            self.ask(f"number {k + 1}", moved(self.poses, k, complex(x, y), 2.0 * float(np.arctan2(z, w))))
+            self.ask(f"number {k + 1}", with_moved_pose(self.poses, k, complex(x, y), 2.0 * float(np.arctan2(z, w))))
 
 
 # -- paths ------------------------------------------------------------------------------------------------------------
-class Drawing:
+class CurveSketch:
     """A curve that is drawn with the mouse on a sheet before the mechanism, and a number that chooses among the four-bars that
     follow it. ``release``: of the browser in which one was drawn, whose view is then fitted to the four-bar."""
 
@@ -230,7 +232,7 @@ class Drawing:
         self._stroke = []
         self._place(view_model)
         listed = self._designs[1] if self._known(self.wanted) else []
-        lines = rows(_quality(one, view_model.units) for one in listed)
+        lines = solution_rows(_quality(one, view_model.units) for one in listed)
         tell(self.report, words.hint(f"Distance (root mean square) and least transmission angle of each. {lines}") if lines else "")
 
     def drafted(self, draft: Draft, points: Complex, choice: int) -> Draft:
@@ -289,7 +291,7 @@ class Drawing:
         """The mouse has moved; where its button is let go, four-bars are looked for."""
         if event.phase == "start":
             self._stroke = [complex(*event.start_position[:2])]
-        spot = on_sheet(event.client.camera.position, event.end_position, float(event.start_position[2]))
+        spot = sheet_place(event.client.camera.position, event.end_position, float(event.start_position[2]))
         if spot is not None and (not self._stroke or spot != self._stroke[-1]):
             self._stroke.append(spot)
         self._trace(np.array(self._stroke))
@@ -306,7 +308,7 @@ def _quality(made: PathDesign, units: Units) -> str:
     return f"{units.text(distance, 'm', 3)}, {units.text(angle, 'rad', 2)}"
 
 
-def on_sheet(eye: object, seen: object, height: float) -> complex | None:
+def sheet_place(eye: object, seen: object, height: float) -> complex | None:
     """Where the line from the eye through a place that is seen meets the sheet of a height; None where it does not. All in m."""
     start, along = np.asarray(eye, float), np.asarray(seen, float) - np.asarray(eye, float)
     with np.errstate(all="ignore"):

@@ -36,7 +36,7 @@ def shade(severity: float) -> str:
     return "#" + "".join(f"{round(a + (b - a) * part):02x}" for a, b in zip(low, high, strict=True))
 
 
-def columns(severity: Real, count: int = STRIP_COLUMNS) -> Real:
+def worst_in_columns(severity: Real, count: int = STRIP_COLUMNS) -> Real:
     """The worst of each of ``count`` equal stretches of frames: a single bad frame is seen."""
     edges = np.linspace(0, len(severity), min(count, len(severity)) + 1).astype(int)
     return np.maximum.reduceat(severity, edges[:-1])
@@ -54,7 +54,7 @@ def health_svg(health: Sequence[Health], events: Sequence[Event], time: Real) ->
         said = in_words(h)
         y = k * (ROW_HEIGHT + ROW_GAP)
         row = [f"<title>{escape(said)}</title>"]
-        steps = np.round(columns(h.severity) * SHADE_COUNT).astype(int)
+        steps = np.round(worst_in_columns(h.severity) * SHADE_COUNT).astype(int)
         starts = np.flatnonzero(np.diff(steps, prepend=-1))
         per = STRIP_WIDTH / len(steps)
         for first, after in zip(starts, [*starts[1:], len(steps)], strict=True):

@@ -11,7 +11,7 @@ import viser
 from mechcore.arrays import Flags, Real, Single
 from mechviz.outputs.viewer.playback import PointTrack, ragged
 from mechviz.outputs.viewer.view_model import ViewModel
-from mechviz.picture.nodes import Arc, Arrow
+from mechviz.picture.nodes import Arrow, MomentArc
 from mechviz.picture.proportions import (
     ARC_RADIUS,
     ARC_TIP,
@@ -23,7 +23,7 @@ from mechviz.picture.proportions import (
     arc_corners,
     arc_faces,
 )
-from mechviz.quantities.vectors import FAMILIES
+from mechviz.quantities.vectors import VECTOR_FAMILIES
 
 ARC_STEPS = 40
 LARGEST_TURN = 1.8 * np.pi
@@ -51,7 +51,7 @@ def arc_vertices(centre: Real, turn: float, radius: float, width: float, z: floa
     return np.column_stack([flat.real, flat.imag, np.full(len(flat), z)]).astype(np.float32)
 
 
-class Told(NamedTuple):
+class ArrowValues(NamedTuple):
     """What a node draws over the run: ``values`` (F, n) in an SI unit ``si``, and where each arrow begins (an arc: its middle) and
     ends, ``starts`` and ``tips`` (F, n, 3) [m], NaN where it is not drawn."""
 
@@ -76,15 +76,15 @@ class ArrowNodes:
     def __init__(self, server: viser.ViserServer, view_model: ViewModel):
         self._server = server
         self._size = view_model.size  # shafts and heads keep the size of the mechanism as it was opened
-        self._on, self._dark = dict.fromkeys(FAMILIES, False), False
-        self._factors = dict.fromkeys(FAMILIES, 1.0)
+        self._on, self._dark = dict.fromkeys(VECTOR_FAMILIES, False), False
+        self._factors = dict.fromkeys(VECTOR_FAMILIES, 1.0)
         self._nodes: dict[str, viser.ArrowsHandle] = {}
         self._arcs: dict[tuple[str, str], viser.MeshHandle] = {}
         self.update(view_model)
 
     def update(self, view_model: ViewModel) -> None:
         """Take the vectors and moments of ``view_model`` from the next ``show(frame)`` on."""
-        self._present = tuple(family for family in FAMILIES if family in view_model.families)
+        self._present = tuple(family for family in VECTOR_FAMILIES if family in view_model.families)
         self._scales = view_model.scales
         self._tracks: dict[str, tuple[Real, Real, Real]] = {}
         for family, arrows in arrows_by_family(view_model).items():
@@ -95,8 +95,8 @@ class ArrowNodes:
         for family, node in self._nodes.items():
             if family not in self._tracks:
                 node.visible = False
-        self._turns: dict[tuple[str, str], tuple[Arc, Real, Real]] = {}
-        for arc in view_model.picture.of(Arc):
+        self._turns: dict[tuple[str, str], tuple[MomentArc, Real, Real]] = {}
+        for arc in view_model.picture.of(MomentArc):
             moment, key = arc.moment, (arc.moment.family, arc.moment.item)
             if key not in self._arcs:
                 self._arcs[key] = self._add_arc(*key)
@@ -137,7 +137,7 @@ class ArrowNodes:
         for (family, _), arc in self._arcs.items():
             arc.color = self._color(family)
 
-    def enlarge(self, factor: float, families: Iterable[str] = tuple(FAMILIES)) -> None:
+    def enlarge(self, factor: float, families: Iterable[str] = tuple(VECTOR_FAMILIES)) -> None:
         """Draw the arrows of some families longer by a factor from the next ``show`` on."""
         for family in families:
             self._factors[family] = factor
@@ -192,23 +192,25 @@ class ArrowNodes:
                 counts = np.array([0 if c is None else values.shape[1] for c in corners])
                 yield PointTrack(arc_path(*key), "vertices", values, counts)
 
-    def told(self) -> Iterator[Told]:
+    def told(self) -> Iterator[ArrowValues]:
         """What each node draws over the run."""
         for family, (origins, lengths, z) in self._tracks.items():
             drawn = lengths * self._factors[family]
             with np.errstate(invalid="ignore"):
                 seen = np.hypot(drawn[..., 0], drawn[..., 1]) >= LEAST_ARROW * self._size
             sizes = np.hypot(lengths[..., 0], lengths[..., 1]) * self._scales.per_metre(family)
-            yield Told(f"/vectors/{family}", family, FAMILIES[family].unit, sizes, *_ends(origins, origins + drawn, z, seen))
+            yield ArrowValues(
+                f"/vectors/{family}", family, VECTOR_FAMILIES[family].unit, sizes, *_ends(origins, origins + drawn, z, seen)
+            )
         for key, (arc, origins, turns) in self._turns.items():
             turn = np.clip(turns * self._factors[key[0]], -LARGEST_TURN, LARGEST_TURN)
             tips = origins + arc.radius * np.stack([np.cos(turn), np.sin(turn)], axis=1)
             seen, z = np.abs(turn) >= ARC_TIP, np.array([arc.height])
             ends = _ends(origins[:, None], tips[:, None], z, seen[:, None])
-            yield Told(arc_path(*key), key[0], "N m", np.asarray(arc.moment.value)[:, None], *ends)
+            yield ArrowValues(arc_path(*key), key[0], "N m", np.asarray(arc.moment.value)[:, None], *ends)
 
     def _color(self, family: str) -> tuple[int, int, int]:
-        return FAMILIES[family].on_dark if self._dark else FAMILIES[family].color
+        return VECTOR_FAMILIES[family].on_dark if self._dark else VECTOR_FAMILIES[family].color
 
     def _add_arrows(self, family: str) -> viser.ArrowsHandle:
         return self._server.scene.add_arrows(

@@ -15,7 +15,7 @@ from mechviz.outputs.viewer.world.solids import link_path
 from mechviz.picture.nodes import Body, Lines, Mesh
 from mechviz.picture.proportions import STRUT_COLOR
 from mechviz.picture.surface_marks import SHEET_COLOR, STROKE_COLOR
-from mechviz.quantities.vectors import FAMILIES
+from mechviz.quantities.vectors import VECTOR_FAMILIES
 
 BODY_GROUPS = ("springs", "roller", "belt")
 
@@ -111,7 +111,7 @@ def _same(a: Mesh, b: Mesh) -> bool:
 
 LINE_COLORS = {
     "springs": (STRUT_COLOR, (176, 188, 204)),
-    "friction": (FAMILIES["friction"].color, FAMILIES["friction"].on_dark),
+    "friction": (VECTOR_FAMILIES["friction"].color, VECTOR_FAMILIES["friction"].on_dark),
     "ink": ((28, 44, 96), STROKE_COLOR),
     "sheet": ((150, 156, 168), SHEET_COLOR),
 }

@@ -149,7 +149,7 @@ class FittedCameras:
     looked at only when nothing has changed for a while, and every view that was ever set counts as not moved by the user.
     """
 
-    def __init__(self, server: viser.ViserServer, bounds: Real, core: Real, stage: Stage):
+    def __init__(self, server: viser.ViserServer, bounds: Real, core: Real, stage: Backdrop):
         self._server, self._bounds, self._core, self._stage = server, bounds, core, stage
         self._known: dict[int, list[View]] = {}  # by browser: the views that it has been given
         self._presets: dict[int, str] = {}  # by browser
@@ -271,7 +271,7 @@ def grid_cell(size: float, units: Units) -> float:
     return float(decade * max(step for step in (1.0, 2.0, 5.0) if step * decade <= wanted * (1.0 + 1e-9)) / factor)
 
 
-class Stage:
+class Backdrop:
     """Lights, and a grid below the mechanism or in the plane behind everything, light or dark as the page is.
 
     The lights are our own: viser's default environment reflects a city in the arrows, so that they lose the colours of the legend,

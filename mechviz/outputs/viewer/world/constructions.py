@@ -22,11 +22,9 @@ from mechviz.outputs.viewer.world.bodies import segments
 from mechviz.outputs.viewer.world.labels import LabelPlaces, half_sizes, typeset
 from mechviz.outputs.viewer.world.solids import link_path
 from mechviz.picture.centres import CENTRE_GROUPS
-from mechviz.picture.constructions import Drawing, rows_of
-from mechviz.picture.nodes import ArrowSet, Lines, Node, Points
+from mechviz.picture.constructions import Drawing, grid_columns
+from mechviz.picture.nodes import ArrowSet, Color, Lines, Node, Points
 from mechviz.picture.overlays import HIDDEN_DIAGRAMS, INVERSION_GROUP, INVERSION_TITLE, SECTION_DIAGRAMS
-
-Color = tuple[int, int, int]
 
 BARB_LENGTH = 0.035  # length of the lines of an arrow's head, in sizes of the mechanism; of short arrows a third of their length
 BARB_ANGLE = 0.36  # [rad]
@@ -97,7 +95,7 @@ def placed(mechanism: Real, boxes: Sequence[Real], gap: float, caption: float, a
     widths, heights = [float(s[0]) + gap for s in sizes], [float(s[1]) + gap + caption for s in sizes]
     shifts: list[complex] = []
     y = float(mechanism[1, 1])
-    for row in rows_of([width / aspect for width in widths], heights):
+    for row in grid_columns([width / aspect for width in widths], heights):
         x = float(mechanism[0, 0])
         for i in row:
             if i:

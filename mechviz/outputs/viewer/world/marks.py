@@ -11,14 +11,14 @@ import numpy as np
 import viser
 
 from mechcore.arrays import Real, Single
-from mechviz.outputs.viewer.playback import packed
+from mechviz.outputs.viewer.playback import base64_of
 from mechviz.outputs.viewer.view_model import ViewModel
 from mechviz.outputs.viewer.viser_adapter import Posed, run_script
 from mechviz.outputs.viewer.world.arrows import ArrowNodes, arc_path, arrows_by_family
 from mechviz.outputs.viewer.world.labels import LABEL_ANCHORS, corners, half_sizes
 from mechviz.outputs.viewer.world.solids import link_path
-from mechviz.picture.nodes import Arc, Points
-from mechviz.quantities.vectors import FAMILIES
+from mechviz.picture.nodes import MomentArc, Points
+from mechviz.quantities.vectors import VECTOR_FAMILIES
 
 PATH_COLORS = {False: (32, 78, 138), True: (122, 178, 242)}  # light, dark: colour of paths
 PICKED_COLOR = (194, 37, 92)  # colour of the joint that is looked at
@@ -88,7 +88,7 @@ class Paths:
         return {dot_path(name): (xyz, None) for name, xyz in self._places.items()}
 
 
-class Joints:
+class JointMarks:
     """A dot at every joint that can be clicked, with the names beside it, driven ones marked.
 
     Joints that stay at one place share a dot and a label. ``clicked(names, event)`` is called when somebody clicks on a dot.
@@ -254,13 +254,13 @@ def _path(name: str) -> str:
 
 HOVER_SCRIPT = Path(__file__).with_name("hover.js").read_text(encoding="utf-8")
 
-Name = tuple[str, str, tuple[str, ...]]
+JointName = tuple[str, str, tuple[str, ...]]
 KIND_WORDS = {"pin_slot": "pin in a slot"}
 
 
-def hover_names(view_model: ViewModel) -> dict[str, Name]:
+def hover_names(view_model: ViewModel) -> dict[str, JointName]:
     """By the node that is drawn: what it is called, more words, and the names of its parts where it draws several things."""
-    hovered: dict[str, Name] = {}
+    hovered: dict[str, JointName] = {}
     for link in view_model.poses:
         hovered[link_path(link)] = (f"link {link}", "the fixed link" if link == view_model.frame else "click to look closer", ())
     driven = {drive.name for drive in view_model.drives}
@@ -272,13 +272,13 @@ def hover_names(view_model: ViewModel) -> dict[str, Name]:
     for name in view_model.paths:
         hovered[dot_path(name)] = (f"point {name}", "a traced point, on its path", ())
     for family, arrows in arrows_by_family(view_model).items():
-        kind = FAMILIES[family]
+        kind = VECTOR_FAMILIES[family]
         items = tuple(f"{kind.label}: {arrow.vector.item}" for arrow in arrows)
         hovered[f"/vectors/{family}"] = (kind.label, f"{kind.meaning} [{view_model.units.reads(kind.unit)[0]}]", items)
     moment = f"a moment [{view_model.units.reads('N m')[0]}]"
-    for arc in view_model.picture.of(Arc):
+    for arc in view_model.picture.of(MomentArc):
         family, item = arc.group, arc.moment.item
-        hovered[arc_path(family, item)] = (f"{FAMILIES[family].label}: {item}", moment, ())
+        hovered[arc_path(family, item)] = (f"{VECTOR_FAMILIES[family].label}: {item}", moment, ())
     return hovered
 
 
@@ -306,12 +306,12 @@ def hover_values(view_model: ViewModel, arrows: ArrowNodes) -> dict[str, dict[st
         largest = float(np.max(np.abs(each.values), initial=0.0, where=np.isfinite(each.values)))
         values[each.node] = {
             "unit": unit,
-            "color": "rgb({},{},{})".format(*FAMILIES[each.family].on_dark),
+            "color": "rgb({},{},{})".format(*VECTOR_FAMILIES[each.family].on_dark),
             "count": each.values.shape[1],
             "nothing": ROUNDING_SHARE * factor * largest,
-            "values": packed(factor * each.values),
-            "starts": packed(each.starts),
-            "tips": packed(each.tips),
+            "values": base64_of(factor * each.values),
+            "starts": base64_of(each.starts),
+            "tips": base64_of(each.tips),
         }
     return values
 

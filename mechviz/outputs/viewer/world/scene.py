@@ -13,13 +13,13 @@ import viser
 from mechcore.arrays import Real
 from mechviz.outputs.viewer.playback import PointTrack, PoseTrack
 from mechviz.outputs.viewer.view_model import ViewModel
-from mechviz.outputs.viewer.viser_adapter import Posed, place
+from mechviz.outputs.viewer.viser_adapter import Posed, send_poses
 from mechviz.outputs.viewer.world.arrows import ArrowNodes
 from mechviz.outputs.viewer.world.bodies import BodyNodes, LineNodes
-from mechviz.outputs.viewer.world.camera import FittedCameras, Stage, set_first_view
+from mechviz.outputs.viewer.world.camera import Backdrop, FittedCameras, set_first_view
 from mechviz.outputs.viewer.world.constructions import PlanNodes
 from mechviz.outputs.viewer.world.labels import prepare
-from mechviz.outputs.viewer.world.marks import Joints, Masses, Paths, path_segments
+from mechviz.outputs.viewer.world.marks import JointMarks, Masses, Paths, path_segments
 from mechviz.outputs.viewer.world.solids import SolidNodes, quaternions
 from mechviz.picture.nodes import Body
 
@@ -51,7 +51,7 @@ class Scene3D:
         compared = {} if compared is None else compared
         prepare(server)
         with server.atomic():
-            self.stage = Stage(server, view_model.bounds, view_model.size, view_model.units)
+            self.stage = Backdrop(server, view_model.bounds, view_model.size, view_model.units)
             self.ghosts = {name: Ghost(server, other, f"/beside_{k}") for k, (name, other) in enumerate(compared.items())}
             self.links = SolidNodes(server, view_model, clicked_link)
             self.arrows = ArrowNodes(server, view_model)
@@ -59,7 +59,7 @@ class Scene3D:
             self._lines = LineNodes(server, view_model)
             self._bodies = BodyNodes(server, view_model)
             self._masses = Masses(server, view_model)
-            self.joints = Joints(server, view_model, clicked_joints)
+            self.joints = JointMarks(server, view_model, clicked_joints)
             self.plans = PlanNodes(server, view_model)
         self._posed: tuple[Any, ...] = (self.links, *self.ghosts.values(), self._paths, self.joints, self._bodies)
         for family in self.arrows.families:
@@ -115,7 +115,7 @@ class Scene3D:
 
     def show(self, frame: int) -> None:
         """Bring everything to a frame, in one piece for the browsers."""
-        place(self._server, chain.from_iterable(nodes.poses(frame) for nodes in self._posed))
+        send_poses(self._server, chain.from_iterable(nodes.poses(frame) for nodes in self._posed))
         self.arrows.show(frame)
         self._lines.show(frame)
         self._bodies.show(frame)

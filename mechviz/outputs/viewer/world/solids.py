@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from mechcore.arrays import Integers, Real, Single
 from mechviz.meshes.shading import components
-from mechviz.outputs.viewer.view_model import Body, Piece, ViewModel
+from mechviz.outputs.viewer.view_model import ColoredPart, LinkSolid, ViewModel
 from mechviz.outputs.viewer.viser_adapter import Posed
 from mechviz.picture.nodes import Body as BodyNode
 from mechviz.picture.proportions import about_z
@@ -19,7 +19,7 @@ from mechviz.picture.proportions import about_z
 CUT_SHADE = 0.8  # the cut itself beside the rest of the part
 
 
-def shells(piece: Piece) -> Integers:
+def shells(piece: ColoredPart) -> Integers:
     """The number of the closed part that each vertex (V,) of a piece belongs to; vertices at one place belong together."""
     places, same = np.unique(piece.vertices, axis=0, return_inverse=True)
     corners = same.reshape(-1)[piece.faces.astype(np.int64)]
@@ -27,7 +27,7 @@ def shells(piece: Piece) -> Integers:
     return np.asarray(components(len(places), edges[:, 0], edges[:, 1])[same.reshape(-1)], np.int64)
 
 
-def sectioned(body: Body, height: float) -> Body:
+def sectioned(body: LinkSolid, height: float) -> LinkSolid:
     """A body without what lies before z = ``height`` [m].
 
     All parts are plates: a part that the plane passes through is pushed flat onto it, which closes it with its own outline, and one
@@ -50,13 +50,13 @@ def sectioned(body: Body, height: float) -> Body:
         flat = (vertices[faces, 2] == np.float32(height)).all(axis=1)  # in the plane
         red, green, blue = (int(CUT_SHADE * c) for c in piece.color)
         pieces += [_part(vertices, faces[~flat], piece.color), _part(vertices, faces[flat], (red, green, blue))]
-    return body if body.whole else Body(tuple(piece for piece in pieces if len(piece.faces)))
+    return body if body.whole else LinkSolid(tuple(piece for piece in pieces if len(piece.faces)))
 
 
-def _part(vertices: Single, faces: NDArray[np.uint32], color: tuple[int, int, int]) -> Piece:
+def _part(vertices: Single, faces: NDArray[np.uint32], color: tuple[int, int, int]) -> ColoredPart:
     """Some faces with the vertices that they use."""
     used, own = np.unique(faces, return_inverse=True)
-    return Piece(vertices[used], own.reshape(-1, 3).astype(np.uint32), color)
+    return ColoredPart(vertices[used], own.reshape(-1, 3).astype(np.uint32), color)
 
 
 HAIRLINE = 2e-4  # of the mechanism's size
@@ -98,10 +98,10 @@ class SolidNodes:
         self._picked = ""
         self._height: float | None = None
         self._size = view_model.size
-        self._drawn: dict[str, Body] = {}
+        self._drawn: dict[str, LinkSolid] = {}
         self._nodes: dict[str, viser.FrameHandle] = {}
         self._meshes: dict[str, list[viser.MeshHandle]] = {}
-        self._bodies: Mapping[str, Body] = {}
+        self._bodies: Mapping[str, LinkSolid] = {}
         self._moving: dict[str, tuple[Real, Real]] = {}
         self.update(view_model)
 
@@ -139,7 +139,7 @@ class SolidNodes:
                 if link in self._nodes:
                     self._shape(link, self._cut_body(link, body))
 
-    def _cut_body(self, link: str, body: Body) -> Body:
+    def _cut_body(self, link: str, body: LinkSolid) -> LinkSolid:
         """A body without what lies before the cut, a hair apart from those of other links: faces in one plane would flicker."""
         if self._height is None:
             return body
@@ -154,7 +154,7 @@ class SolidNodes:
                 if tuple(mesh.color) != color:
                     mesh.color = color
 
-    def _color_of(self, link: str, piece: Piece) -> tuple[int, int, int]:
+    def _color_of(self, link: str, piece: ColoredPart) -> tuple[int, int, int]:
         if link != self._picked:
             return piece.color
         red, green, blue = (round(c + HIGHLIGHT_SHARE * (m - c)) for c, m in zip(piece.color, HIGHLIGHT_COLOR, strict=True))
@@ -169,7 +169,7 @@ class SolidNodes:
         """By the name of a node: its places (F, 3) and turns (F, 4) over the frames."""
         return {link_path(link): (position, turn) for link, (turn, position) in self._moving.items()}
 
-    def _shape(self, link: str, body: Body) -> None:
+    def _shape(self, link: str, body: LinkSolid) -> None:
         """Draw a link's pieces: other vertices where the faces are the same, else other meshes."""
         meshes = self._meshes.get(link, [])
         old, self._drawn[link] = self._drawn.get(link), body
@@ -202,7 +202,7 @@ class SolidNodes:
         mesh.on_click(hit)
 
 
-def _same_faces(a: Body, b: Body) -> bool:
+def _same_faces(a: LinkSolid, b: LinkSolid) -> bool:
     """Whether two bodies differ in the places of their vertices only."""
     return len(a.pieces) == len(b.pieces) and all(
         p.faces is q.faces and p.color == q.color for p, q in zip(a.pieces, b.pieces, strict=True)

@@ -12,13 +12,13 @@ from mechcore.arrays import Complex, Real
 from mechcore.cams.placement.plane import PlacedCam
 from mechcore.forces.cam_rating import placed_cams
 from mechviz.meshes.kinds.cam_profiles import profile_points
-from mechviz.outputs.viewer.view_model import Body, Piece
+from mechviz.outputs.viewer.view_model import ColoredPart, LinkSolid
 
 if TYPE_CHECKING:
     from mechcore.motion.motion import Motion
 
 
-Points = Mapping[str, tuple[float, float]]
+PointPlaces = Mapping[str, tuple[float, float]]
 WEIGHT_POWER = 2  # weights fall with this power of the squared distance: around a point the solid moves as a whole
 
 
@@ -49,7 +49,7 @@ def warped(xy: Real, before: Real, after: Real) -> Real:
     return np.asarray(xy + weights @ moves)
 
 
-def warped_body(body: Body, before: Points, after: Points) -> Body:
+def warped_body(body: LinkSolid, before: PointPlaces, after: PointPlaces) -> LinkSolid:
     """A body whose link's points have moved; itself where they have not."""
     names = [name for name in before if name in after]
     old, new = (np.array([p[n] for n in names], float).reshape(-1, 2) for p in (before, after))
@@ -59,7 +59,7 @@ def warped_body(body: Body, before: Points, after: Points) -> Body:
     for piece in body.pieces:
         vertices = piece.vertices.copy()
         vertices[:, :2] = warped(piece.vertices[:, :2].astype(float), old, new)
-        pieces.append(Piece(vertices, piece.faces, piece.color))
+        pieces.append(ColoredPart(vertices, piece.faces, piece.color))
     return replace(body, pieces=tuple(pieces))
 
 
@@ -77,10 +77,10 @@ def cam_profiles(motion: Motion) -> dict[str, tuple[str, Any]]:
 
 
 def stretched_cams(
-    bodies: Mapping[str, Body], before: Mapping[str, tuple[str, Any]], after: Mapping[str, tuple[str, Any]]
-) -> dict[str, Body]:
+    bodies: Mapping[str, LinkSolid], before: Mapping[str, tuple[str, Any]], after: Mapping[str, tuple[str, Any]]
+) -> dict[str, LinkSolid]:
     """The bodies of cams whose profiles are others now, by link; the rest is not among them."""
-    new_bodies: dict[str, Body] = {}
+    new_bodies: dict[str, LinkSolid] = {}
     for name, (link, old) in before.items():
         if name not in after or link not in bodies:
             continue
@@ -96,7 +96,7 @@ def stretched_cams(
                 break
             w = new.own + new.mount * moved
             pieces.append(
-                Piece(np.column_stack([w.real, w.imag, piece.vertices[:, 2]]).astype(np.float32), piece.faces, piece.color)
+                ColoredPart(np.column_stack([w.real, w.imag, piece.vertices[:, 2]]).astype(np.float32), piece.faces, piece.color)
             )
         else:
             new_bodies[link] = replace(bodies[link], pieces=tuple(pieces))

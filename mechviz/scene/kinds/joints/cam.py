@@ -13,7 +13,7 @@ from mechcore.errors import Fault, MechanismError
 from mechcore.spec.mechanism import CamJoint, Joint, SpatialBlank
 from mechcore.texts import as_angle, as_length
 from mechviz.scene.faults import did_you_mean
-from mechviz.scene.fields import Table, Unknown
+from mechviz.scene.fields import DocumentTable, UnknownName
 from mechviz.scene.kinds.cam_files import read_dxf, read_points
 from mechviz.scene.kinds.drives import LiftoffDocument
 from mechviz.scene.kinds.friction import ROLLER
@@ -42,7 +42,7 @@ _FINEST_UNIT = 1e-9  # of a drawing [m]
 _SMALL = 1e-6  # the roller from which the least is looked for [m]
 
 
-class CamKeys(Table):
+class CamKeys(DocumentTable):
     """The keyword of cams, and the keys that only they have."""
 
     cam: TwoLinks | None = None
@@ -306,9 +306,9 @@ def _check_cam(reading: Reading, path: str, joint: JointDocument) -> Iterator[Fa
     if joint.profile is not None and joint.profile.bed is not None:
         wanted.append((f"{path}.profile.bed", joint.profile.bed, cam, ("prismatic",)))
     for where, name, link, kinds in wanted:
-        if isinstance(name, Unknown) or link not in document.links or reading.shapeless:
+        if isinstance(name, UnknownName) or link not in document.links or reading.shapeless:
             continue
-        if name in document.joints and any(isinstance(own, Unknown) for own in document.joints[name].links):
+        if name in document.joints and any(isinstance(own, UnknownName) for own in document.joints[name].links):
             continue
         guides = [key for key, other in document.joints.items() if other.kind in kinds and link in other.links]
         if name not in guides and "*" not in reading.broken["joints"]:
@@ -317,13 +317,13 @@ def _check_cam(reading: Reading, path: str, joint: JointDocument) -> Iterator[Fa
             message = f"'{name}' is no {words} joint of '{link}'." if known else f"there is no joint '{name}'."
             near = did_you_mean(name, guides, what=f"Joints that guide '{link}'")
             yield Fault(where, message, near or f"Add a {words} joint that guides '{link}'.")
-    if joint.follower is not None and not isinstance(joint.follower.point, Unknown):
+    if joint.follower is not None and not isinstance(joint.follower.point, UnknownName):
         owner = follower if joint.follower.groove is None else cam
         yield from known_point(reading, f"{path}.follower.point", owner, joint.follower.point)
         if joint.follower.groove is not None and joint.closure != "form" and not joint.invalid_keys:
             yield Fault(f"{path}.follower.groove", "a groove where closure is 'force'.", "Add closure = 'form'.")
         second = joint.follower.second
-        if second is not None and not isinstance(second.point, Unknown):
+        if second is not None and not isinstance(second.point, UnknownName):
             yield from known_point(reading, f"{path}.follower.second.point", follower, second.point)
         if second is not None and joint.closure != "form" and not joint.invalid_keys:
             yield Fault(f"{path}.follower.second", "a second roller where closure is 'force'.", "Add closure = 'form'.")

@@ -15,21 +15,21 @@ from mechviz.scene.fields import (
     Angle,
     Coordinate,
     Direction,
+    DocumentTable,
     Effort,
     Extent,
     Flag,
     Number,
     Point,
     Pressure,
-    Quantity,
+    QuantityMark,
     Range,
     Size,
-    Table,
     Text,
-    Unknown,
+    UnknownName,
     describe,
     one_of,
-    refuse,
+    raise_faults,
 )
 from mechviz.scene.kinds.segments import LawDocument, LiftSegment, RadiusSegment
 from mechviz.scene.names import FileName
@@ -45,7 +45,7 @@ FACES = ("knife", "roller", "mushroom", "flat", "groove")
 LEAST = "least"
 
 
-class SecondDocument(Table):
+class SecondDocument(DocumentTable):
     """The second roller of a conjugate pair."""
 
     roller: Size
@@ -54,7 +54,7 @@ class SecondDocument(Table):
     """Its centre, a point of the follower on the other side of the cam's axis."""
 
 
-class FollowerDocument(Table):
+class FollowerDocument(DocumentTable):
     """The follower: the face that touches the cam, and its guide."""
 
     groove: Size | None = None
@@ -62,7 +62,7 @@ class FollowerDocument(Table):
     (closure = "form")."""
     knife: Flag | None = None
     """A knife edge, true."""
-    roller: Annotated[float | str, Quantity(("length",), "above zero", word=LEAST)] | None = None
+    roller: Annotated[float | str, QuantityMark(("length",), "above zero", word=LEAST)] | None = None
     """Radius of a roller; "least": the least that keeps to the limit of the rating's Hertz pressure on a disc with a lift."""
     mushroom: Size | None = None
     """Radius of an arc face."""
@@ -96,11 +96,11 @@ class FollowerDocument(Table):
             for key in ("tilt", "face"):
                 if key in self.model_fields_set:
                     wrong.append((key, f"{key} goes with a flat face.", "Leave it out."))
-        refuse(wrong)
+        raise_faults(wrong)
         return self
 
 
-class EccentricDocument(Table):
+class EccentricDocument(DocumentTable):
     """A circular disc."""
 
     radius: Size
@@ -109,7 +109,7 @@ class EccentricDocument(Table):
     """Its centre, in the axes of the cam's link."""
 
 
-class BlankDocument(Table):
+class BlankDocument(DocumentTable):
     """The blank of a barrel or end cam."""
 
     radius: Size
@@ -122,7 +122,7 @@ class BlankDocument(Table):
     """Barrel: an indexing cam for a turret of so many rollers, which goes on by one of them every turn. base is left out."""
 
 
-class GloboidDocument(Table):
+class GloboidDocument(DocumentTable):
     """The blank of a globoidal cam."""
 
     depth: Size
@@ -131,10 +131,10 @@ class GloboidDocument(Table):
     """An indexing cam for a turret of so many rollers, which goes on by one of them every turn. base is left out."""
 
 
-class ProfileDocument(Table):
+class ProfileDocument(DocumentTable):
     """How the cam is made: base circle and lift, or a given profile."""
 
-    base: Annotated[float | str, Quantity(("length",), word=LEAST)] | None = None
+    base: Annotated[float | str, QuantityMark(("length",), word=LEAST)] | None = None
     """Radius of the base circle; "least": the least that keeps to pressure_limit, curvature_limit and hub.
     Barrel, end, globoid: place of the roller along the axis at zero lift, from the cam's pin.
     Of a wedge: height of the profile at zero lift above the line of its own point.
@@ -244,7 +244,7 @@ class ProfileDocument(Table):
             wrong.append((kind, "all segments are dwells: nothing moves.", "Give one of them an end, to = ..."))
         if kind == "outline" and self.bulges is not None and self.outline is not None and len(self.bulges) != len(self.outline):
             wrong.append(("bulges", f"{len(self.bulges)} bulges for {len(self.outline)} corners.", "Give one for every corner."))
-        refuse(wrong)
+        raise_faults(wrong)
         return self
 
 
@@ -262,7 +262,7 @@ _FEWEST, _MOST = 4, 100_000  # steps of a turn
 _THINNEST = 1e-9  # width of a contact [m]
 
 
-class RatingDocument(Table):
+class RatingDocument(DocumentTable):
     """By what the contact of a cam is judged."""
 
     width: Size | None = None
@@ -289,17 +289,17 @@ class RatingDocument(Table):
             if getattr(self, key) is not None and self.width is None and self.has_valid("width"):
                 wrong.append((key, f"{key} without a width of the contact.", 'Add width = "12 mm".'))
         for k, name in enumerate(self.materials or []):
-            if not isinstance(name, Unknown) and isinstance(name, str) and name not in MATERIALS:
+            if not isinstance(name, UnknownName) and isinstance(name, str) and name not in MATERIALS:
                 near = did_you_mean(name, MATERIALS, what="Materials")
                 wrong.append((f"materials[{k}]", f"'{name}' is no material.", near or "Give modulus = [...] instead."))
         for k, ratio in enumerate(self.poisson or []):
             if isinstance(ratio, float) and not -1.0 < ratio <= 0.5:
                 wrong.append((f"poisson[{k}]", f"{ratio:g} is no Poisson's ratio.", "Metals have 0.25 to 0.35, none is above 0.5."))
-        refuse(wrong)
+        raise_faults(wrong)
         return self
 
 
-class GraphicalDocument(Table):
+class GraphicalDocument(DocumentTable):
     """The lift by the graphical method of the lecture, beside the exact one."""
 
     step: Angle

@@ -14,7 +14,7 @@ from pydantic import Field, model_validator
 from mechcore.errors import Fault
 from mechcore.spec.mechanism import Joint
 from mechviz.scene.convert import Converter
-from mechviz.scene.fields import Direction, OneOrTwoNames, one_of, refuse
+from mechviz.scene.fields import Direction, OneOrTwoNames, one_of, raise_faults
 from mechviz.scene.kinds.drives import DriveDocument, FreeDocument, StopDocument
 from mechviz.scene.kinds.friction import FrictionDocument, friction_faults
 from mechviz.scene.kinds.joints.cam import CAMS, CamKeys
@@ -29,13 +29,13 @@ if TYPE_CHECKING:
     from mechviz.scene.reading.recovery import Reading
 
 
-KINDS: Mapping[str, JointKind] = {**LOWER, **WHEELS, **CAMS}
+JOINT_KINDS: Mapping[str, JointKind] = {**LOWER, **WHEELS, **CAMS}
 """The kinds of joints by their keywords."""
 
 _MODES = ("side", "assembly", "branch")
 
 
-class CommonKeys(KindTable):
+class JointKeys(KindTable):
     """The keys of joints of several kinds."""
 
     at: OneOrTwoNames | None = None
@@ -60,15 +60,15 @@ class CommonKeys(KindTable):
     """End stops of this joint, where something is free."""
 
 
-class JointDocument(CommonKeys, CamKeys, WheelKeys, LowerKeys):
+class JointDocument(JointKeys, CamKeys, WheelKeys, LowerKeys):
     """A kinematic pair between two links."""
 
-    KINDS: ClassVar[Mapping[str, JointKind]] = KINDS
+    KINDS: ClassVar[Mapping[str, JointKind]] = JOINT_KINDS
 
     @property
     def traits(self) -> JointKind:
         """Its kind."""
-        return KINDS[self.kind]
+        return JOINT_KINDS[self.kind]
 
     @property
     def links(self) -> tuple[str, str]:
@@ -93,8 +93,8 @@ class JointDocument(CommonKeys, CamKeys, WheelKeys, LowerKeys):
 
     @model_validator(mode="after")
     def _one_joint(self) -> JointDocument:
-        wrong: list[tuple[str, str, str]] = one_of(self, tuple(KINDS), "the joint")
-        refuse([*wrong, *self._two_modes(_MODES)] if wrong else [])
+        wrong: list[tuple[str, str, str]] = one_of(self, tuple(JOINT_KINDS), "the joint")
+        raise_faults([*wrong, *self._two_modes(_MODES)] if wrong else [])
         kind = self.traits
         if self.links[0] == self.links[1]:
             wrong.append((self.kind, f"joins '{self.links[0]}' to itself.", "Name two different links."))
@@ -113,7 +113,7 @@ class JointDocument(CommonKeys, CamKeys, WheelKeys, LowerKeys):
             wrong.append((modes[0], f"{modes[0]} on {what} decides.", f"Leave out {modes[0]}."))
         if self.drive is not None and self.free is not None:
             wrong.append(("free", "free and drive at once: either forces or the drive decide the motion.", "Keep one of them."))
-        refuse(wrong)
+        raise_faults(wrong)
         return self
 
     def says(self, key: str) -> bool:

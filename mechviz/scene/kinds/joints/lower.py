@@ -8,7 +8,7 @@ from typing import Annotated, Any
 from pydantic import Discriminator, Field, Tag
 
 from mechcore.spec.mechanism import Cylinder, Joint, PinSlot, Planar, Prismatic, Revolute, Screw, Weld
-from mechviz.scene.fields import Angle, Length, Size, Table, Text, value_or_list
+from mechviz.scene.fields import Angle, DocumentTable, Length, Size, Text, value_or_list
 from mechviz.scene.kinds.friction import PIN, PIN_IN_SLOT, SEALS, SLIDER, THREAD, ClearanceDocument
 from mechviz.scene.kinds.kind import JointKind, JointMaker
 from mechviz.scene.names import TwoLinks
@@ -19,7 +19,7 @@ Ends = Annotated[Annotated[Size, Tag("<value>")] | Annotated[TwoEnds, Tag("<list
 MOTION = ("friction", "drive", "free", "stops")
 
 
-class LowerKeys(Table):
+class LowerKeys(DocumentTable):
     """The keywords of these joints, and the keys that only they have."""
 
     revolute: TwoLinks | None = None

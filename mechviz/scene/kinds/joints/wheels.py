@@ -14,7 +14,7 @@ from mechcore.spec.mechanism import Belt, Gear, Joint, Rack, Rolling
 from mechcore.texts import as_angle, as_length
 from mechviz.scene.convert import Converter
 from mechviz.scene.faults import did_you_mean, listing
-from mechviz.scene.fields import Angle, Flag, Size, Table, Text, Unknown
+from mechviz.scene.fields import Angle, DocumentTable, Flag, Size, Text, UnknownName
 from mechviz.scene.kinds.friction import LEVER
 from mechviz.scene.kinds.kind import JointKind, JointMaker
 from mechviz.scene.names import LinkName, TwoLinks, link_names, points_of_joint
@@ -32,7 +32,7 @@ _FIT = 1e-3  # radii are stated with few digits: how far they may miss the dista
 _STEEPEST = math.radians(45.0)  # pressure angles of real teeth lie between 14.5 and 30 degrees
 
 
-class WheelKeys(Table):
+class WheelKeys(DocumentTable):
     """The keywords of these joints, and the keys that only they have."""
 
     rolling: TwoLinks | None = None
@@ -183,13 +183,13 @@ def carrier_of(document: SceneDocument, joint: JointDocument) -> str | None:
 def _unclear(reading: Reading) -> bool:
     """Whether it is not known of some joint which links it joins, so that it may be the one that is missed."""
     joints = reading.document.joints.values()
-    doubtful = any(len(joint.kinds) > 1 or any(isinstance(link, Unknown) for link in joint.links) for joint in joints)
+    doubtful = any(len(joint.kinds) > 1 or any(isinstance(link, UnknownName) for link in joint.links) for joint in joints)
     return bool(reading.shapeless) or doubtful or "*" in reading.broken["joints"]
 
 
 def _check_carrier(reading: Reading, path: str, joint: JointDocument) -> Iterator[Fault]:
     document, links = reading.document, link_names(reading)
-    if isinstance(joint.carrier, Unknown):
+    if isinstance(joint.carrier, UnknownName):
         return
     if joint.carrier in joint.links:
         yield Fault(

@@ -13,7 +13,7 @@ from pydantic import ConfigDict, model_validator
 from mechcore.errors import Fault
 from mechcore.spec.loads import Load
 from mechviz.scene.convert import Converter
-from mechviz.scene.fields import Coefficients, Force, QuadraticCoefficient, one_of, refuse
+from mechviz.scene.fields import Coefficients, Force, QuadraticCoefficient, one_of, raise_faults
 from mechviz.scene.kinds.drives import DriveDocument
 from mechviz.scene.kinds.kind import LINEAR, KindTable, LoadKind, LoadMaker
 from mechviz.scene.kinds.loads.gas import GAS, GasKeys
@@ -27,11 +27,11 @@ if TYPE_CHECKING:
     from mechviz.scene.reading.recovery import Reading
 
 
-KINDS: Mapping[str, LoadKind] = {**PRESCRIBED, **SPRINGS, **GAS, **MACHINES}
+LOAD_KINDS: Mapping[str, LoadKind] = {**PRESCRIBED, **SPRINGS, **GAS, **MACHINES}
 """The kinds of loads by their keywords."""
 
 
-class CommonKeys(KindTable):
+class LoadKeys(KindTable):
     """The keys of loads of several kinds."""
 
     thrust: Force | None = None
@@ -58,22 +58,22 @@ class CommonKeys(KindTable):
     """How a resisting load is classed. Default: process forces useful, friction and media harmful."""
 
 
-class LoadDocument(CommonKeys, MachineKeys, GasKeys, SpringKeys, PrescribedKeys):
+class LoadDocument(LoadKeys, MachineKeys, GasKeys, SpringKeys, PrescribedKeys):
     """A load: exactly one of the keys from force to governor, which name its kind, and what goes with that kind."""
 
-    KINDS: ClassVar[Mapping[str, LoadKind]] = KINDS
+    KINDS: ClassVar[Mapping[str, LoadKind]] = LOAD_KINDS
     EVERY = ("use",)
 
-    model_config = ConfigDict(json_schema_extra={"oneOf": [{"required": [key, *kind.needs]} for key, kind in KINDS.items()]})
+    model_config = ConfigDict(json_schema_extra={"oneOf": [{"required": [key, *kind.needs]} for key, kind in LOAD_KINDS.items()]})
 
     @property
     def traits(self) -> LoadKind:
         """Its kind."""
-        return KINDS[self.kind]
+        return LOAD_KINDS[self.kind]
 
     @model_validator(mode="after")
     def _one_load(self) -> LoadDocument:
-        refuse(one_of(self, tuple(KINDS), "the load"))
+        raise_faults(one_of(self, tuple(LOAD_KINDS), "the load"))
         kind = self.traits
         wrong = self.misfits(f"the {self.kind}")
         if kind.some and all(getattr(self, key) is None for key in kind.some):
@@ -94,7 +94,7 @@ class LoadDocument(CommonKeys, MachineKeys, GasKeys, SpringKeys, PrescribedKeys)
         ends = getattr(self, self.kind)
         if kind.between and isinstance(ends, list) and ends[0] == ends[1]:
             wrong.append((self.kind, f"acts between '{ends[0]}' and itself.", "Name two different ones."))
-        refuse(wrong)
+        raise_faults(wrong)
         return self
 
     def instead(self, key: str) -> str:
@@ -108,7 +108,7 @@ def check_loads(reading: Reading) -> Iterator[Fault]:
         path = f"loads.{name}"
         yield from check_prescribed(reading, load, path)
         for kind in load.kinds:
-            if (check := KINDS[kind].check) is not None:
+            if (check := LOAD_KINDS[kind].check) is not None:
                 yield from check(reading, f"{path}.{kind}", getattr(load, kind))
         yield from known_drive(reading, f"{path}.drive", load.drive)
         yield from check_factor(reading, load, path)
@@ -120,7 +120,7 @@ def load_specs(name: str, load: LoadDocument, reading: Reading, convert: Convert
     made: list[tuple[Load, ...]] = []
     for kind in load.kinds:
         try:
-            spec = KINDS[kind].make(LoadMaker(name, load, reading, convert, leader))
+            spec = LOAD_KINDS[kind].make(LoadMaker(name, load, reading, convert, leader))
             made.append(spec if isinstance(spec, tuple) else () if spec is None else (spec,))
         except (AssertionError, ArithmeticError, IndexError, TypeError, ValueError):
             if not reading.faults:

@@ -7,17 +7,17 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
-from mechcore.laws.indicator import Compressor, Cycle, Diagram, FourStroke, FourStrokeDiagram
+from mechcore.laws.indicator import Compressor, Cycle, FourStroke, FourStrokeDiagram, IndicatorDiagram
 from mechcore.spec.loads import GasPressure, Load
 from mechcore.texts import as_length
 from mechviz.scene.fields import (
     Coordinate,
+    DocumentTable,
     Length,
     Pressure,
     Size,
-    Table,
     Text,
-    refuse,
+    raise_faults,
 )
 from mechviz.scene.kinds.kind import AtLeastOne, LoadKind, LoadMaker, NotNegative, Positive
 from mechviz.scene.names import Reference
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     pass
 
 
-class CompressorDocument(Table):
+class CompressorDocument(DocumentTable):
     """The cycle of a compressor with clearance: compression, delivery, re-expansion, suction."""
 
     suction: Pressure
@@ -39,7 +39,7 @@ class CompressorDocument(Table):
     """Volume at top dead centre over the swept volume."""
 
 
-class FourStrokeDocument(Table):
+class FourStrokeDocument(DocumentTable):
     """The cycle of a four-stroke engine over two turns of the drive."""
 
     ratio: Positive
@@ -61,11 +61,11 @@ class FourStrokeDocument(Table):
     def _makes_sense(self) -> FourStrokeDocument:
         if self.ratio <= self.cutoff:
             hint = "Give a ratio such as 9, or a smaller cutoff."
-            refuse([("ratio", f"{self.ratio:g} is no greater than the cutoff, {self.cutoff:g}.", hint)])
+            raise_faults([("ratio", f"{self.ratio:g} is no greater than the cutoff, {self.cutoff:g}.", hint)])
         return self
 
 
-class DiagramDocument(Table):
+class DiagramDocument(DocumentTable):
     """A measured indicator diagram: absolute pressures over the displacement from top dead centre."""
 
     displacement: Annotated[list[Length], Field(min_length=2)]
@@ -98,14 +98,14 @@ class DiagramDocument(Table):
         for key in self.branches:
             if self.has_valid(key, "displacement") and len(getattr(self, key)) != n:
                 wrong.append((key, f"{len(getattr(self, key))} pressures and {n} displacements.", "Give one pressure for each."))
-        refuse(wrong)
+        raise_faults(wrong)
         return self
 
 
 PistonName = Annotated[Text, Reference("joint", ("prismatic", "cylinder"), "sliding joint")]
 
 
-class GasKeys(Table):
+class GasKeys(DocumentTable):
     """The keyword of gas pressure, and the keys that only it has."""
 
     gas: PistonName | None = None
@@ -211,7 +211,7 @@ def _diagram(m: LoadMaker, stroke: float) -> Cycle | None:
         branches[key] = None if not whole else m.spline(x, y, f"{path}.displacement", smooth=False)
     if any(branch is None for branch in branches.values()):
         return None
-    return Diagram(stroke=stroke, **branches) if "outward" in branches else FourStrokeDiagram(stroke=stroke, **branches)
+    return IndicatorDiagram(stroke=stroke, **branches) if "outward" in branches else FourStrokeDiagram(stroke=stroke, **branches)
 
 
 _CYCLES = ("compressor", "four_stroke", "diagram")

@@ -17,10 +17,10 @@ from mechviz.scene.fields import (
     AngularSpeed,
     Coefficient,
     Coordinate,
+    DocumentTable,
     IntegralGain,
     Power,
     Stiffness,
-    Table,
     Text,
     TorsionalGain,
     table_or_value,
@@ -36,13 +36,15 @@ if TYPE_CHECKING:
     from mechviz.scene.reading.recovery import Reading
 
 
-Target = Annotated[Annotated[Coordinate, Tag("<value>")] | Annotated[DriveDocument, Tag("<table>")], Discriminator(table_or_value)]
+ServoTarget = Annotated[
+    Annotated[Coordinate, Tag("<value>")] | Annotated[DriveDocument, Tag("<table>")], Discriminator(table_or_value)
+]
 
 
 ServoName = Annotated[Text, Reference("joint", ("revolute", "prismatic", "pin_slot", "cylinder"), "revolute or sliding joint")]
 
 
-class MachineKeys(Table):
+class MachineKeys(DocumentTable):
     """The keywords of these loads, and the keys that only they have."""
 
     dc_motor: Text | None = None
@@ -75,7 +77,7 @@ class MachineKeys(Table):
     """Governor: torque per speed that is missing."""
     limits: Annotated[list[TorqueValue], Field(min_length=2, max_length=2)] | None = None
     """Governor: least and greatest torque."""
-    target: Target | None = None
+    target: ServoTarget | None = None
     """Servo: the wanted coordinate, times a signal if one is given; or a law of motion, by the keys of a drive."""
     proportional: Stiffness | None = None
     """Servo: torque per angle, or force per length, that the joint is behind its target."""

@@ -13,7 +13,7 @@ from mechcore.laws.timed import Table as Interpolation
 from mechcore.spec.loads import Actuator, Factor, Force, Load, Polynomial, Torque
 from mechviz.scene.convert import LARGEST_VALUE, probable_sort
 from mechviz.scene.faults import listing
-from mechviz.scene.fields import ForceVector, Table, Text, value_or_list
+from mechviz.scene.fields import DocumentTable, ForceVector, Text, value_or_list
 from mechviz.scene.fields import Torque as TorqueValue
 from mechviz.scene.kinds.kind import LoadKind, LoadMaker, different_links
 from mechviz.scene.kinds.signals import SIGNALS, FactorPolynomial, FactorTable, signal_of
@@ -41,7 +41,7 @@ FACTORS = ("table", "polynomial", *SIGNALS)
 """Keys by which a load is multiplied by a factor: one of them at most."""
 
 
-class PrescribedKeys(Table):
+class PrescribedKeys(DocumentTable):
     """The keywords of these loads, and the keys that only they have."""
 
     force: ForceVector | None = None

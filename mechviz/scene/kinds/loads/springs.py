@@ -22,10 +22,10 @@ from mechcore.spec.loads import (
 from mechcore.texts import as_force
 from mechviz.scene.fields import (
     Angle,
+    DocumentTable,
     Extent,
     Size,
     Stiffnesses,
-    Table,
     Text,
 )
 from mechviz.scene.fields import Force as ForceValue
@@ -40,7 +40,7 @@ MovingJoint = Annotated[Text, Reference("joint", what="joint that moves", fits=l
 BeltName = Annotated[Text, Reference("joint", ("belt", "chain"), "belt or chain")]
 
 
-class SpringKeys(Table):
+class SpringKeys(DocumentTable):
     """The keywords of these loads, and the keys that only they have."""
 
     spring: TwoPoints | None = None
