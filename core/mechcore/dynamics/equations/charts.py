@@ -135,7 +135,7 @@ def states_beside(q: Real, v: Real, t: Real, steps: tuple[Real, Real], *, itself
         many[0, k, :, k] += steps[0][k]
         many[1, f + k, :, k] += steps[1][k]
     many_q, many_v = many.reshape(2, m * n, f)
-    return many_q, many_v, np.tile(t, m)
+    return many_q, many_v, np.concatenate([t] * m)
 
 
 def quotients(changed: Real, steps: tuple[Real, Real]) -> tuple[Real, Real]:

@@ -98,12 +98,11 @@ def steps_of_differences(compiled: Compiled, q: Real, v: Real, a: Real) -> tuple
     matter; states of effects that integrate, whose scales nobody knows, count as coordinates of scale 1.
     """
     scales = compiled.once(coordinate_scales)
-    f = len(scales)
-    pace = max(float((np.abs(v[:, :f]) / scales).max()), float(np.sqrt((np.abs(a[:, :f]) / scales).max()))) or 1.0
-    scales = np.append(scales, np.ones(q.shape[1] - f))
-    return DIFFERENCE_STEP * np.maximum(scales, np.abs(q).max(axis=0)), DIFFERENCE_STEP * np.maximum(
-        pace * scales, np.abs(v).max(axis=0)
-    )
+    f, (position, speed, change) = len(scales), (np.maximum.reduce(np.abs(x)) for x in (q, v, a))
+    pace = max(float((speed[:f] / scales).max()), float(np.sqrt((change[:f] / scales).max()))) or 1.0
+    if q.shape[1] > f:
+        scales = np.append(scales, np.ones(q.shape[1] - f))
+    return DIFFERENCE_STEP * np.maximum(scales, position), DIFFERENCE_STEP * np.maximum(pace * scales, speed)
 
 
 def forms_of(motion: Motion) -> list[Values]:

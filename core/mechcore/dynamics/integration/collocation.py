@@ -138,12 +138,17 @@ class Window(NamedTuple):
         first, second, values = integrals_and_values(s, x)
         return self.q + h * x[:, None] * self.v + h * h * (second @ self.a), self.v + h * (first @ self.a), values @ self.a
 
+    def acceleration(self, t: Real) -> Real:
+        """Acceleration (n, f) at times (n,), also beyond its ends."""
+        return np.asarray(_polynomials(2.0 * ((t - self.start) / self.length) - 1.0, len(self.a)) @ self.a)
+
     def end(self) -> tuple[Real, Real]:
         """Position and speed (f,) at its end: only the first two polynomials are not zero on the whole."""
         first, second = self.a[0], self.a[1] if len(self.a) > 1 else 0.0
         return self.q + self.length * self.v + self.length**2 * (0.5 * first - second / 6.0), self.v + self.length * first
 
 
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")  # a trial may be anywhere
 def solve_window(rule: Rule, system: System, trial: WindowTrial) -> tuple[Real, int] | None:
     """Accelerations at the nodes (s, f) of one window, and the number of evaluations; None where Newton's method does not converge.
 
@@ -164,15 +169,14 @@ def solve_window(rule: Rule, system: System, trial: WindowTrial) -> tuple[Real, 
     last, reach = np.inf, float(np.abs(drift).max())
     for count in range(1, 16):
         q, v = drift + h * h * (rule.twice @ a), v0 + h * (rule.once @ a)
-        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # a trial may be anywhere
-            if matrix is None and together is not None:
-                force, *slopes = together(q, v, t, a)
-            else:
-                force = system(q, v, t)
+        if matrix is None and together is not None:
+            force, *slopes = together(q, v, t, a)
+        else:
+            force = system(q, v, t)
         residual = force - a
-        if not np.isfinite(residual).all():
-            return None
         if matrix is None:
+            if not np.isfinite(force).all():
+                return None
             by_q, by_v = system.slopes(q, v, t, force) if together is None else slopes
             if f == 1:
                 matrix = np.eye(s) - h * h * by_q[:, :, 0] * rule.twice - h * by_v[:, :, 0] * rule.once
@@ -182,13 +186,15 @@ def solve_window(rule: Rule, system: System, trial: WindowTrial) -> tuple[Real, 
             inverse = np.linalg.inv(matrix)
         step = (inverse @ residual.reshape(s * f)).reshape(s, f)
         a = a + step
-        moved = h * h * np.abs(rule.twice @ step).max(axis=0)
+        moved = h * h * np.abs(rule.twice @ step)
         size = float(moved.max())
         if size <= tolerance:
             return a, count
+        if not size < np.inf:
+            return None
         if size <= ROUNDING * (reach + h * h * float(np.abs(a).max())):  # no coordinate's terms are larger
             terms = np.abs(drift) + h * h * (np.abs(rule.twice) @ np.abs(a))
-            if (moved <= ROUNDING * terms.max(axis=0)).all():
+            if (moved.max(axis=0) <= ROUNDING * terms.max(axis=0)).all():
                 return a, count
         if count > 2 and size > 0.5 * last:
             if size > 0.9 * last or count > 8:
@@ -198,24 +204,28 @@ def solve_window(rule: Rule, system: System, trial: WindowTrial) -> tuple[Real, 
     return None
 
 
-def tails(a: Real, length: Real, longest: Real) -> tuple[Real, Real, Real]:
-    """Two estimates (..., f) of the error in windows with Legendre coefficients ``a`` (..., s, f) of the acceleration and lengths
-    (...) [s], and the order (...) of the second.
+def tails(a: Real, share: Real | float) -> Real:
+    """Estimated error (..., f) in windows with Legendre coefficients ``a`` (..., s, f) of the acceleration; ``share`` (..., 1): their
+    length times that of the longest window [s^2].
 
-    What the last two coefficients of the acceleration amount to, as a position, and as a speed that is kept for the ``longest``
+    What the last two coefficients of the acceleration amount to, as a position, and as a speed that is kept for the longest
     window: where the equations jump, windows become so short that a wrong speed is no error of the position within them, but it is
     one of all that follows.
+    """
+    s, last = a.shape[-2], np.abs(a[..., -2:, :])
+    return np.asarray(share * np.maximum(last[..., 0, :] / (4.0 * (s - 2) ** 2), last[..., 1, :] / (4.0 * (s - 1) ** 2)))
 
-    And what the quadrature misses of the speed: the coefficients from 2 s on. Where the acceleration is smooth, next to nothing is
-    left of them; next to a contact of Hertz, which starts as the power 3/2 of time, the k-th falls as C / k^m only, and what is
-    left of them is the sum of those. C and m follow from the last coefficients and those of half their number.
+
+def neglected_tails(a: Real, share: Real | float) -> tuple[Real, Real]:
+    """What the quadrature misses of the speed, as an error (..., f), and its order (...); arguments as of `tails`.
+
+    Those are the coefficients from 2 s on. Where the acceleration is smooth, next to nothing is left of them; next to a contact of
+    Hertz, which starts as the power 3/2 of time, the k-th falls as C / k^m only, and what is left of them is the sum of those. C
+    and m follow from the last coefficients and those of half their number.
     """
     s, size = a.shape[-2], np.abs(a)
-    k = np.array([s - 2, s - 1])
-    share = (length * longest)[..., None]
     last, middle = size[..., -2:, :].max(axis=-2), size[..., (s - 1) // 2 : (s + 3) // 2, :].max(axis=-2)
-    tail = share * np.max(size[..., -2:, :] / (4.0 * (k * k))[:, None], axis=-2)
     ratio = 0.25 * last / np.maximum(np.maximum(0.25 * middle, last), 1e-300)  # at most a quarter
     m = -np.log2(np.maximum(ratio, 1e-300))
     neglected = np.where(last > NO_PART * size.max(axis=-2), 2.0 * s * last * ratio / (m - 1.0), 0.0)
-    return tail, share * neglected, 0.5 * (m.min(axis=-1) + 1.0)
+    return share * neglected, 0.5 * (m.min(axis=-1) + 1.0)

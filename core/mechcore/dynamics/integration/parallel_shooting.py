@@ -12,7 +12,7 @@ from collections.abc import Callable
 import numpy as np
 
 from mechcore.arrays import Real
-from mechcore.dynamics.integration.collocation import Rule, System, Window, integrals, tails
+from mechcore.dynamics.integration.collocation import Rule, System, Window, integrals, neglected_tails, tails
 from mechcore.errors import MechanismError
 from mechcore.records import dataclass
 
@@ -109,7 +109,8 @@ class ParallelShooting:
     def _missed(self, a: Real, h: Real) -> tuple[Real, Real]:
         """Estimated errors of each window (k,) over the tolerance, see `tails`."""
         longest = np.maximum.accumulate(np.append(self.longest, h))[1:]
-        last, low, _ = tails(self.rule.legendre @ a, h, longest)
+        series, share = self.rule.legendre @ a, (h * longest)[:, None]
+        last, (low, _) = tails(series, share), neglected_tails(series, share)
         return tuple((x / (self.tolerance * self.scale)).max(axis=1) for x in (last, low))
 
     def _times(self, trajectory: Trajectory) -> Real:

@@ -38,7 +38,7 @@ class Known:
 
 
 def _acceleration(window: Window, t: Real) -> Real:
-    return window(t)[2]
+    return window.acceleration(t)
 
 
 def refine(by: Integrator, q: Real, v: Real, t0: float, t1: float, known: Known) -> Solution:

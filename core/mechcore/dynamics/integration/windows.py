@@ -19,6 +19,7 @@ from mechcore.dynamics.integration.collocation import (
     integrals_and_values,
     radau,
     solve_window,
+    neglected_tails,
     tails,
 )
 from mechcore.dynamics.integration.parallel_shooting import MOST_NODES, ParallelShooting
@@ -284,7 +285,7 @@ class _Integration:
         break_time = breakpoints(window, t + 10.0 * least) if breakpoints is not None and self.cuts < 5 else None
         if break_time is not None and t + 20.0 * least < break_time < t + self.h * (1.0 - 1e-10):
             self.cuts, self.uncut, self.h = self.cuts + 1, max(self.uncut, self.h), break_time - t
-            self.guess = window(t + self.h * nodes)[2]
+            self.guess = window.acceleration(t + self.h * nodes)
             return True
         worst, order = self._error(window)
         return self._shorten(worst, order) if worst > TAIL_MARGIN else self._go_on(window, worst, order)
@@ -311,11 +312,13 @@ class _Integration:
     def _error(self, window: Window) -> tuple[float, float]:
         """The window's error over the tolerance, and the power of its length with which it goes."""
         allowed = self.by.tolerance * self.by.scale
-        left, rough, power = tails(window.a, np.array(self.h), np.array(max(self.longest, self.h)))
-        worst, order = float(np.max(left / allowed)), float(len(self.rule.nodes) + 1)
-        neglected = TAIL_MARGIN * float(np.max(rough / allowed)) if self.starts or self.cuts else 0.0
-        if neglected > worst:
-            worst, order = neglected, float(power)
+        share = self.h * max(self.longest, self.h)
+        worst, order = float((tails(window.a, share) / allowed).max()), float(len(self.rule.nodes) + 1)
+        if self.starts or self.cuts:
+            rough, power = neglected_tails(window.a, share)
+            neglected = TAIL_MARGIN * float((rough / allowed).max())
+            if neglected > worst:
+                worst, order = neglected, float(power)
         if worst > TAIL_MARGIN and self.h < 1e4 * self.least:
             worst = TAIL_MARGIN  # the equations jump here without saying so; as near to the jump as times are resolved
         return worst, order
@@ -323,7 +326,7 @@ class _Integration:
     def _shorten(self, worst: float, order: float) -> bool:
         """Try a shorter window, by the error of this one; infinite where there is no solution."""
         self.solution.rejected += 1
-        self.h *= float(np.clip(0.8 * (1.0 / worst) ** (1.0 / order), 0.1, 0.7)) if np.isfinite(worst) else 0.3
+        self.h *= min(max(0.8 * (1.0 / worst) ** (1.0 / order), 0.1), 0.7) if np.isfinite(worst) else 0.3
         if self.h < 1e3 * self.least:
             raise _stuck(self.t, self.h)
         self.guess = np.repeat(self.guess[:1], len(self.rule.nodes), axis=0)
@@ -338,7 +341,7 @@ class _Integration:
         if not self._accept(window):
             return False
         self._go_to_end(window)
-        longer = self.h * float(np.clip(0.9 * (1.0 / max(worst, 1e-12)) ** (1.0 / order), 0.3, 1.6))
+        longer = self.h * min(max(0.9 * (1.0 / max(worst, 1e-12)) ** (1.0 / order), 0.3), 1.6)
         nodes = self.rule.nodes
         if self.uncut:
             self.guess = np.repeat(self.end_a, len(nodes), axis=0)
@@ -436,7 +439,7 @@ def _first_window(q: Real, v: Real, a: Real, span: float, scale: object) -> floa
 
 def _extrapolated(window: Window, t: Real, end: Real) -> Real:
     """Start for the next window: the last polynomial continued, if that stays near, else its value at the end."""
-    guess = window(t)[2]
+    guess = window.acceleration(t)
     total = float(np.abs(window.a).sum())
     if np.abs(guess - end).max() > 4.0 * total + 1e-300:
         return np.repeat(end, len(t), axis=0)
