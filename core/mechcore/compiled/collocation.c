@@ -23,7 +23,7 @@ numbers for the forms of laws that have several. */
 #define PLACES 33 /* see dynamics.segments */
 #define FINER 96
 #define ROUNDS 8
-#define HEAD 9 /* numbers before the coordinates in what tells where windows begin */
+#define HEAD 10 /* numbers before the coordinates in what tells where windows begin */
 
 typedef struct {
     long f, given, angles; /* freedoms and states, numbers of prescribed drives, angles that are followed */
@@ -305,7 +305,7 @@ With `checked` they end where laws change their forms, and all end at the times 
 known to do so.
 
 `at`: t, h, longest, evaluations, rejected, whether a window begins at a breakpoint, cuts of the present one, how long it would have
-been, windows in a row that are cut to almost nothing; q, v, end_a (f), guess (s, f), near (angles): where it begins, and where it has ended.
+been, windows in a row that are cut to almost nothing, whether the last trial was too long; q, v, end_a (f), guess (s, f), near (angles): where it begins, and where it has ended.
 The result is the number of windows, its negative less one where windows became too short. */
 long windows(const System *y, const Rule *r, double end, double least, double most, double tolerance, double small, long count,
              long checked, const double *breaks, double *at, double *out) {
@@ -358,6 +358,7 @@ long windows(const System *y, const Rule *r, double end, double least, double mo
             h *= isfinite(worst) ? fmin(fmax(0.8 * pow(1.0 / worst, 1.0 / power), 0.1), 0.7) : 0.3;
             at[1] = h;
             at[6] = 0.0;
+            at[9] = 1.0;
             if (h < 1e3 * least) {
                 free(work);
                 return -made - 1;
@@ -372,7 +373,8 @@ long windows(const System *y, const Rule *r, double end, double least, double mo
         out[1] = h;
         out[3] = (double)(at[6] > 0.0);
         memcpy(out + 4, q, (size_t)(2 * f) * sizeof(double));
-        const double longer = h * fmin(fmax(0.9 * pow(1.0 / fmax(worst, 1e-12), 1.0 / power), 0.3), 1.6);
+        const double longer = h * fmin(fmax(0.9 * pow(1.0 / fmax(worst, 1e-12), 1.0 / power), 0.3), at[9] > 0.0 ? 1.0 : 1.6);
+        at[9] = 0.0;
         double away = 0.0, spread = 0.0;
         for (long k = 0; k < f; k++) {
             const double first = series[k], second = s > 1 ? series[f + k] : 0.0;

@@ -16,7 +16,7 @@ from mechcore.compiled.symbols import HELPERS, Code
 from mechcore.compiled.toolchain import library
 
 AROUND, PHASES = (Path(__file__).with_name(name) for name in ("collocation.c", "phases.c"))
-HEAD = 9  # numbers before the coordinates in what tells where windows begin, see `collocation.c`
+HEAD = 10  # numbers before the coordinates in what tells where windows begin, see `collocation.c`
 REDUCED = """
 #define F {freedoms}
 #define STATES {states}

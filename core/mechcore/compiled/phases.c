@@ -378,7 +378,7 @@ static int begun(const Contacts *c, const Rule *r, double end, double starts, do
     at[1] = end - at[0];
     if (speed > 0.0) at[1] = fmin(at[1], 0.2 / speed);
     if (change > 0.0) at[1] = fmin(at[1], sqrt(0.2 / change));
-    at[2] = at[6] = at[7] = at[8] = 0.0;
+    at[2] = at[6] = at[7] = at[8] = at[9] = 0.0;
     at[5] = starts;
     return !(ELEMENTS && out[SOLVED] == 0.0);
 }

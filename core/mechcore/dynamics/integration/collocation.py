@@ -205,8 +205,8 @@ def solve_window(rule: Rule, system: System, trial: WindowTrial) -> tuple[Real, 
 
 
 def tails(a: Real, share: Real | float) -> Real:
-    """Estimated error (..., f) in windows with Legendre coefficients ``a`` (..., s, f) of the acceleration; ``share`` (..., 1): their
-    length times that of the longest window [s^2].
+    """Estimated error (..., f) in windows with Legendre coefficients ``a`` (..., s, f) of the acceleration; ``share`` (..., 1):
+    their length times that of the longest window [s^2].
 
     What the last two coefficients of the acceleration amount to, as a position, and as a speed that is kept for the longest
     window: where the equations jump, windows become so short that a wrong speed is no error of the position within them, but it is

@@ -17,9 +17,9 @@ from mechcore.dynamics.integration.collocation import (
     Window,
     gauss,
     integrals_and_values,
+    neglected_tails,
     radau,
     solve_window,
-    neglected_tails,
     tails,
 )
 from mechcore.dynamics.integration.parallel_shooting import MOST_NODES, ParallelShooting
@@ -29,6 +29,7 @@ from mechcore.records import dataclass
 # Times the tolerance: a tail of high order may be as large, a little shorter a window meets it; none of low order may
 TAIL_MARGIN = 4.0
 SCALE_ROUNDING = 1e-15  # of the scale: no window is solved to more digits
+LONGER_WINDOW = 1.6  # times as long as the one before: so much longer at the most
 FEW_WINDOWS = 3  # windows in a row that end at stated breakpoints: so many, or more, are solved together
 # How far the next ones reach: where the last were solved, were not, or one of them was
 FARTHER_REACH, NEARER_REACH, RECOVERED_REACH = 2.0, 0.3, 1.2
@@ -201,6 +202,7 @@ class _Integration:
         self.chatter = 0  # windows in a row that a breakpoint has cut to almost nothing
         self.starts = by.breakpoints is not None  # at a breakpoint, or where one may be
         self.cuts, self.uncut = 0, 0.0  # of the present window at breakpoints, and how long it would have been
+        self.shortened = False  # the last trial was too long
         self.offered: Callable[..., WindowProgram | None] = getattr(by.system, "program", lambda **_: None)
         self.program, self.settled = self.offered(), False
         self.rows: _Rows | None = None
@@ -243,7 +245,7 @@ class _Integration:
         """Windows that a compiled program solves one after the other."""
         solution, f, s = self.solution, len(self.q), len(self.rule.nodes)
         near = program.near(self.q[None], self.v[None], np.array([self.t]))
-        head = [self.t, self.h, self.longest, 0.0, 0.0, self.starts, self.cuts, self.uncut, self.chatter]
+        head = [self.t, self.h, self.longest, 0.0, 0.0, self.starts, self.cuts, self.uncut, self.chatter, self.shortened]
         at = np.concatenate([head, self.q, self.v, self.end_a[0], self.guess.ravel(), near])
         batch = program.windows(self.rule, at, self.by.limits(self.t, self.t1, self.least, BATCH_WINDOWS))
         solution.evaluations, solution.rejected = solution.evaluations + int(at[3]), solution.rejected + int(at[4])
@@ -253,7 +255,13 @@ class _Integration:
         elif not all(map(self._accept, windows)):
             return False
         self.t, self.h, self.longest = (float(x) for x in at[:3])
-        self.starts, self.cuts, self.uncut, self.chatter = bool(at[5]), int(at[6]), float(at[7]), int(at[8])
+        self.starts, self.cuts, self.uncut, self.chatter, self.shortened = (
+            bool(at[5]),
+            int(at[6]),
+            float(at[7]),
+            int(at[8]),
+            bool(at[9]),
+        )
         k = len(head)
         self.q, self.v, self.end_a = at[k : k + f], at[k + f : k + 2 * f], at[None, k + 2 * f : k + 3 * f]
         self.guess = at[k + 3 * f :][: s * f].reshape(s, f)
@@ -326,6 +334,7 @@ class _Integration:
     def _shorten(self, worst: float, order: float) -> bool:
         """Try a shorter window, by the error of this one; infinite where there is no solution."""
         self.solution.rejected += 1
+        self.shortened = True
         self.h *= min(max(0.8 * (1.0 / worst) ** (1.0 / order), 0.1), 0.7) if np.isfinite(worst) else 0.3
         if self.h < 1e3 * self.least:
             raise _stuck(self.t, self.h)
@@ -341,7 +350,9 @@ class _Integration:
         if not self._accept(window):
             return False
         self._go_to_end(window)
-        longer = self.h * min(max(0.9 * (1.0 / max(worst, 1e-12)) ** (1.0 / order), 0.3), 1.6)
+        growth = 1.0 if self.shortened else LONGER_WINDOW  # what has just been too long often is so again
+        longer = self.h * min(max(0.9 * (1.0 / max(worst, 1e-12)) ** (1.0 / order), 0.3), growth)
+        self.shortened = False
         nodes = self.rule.nodes
         if self.uncut:
             self.guess = np.repeat(self.end_a, len(nodes), axis=0)
