@@ -7,6 +7,7 @@ from contextlib import suppress
 from ctypes import CDLL
 from functools import cache, reduce
 from operator import add, mul
+from os import environ
 from typing import Any, Generic, TypeVar, overload
 
 import numpy as np
@@ -133,14 +134,21 @@ def rotation_of(angle: Values) -> Complex:
     return out
 
 
-ARENA_MAX = -8  # M_ARENA_MAX of glibc's malloc.h
-LARGEST_BLOCK = 2**25  # glibc adapts up to blocks of 32 MiB, and then keeps twice as much
+TRIM_THRESHOLD, MMAP_THRESHOLD, ARENA_MAX = -1, -3, -8  # of glibc's malloc.h
+LARGEST_BLOCK = 2**25  # of memory that is kept: glibc takes no more than 32 MiB
+MOST_KEPT = 2**28  # what a four-bar's motion over some 400,000 frames takes
 
 
 @cache
 def keep_freed_memory() -> None:
-    """Let the C library keep up to 64 MiB of freed memory for the next arrays; once per process."""
-    np.empty(LARGEST_BLOCK - 2**16, np.uint8)
+    """Let the C library keep up to 256 MiB of freed memory for the next arrays, where it can; once per process. Who says how much
+    by ``MALLOC_TRIM_THRESHOLD_`` is obeyed."""
+    if "MALLOC_TRIM_THRESHOLD_" in environ:
+        return
+    with suppress(AttributeError, OSError, TypeError):
+        library = CDLL(None)
+        library.mallopt(MMAP_THRESHOLD, LARGEST_BLOCK)
+        library.mallopt(TRIM_THRESHOLD, MOST_KEPT)
 
 
 def give_back_memory() -> None:

@@ -80,7 +80,7 @@ class StraightLines:
         f, low = self.freedoms, self.freedoms * (self.freedoms + 1) // 2
         accelerations = np.empty((len(t), f + self.states))
         with np.errstate(**QUIET):
-            columns = (np.ascontiguousarray(x.T) for x in (q, v))
+            columns = q.T.copy(), v.T.copy()  # each coordinate in one piece
             self._computed(self._numbers, self._modes, *columns, t, given, of_time, outputs)
             for k, x in enumerate(solved_by_lines(outputs[:low], outputs[low : low + f])):
                 accelerations[:, k] = x
