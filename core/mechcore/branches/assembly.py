@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from mechcore.arrays import Complex, Plane, Real, Values
+from mechcore.arrays import Complex, Real
 from mechcore.branches.modes import (
     KEYS,
     TWO_MODES,
@@ -189,9 +189,9 @@ def _solutions(model: Model, block: Block, state: State, modes: Sequence[float])
     with np.errstate(invalid="ignore", divide="ignore"):
         place_block(model, block, trial, np.array(modes))
     classes = {g: model.angles.classes_of[g][0] for g in block.angles}
-    values: dict[tuple[str, int], Plane | Values] = {("angle", g): trial.rot[s] / state.delta[s] for g, s in classes.items()}
+    values: dict[tuple[str, int], Any] = {("angle", g): trial.rot[s] / state.delta[s] for g, s in classes.items()}
     values |= {("slide", j): trial.slide[j] for j in block.slides}
-    return {key: np.broadcast_to(value, len(modes)) for key, value in values.items()}
+    return values
 
 
 def _mode_words(model: Model, block: Block, state: State, modes: Sequence[float]) -> list[str]:

@@ -15,7 +15,7 @@ from functools import cache, cached_property
 
 import numpy as np
 
-from mechcore.arrays import Flags, Real
+from mechcore.arrays import Flags, Index, Real
 from mechcore.branches.modes import TWO_MODES
 from mechcore.kinematics.columns import all_vectors, columns, matrix_of
 from mechcore.kinematics.model import Model
@@ -103,16 +103,23 @@ class SingularPoints:
     def signs(self, block: int, time: Real) -> Real | float:
         """+1 or -1 by how often the block's modes have met between the start and ``time`` (...)."""
         times = self._flips.get(block)
-        if times is None:
-            return 1.0
-        tiny = 1e-9 * self.period
-        times = np.where(times > self.period - tiny, times - self.period, times)  # a change at the very end is one at the start
-        times.sort()
-        cycle = np.floor((time + 1e-12 * self.period) / self.period)
-        local = time - cycle * self.period
-        after_start = times[times > tiny]  # one at the start itself has been passed already
-        count = (cycle % 2.0).astype(int) * len(times) + np.searchsorted(after_start, local, side="left")  # its parity
-        return np.asarray(1.0 - 2.0 * (count & 1))
+        return 1.0 if times is None else _signs(times, self.period, *_cycles(time, self.period))
+
+
+def _cycles(time: Real, period: float) -> tuple[Index, Real]:
+    """The parity of the periods that times (...) are in, and how far within them these are [s]."""
+    cycle = np.floor((time + 1e-12 * period) / period)
+    return (cycle % 2.0).astype(int), time - cycle * period
+
+
+def _signs(flips: Real, period: float, parity: Index, local: Real) -> Real:
+    """+1 or -1 by how often modes, which are exchanged at some times of every period, have met before `_cycles` (...)."""
+    tiny = 1e-9 * period
+    times = np.where(flips > period - tiny, flips - period, flips)  # a change at the very end is one at the start
+    times.sort()
+    after_start = times[times > tiny]  # one at the start itself has been passed already
+    count = parity * len(times) + np.searchsorted(after_start, local, side="left")
+    return np.asarray(1.0 - 2.0 * (count & 1))
 
 
 def find_singular_points(
@@ -205,12 +212,12 @@ def _sampled(
     slow = 20.0 * coarse / cycle * float(still.max(initial=0.0))
     points: list[SingularPoint] = []
     unreachable: list[UnreachableRange] = []
-    resolved, rounding = True, rounding_of(model)
+    resolved, rounding, sampled_cycles = True, rounding_of(model), _cycles(time, period)
     blurred = np.zeros(len(time), bool)  # samples at which an earlier group's positions are interpolated
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         for i, (block, mode) in enumerate(zip(model.blocks, modes, strict=True)):
             sign: Real | float = 1.0
-            own: list[SingularPoint] = []
+            own: list[tuple[float, bool]] = []
             if block.kind in TWO_MODES:
                 instants, missing, sharp = dead_point_instants(model, block, state, time, blurred, rounding)
                 if sharp and finer < FINER_SAMPLING[-1]:
@@ -218,17 +225,15 @@ def _sampled(
                 if by_drive and missing:
                     return None, True
                 unreachable += [UnreachableRange(a, b, i) for a, b in missing if b > 0.0 and a < period]
-                own = [
-                    SingularPoint(t, i, block.name, not by_drive and float(np.interp(t, time, still)) < slow, flips)
-                    for t, flips in instants
-                    if -1e-9 * period <= t < period * (1.0 - 1e-9)
-                ]
-                if own:
-                    sign = SingularPoints(period, tuple(own), laws).signs(i, time)
+                own = [(t, flips) for t, flips in instants if -1e-9 * period <= t < period * (1.0 - 1e-9)]
+                exchanged = [t for t, flips in own if flips]
+                if exchanged:
+                    sign = _signs(np.array(exchanged), period, *sampled_cycles)
             place_block(model, block, state, mode * sign)
-            for c in own:  # what hangs on this block must not see its ill-conditioned positions
-                c, fine = _smoothed(model, block, state, time, c, period, step, finer, blurred)
-                points.append(c)
+            for t, flips in own:  # what hangs on this block must not see its ill-conditioned positions
+                resolving, fine = _smoothed(model, block, state, time, t, period, step, finer, blurred)
+                dead = not by_drive and float(np.interp(t, time, still)) < slow
+                points.append(SingularPoint(t, i, block.name, dead, flips, resolving))
                 resolved &= fine
             if by_drive and block.angles and not np.isfinite(np.sum(state.rot[model.angles.classes_of[block.angles[0]][0]])):
                 return None, True
@@ -238,23 +243,24 @@ def _sampled(
 
 
 def _smoothed(
-    model: Model, block: Block, state: State, time: Real, c: SingularPoint, period: float, step: float, finer: int, blurred: Flags
-) -> tuple[SingularPoint, bool]:
-    """Replace a block's sampled positions next to a change. The change with its step, the largest that resolves the motion."""
+    model: Model, block: Block, state: State, time: Real, instant: float, period: float, step: float, finer: int, blurred: Flags
+) -> tuple[float, bool]:
+    """Replace a block's sampled positions next to an instant at which its modes meet. The largest step that resolves the motion
+    there, and whether it does."""
     best = np.inf
     width = finer
     while width >= 1:
-        smoothed = [smooth(model, block, state, time, c.time + turn, step * width) for turn in (-period, 0.0, period)]
+        smoothed = [smooth(model, block, state, time, instant + turn, step * width) for turn in (-period, 0.0, period)]
         tail = max(t for t, _ in smoothed)
         if tail < 0.5 * best:
-            best, interpolants, c = tail, [p for _, p in smoothed if p is not None], replace(c, step=step * width)
+            best, interpolants, resolving = tail, [p for _, p in smoothed if p is not None], step * width
         if tail < FIT_TAIL:
             break
         width //= 2
     for interpolant in interpolants:
         apply(model, block, state, interpolant)
         blurred[interpolant.frames] = True
-    return c, best < FIT_TAIL
+    return resolving, best < FIT_TAIL
 
 
 def locate_singular(
