@@ -254,11 +254,12 @@ def _digits(every: Sequence[CheckedQuantity], target: float, *, balanced: bool) 
 
 
 def plain_stride(motion: Motion) -> int:
-    """Every how many frames arrows are drawn where nothing else is asked for: all up to 720 frames a cycle of the first drive."""
+    """Every how many frames arrows are drawn where nothing else is asked for: all up to 720 frames a cycle of the first drive, or
+    of a run that is shorter than one."""
     if motion.frames < 2:
         return 1
     step = float(np.ptp(motion.time)) / (motion.frames - 1)
-    frames_a_cycle = motion.mechanism.cycle / step if step > 0 else 1.0
+    frames_a_cycle = min(motion.mechanism.cycle / step, motion.frames) if step > 0.0 else 1.0
     return max(1, int(frames_a_cycle / PICTURES_A_CYCLE))
 
 

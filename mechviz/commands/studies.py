@@ -62,7 +62,7 @@ def graph(
 ) -> None:
     """Print the contour graph of a scene, links as vertices, joints as edges, with its independent loops; -o draws it.
 
-    The numbers of links and loops are those of mechviz check --equations. plans = ["graph"] in a scene shows it in viewer,
+    The numbers of links and loops are those of mechviz check --equations. polygons = ["graph"] in a scene shows it in viewer,
     recording and page.
 
     Try: mechviz graph contour-lever -o graph.svg

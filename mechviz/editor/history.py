@@ -59,7 +59,7 @@ class Draft:
         return self.with_named("effects", effect, on)
 
     def with_named(self, key: str, name: str, on: bool) -> Draft:
-        """The draft with a name in one of its lists or tables, such as ``plans``, ``polodes`` or ``sections``, or not."""
+        """The draft with a name in one of its lists or tables, such as ``polygons``, ``centrodes`` or ``sections``, or not."""
         if isinstance(getattr(self.document, key), Mapping):
             return self.changed({(key, name): {} if on else None})
         named = [n for n in getattr(self.document, key) if n != name] + ([name] if on else [])

@@ -184,7 +184,7 @@ def draw_polygons(name: str, polygons: Sequence[Polygon], size: float, units: Un
         y -= top + gap
     closing = np.max([polygon.closing for polygon in polygons], axis=0) if polygons else None
     unit = polygons[0].unit if polygons else "1"
-    title = f"{name.capitalize()} plan: {scale_title(units, per_metre, unit)}"
+    title = f"{name.capitalize()} polygon: {scale_title(units, per_metre, unit)}"
     return Drawing(name, title, tuple(strokes), tuple(marks), per_metre, unit, closing)
 
 

@@ -140,8 +140,8 @@ def overlay_box(run: Run, solids: Solids) -> Real:
         z = np.concatenate([strip.reshape(-1) for strip in strings(run, size)])
         spots.append(np.column_stack([z.real, z.imag]))
         spots += [np.column_stack([w.real, w.imag]) for a, v in resultants(run, size) for w in (a, a + v)]
-    for polodes in run.studies.centrodes.values():
-        spots += [p[:, :2].astype(float) for p in centrode_strips(polodes.fixed, polodes.fixed, solids, z=0.0)]
+    for centrodes in run.studies.centrodes.values():
+        spots += [p[:, :2].astype(float) for p in centrode_strips(centrodes.fixed, centrodes.fixed, solids, z=0.0)]
     for xy in spots:
         xy = xy[np.isfinite(xy).all(axis=1)]
         if len(xy):
@@ -236,7 +236,7 @@ def substitute_scale(run: Run, size: float) -> float:
 
 
 def centrode_strips(path: Real, place: Real, solids: Solids, *, z: float) -> list[Single]:
-    """A polode (F, 2) as strips, cut where it runs far out of the picture or jumps through infinity.
+    """A centrode (F, 2) as strips, cut where it runs far out of the picture or jumps through infinity.
 
     ``place`` (F, 2): the fixed one, of both. It is judged in the world, so that both are cut at the same frames.
     """

@@ -26,7 +26,7 @@ def study_tables(run: Run) -> Iterator[Table]:
     studies = run.studies
     for name, polygons in studies.polygons.items():
         closing = np.max([polygon.closing for polygon in polygons], axis=0)
-        yield Table(("polygons", name, "closing"), f"{name} plan", (("closing", "1"),), closing[:, None])
+        yield Table(("polygons", name, "closing"), f"{name} polygon", (("closing", "1"),), closing[:, None])
     for name, system in studies.systems.items():
         line = np.column_stack([system.force, system.moment, system.resultant.point])
         columns: ColumnUnits = (*_FORCE, ("line x", "m"), ("line y", "m"))
@@ -36,7 +36,7 @@ def study_tables(run: Run) -> Iterator[Table]:
         yield Table(("polygons", "funicular", "closing"), "funicular polygon", (("closing", "1"),), closing[:, None])
     for name, centrode in studies.centrodes.items():
         for kind, places in (("fixed", centrode.fixed), ("moving", centrode.moving)):
-            yield Table(("data", "polodes", name, kind), f"{name}.{kind} polode", (("x", "m"), ("y", "m")), places)
+            yield Table(("data", "polodes", name, kind), f"{name}.{kind} centrode", (("x", "m"), ("y", "m")), places)
     for name, centre in studies.instant_centres.items():
         yield _places(("instant_centres", name), f"{name} of {' and '.join(centre.links)}", ("", centre.place))
     for name, drawn in studies.evolutes.items():
@@ -110,9 +110,9 @@ def _lines(run: Run, told: ValueWords) -> Iterator[str]:
     for name, polygons in studies.polygons.items():
         worst = max(float(np.nanmax(polygon.closing, initial=0.0)) for polygon in polygons)
         if not any(polygon.edges for polygon in polygons):
-            yield f"{name} plan: empty, no pin and no traced point moves"
+            yield f"{name} polygon: empty, no pin and no traced point moves"
             continue
-        yield f"{name} plan: closes to {worst:.1e} of its longest side"
+        yield f"{name} polygon: closes to {worst:.1e} of its longest side"
     for name, chain in studies.equivalents.items():
         bars = ", ".join("".join(ends) for ends in chain.bars) or "no bar"
         sliding = f" and {len(chain.blocks)} sliding block{'s' if len(chain.blocks) > 1 else ''}" if chain.blocks else ""

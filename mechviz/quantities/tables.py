@@ -226,7 +226,7 @@ def _driven(run: Run, joint: str) -> Real:
 
 
 def _metrics(run: Run) -> Iterator[Table]:
-    """Outputs that the scene asks for beyond motion and forces, under ``/data/answers``."""
+    """The metrics that the scene asks for, under ``/data/answers``."""
     motion = run.motion
     computed: dict[str, tuple[tuple[str, str], Callable[[], Any]]] = {
         "transmission_angle": (("angle", "rad"), cache(partial(metrics.transmission_angles, motion))),

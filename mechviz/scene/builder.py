@@ -40,7 +40,7 @@ class SceneBuilder:
             "teaches": teaches,
             "units": units,
             "effects": [],
-            "answers": [],
+            "metrics": [],
             "frame": frame,
             "trace": [],
         }
@@ -124,19 +124,19 @@ class SceneBuilder:
         self._data["effects"].extend(names)
         return self
 
-    def answer(self, *names: str) -> SceneBuilder:
-        """Answers to record: "transmission_angle", "velocity_ratio", "mechanical_advantage", "instant_centre", "curvature"."""
-        self._data["answers"].extend(names)
+    def metric(self, *names: str) -> SceneBuilder:
+        """Metrics to record: "transmission_angle", "velocity_ratio", "mechanical_advantage", "instant_centre", "curvature"."""
+        self._data["metrics"].extend(names)
         return self
 
-    def plan(self, *names: str) -> SceneBuilder:
+    def polygon(self, *names: str) -> SceneBuilder:
         """Graphical constructions to draw: "velocity", "acceleration", "force", "graph"."""
-        self._data.setdefault("plans", []).extend(names)
+        self._data.setdefault("polygons", []).extend(names)
         return self
 
-    def polodes(self, *links: str) -> SceneBuilder:
-        """Links whose polodes are drawn."""
-        self._data.setdefault("polodes", []).extend(links)
+    def centrodes(self, *links: str) -> SceneBuilder:
+        """Links whose centrodes are drawn."""
+        self._data.setdefault("centrodes", []).extend(links)
         return self
 
     def instant_centres(self, *links: str) -> SceneBuilder:

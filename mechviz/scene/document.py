@@ -40,7 +40,7 @@ from mechviz.scene.kinds.loads.document import LoadDocument
 from mechviz.scene.kinds.settings import AccuracyEntry, GoalDocument, ParameterEntry
 from mechviz.scene.kinds.studies import (
     PenDocument,
-    PlanName,
+    PolygonName,
     SectionsDocument,
     ShakingDocument,
     SubstituteDocument,
@@ -52,7 +52,7 @@ from mechviz.scene.units import Units
 EffectName = Literal["inertia", "gravity", "friction"]
 MetricName = Literal["transmission_angle", "velocity_ratio", "mechanical_advantage", "instant_centre", "curvature"]
 if set(get_args(MetricName)) != set(METRICS):
-    raise ImportError("mechviz.scene.document.AnswerName and mechcore.spec.mechanism.ANSWERS name different answers")
+    raise ImportError("mechviz.scene.document.MetricName and mechcore.spec.mechanism.METRICS name different metrics")
 if set(get_args(EffectName)) != set(EFFECTS):  # a Literal must be spelled out; this keeps it equal to the core's list
     raise ImportError("mechviz.scene.document.EffectName and mechcore.spec.mechanism.EFFECTS name different effects")
 
@@ -206,12 +206,12 @@ class SceneDocument(DocumentTable):
     """Points whose paths are wanted: "E", or "coupler.E" where several links have a point of that name."""
     marks: Flag = True
     """Whether names of joints and arrows are shown at first; machines for children look better without. Drawn, not computed."""
-    answers: list[MetricName] = Field(default=[])
+    metrics: list[MetricName] = Field(default=[])
     """Answers about the geometry of the motion, recorded with events where they become extreme."""
-    plans: list[PlanName] = Field(default=[])
+    polygons: list[PolygonName] = Field(default=[])
     """Graphical constructions to draw."""
-    polodes: list[LinkName] = Field(default=[])
-    """Links whose fixed and moving polodes are drawn."""
+    centrodes: list[LinkName] = Field(default=[])
+    """Links whose fixed and moving centrodes are drawn."""
     instant_centres: list[LinkName] = Field(default=[])
     """Links of which all instant centres are drawn, with Kennedy's lines in which they are found; the fixed one may be among
     them."""
@@ -301,7 +301,7 @@ def _missing(data: object, place: Place) -> bool:
     return False
 
 
-FORMER = {"pairs": "joints"}
+FORMER = {"pairs": "joints", "answers": "metrics", "plans": "polygons", "polodes": "centrodes"}
 """Former names of keys of a scene, which are read as the present ones for ever."""
 FORMER_INNER = {"pair": "joint"}
 """The same within the entries of watch and loads."""

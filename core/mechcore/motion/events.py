@@ -259,7 +259,7 @@ def _changes(motion: Motion) -> Iterator[Event]:
 
 
 def _extremes(motion: Motion) -> Iterator[Event]:
-    """Where the answers that a scene asks for become extreme, between frames too."""
+    """Where the metrics that a scene asks for become extreme, between frames too."""
     asked = motion.mechanism.metrics
     if "transmission_angle" in asked:
         for joint in transmission_angles(motion):

@@ -1,4 +1,4 @@
-"""Studies: requests beside motion, forces and answers; `mechcore.constructions.studies` works it out."""
+"""Studies: requests beside motion, forces and metrics; `mechcore.constructions.studies` works it out."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ class PenStudy:
 
 @dataclass(frozen=True, kw_only=True)
 class Studies:
-    """Studies that are asked for beside motion, forces and answers; see `mechcore.constructions.studies`."""
+    """Studies that are asked for beside motion, forces and metrics; see `mechcore.constructions.studies`."""
 
     polygons: tuple[str, ...] = ()  # names from POLYGONS
     centrodes: tuple[str, ...] = ()  # links

@@ -297,7 +297,7 @@ class RecordedDrawings:
     ticks: Integers
 
     def drawings(self) -> dict[str, Drawing]:
-        """Plans and polygons by the name of their entity; recordings that do not say their scale have none."""
+        """Polygons by the name of their entity; recordings that do not say their scale have none."""
         drawings = {}
         for path in self._below("/polygons/"):
             known = {name: self.recording.static(path, component=name) for name in ("title", "unit", "per_metre", "least", "whole")}

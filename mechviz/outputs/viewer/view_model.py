@@ -77,7 +77,7 @@ class ViewModel:
     opens_at: int | None = None  # the frame to open at, where it is not the catalogue's
     notes: str = ""  # what was computed and left out, as HTML
     run: Run | None = None  # not of a recording
-    drawings: Callable[[], Mapping[str, Drawing]] = dict  # plans and polygons, by name; made when they are asked for
+    drawings: Callable[[], Mapping[str, Drawing]] = dict  # polygons, by name; made when they are asked for
     charts: Callable[[], Sequence[Diagram]] = tuple  # one quantity against another
     centrodes: Callable[[], Mapping[str, RollingCentrodes]] = dict  # by link
 

@@ -187,7 +187,7 @@ def assemble(
         drives=tuple(drives),
         loads=tuple(load for made in loads.values() for load in made),
         effects=tuple(document.effects),
-        metrics=tuple(document.answers),
+        metrics=tuple(document.metrics),
         studies=studies,
         gravity=gravity,
         modes=modes_of(document),

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
 _NEEDS_DRIVE = ("velocity_ratio", "mechanical_advantage")
 _STUDIES = (
-    "plans", "polodes", "equivalent", "reduced", "shaking", "instant_centres", "evolutes", "inflection", "percussion",
+    "polygons", "centrodes", "equivalent", "reduced", "shaking", "instant_centres", "evolutes", "inflection", "percussion",
     "inversion", "systems", "substitutes",
 )  # fmt: skip
 _ADD_FREE = 'Leave it out, or let forces move a joint: free = { speed = "10 rpm" } instead of its drive.'
@@ -179,9 +179,9 @@ def simulation_faults(reading: Reading) -> Iterator[Fault]:
     if "inertia" not in document.effects and not any(isinstance(name, UnknownName) for name in document.effects):
         why = f"{what}, motion under forces needs masses, and inertia is not named."
         yield Fault("effects", why, 'Add "inertia" to effects.')
-    for k, answer in enumerate(document.answers):
-        if answer in _NEEDS_DRIVE:
-            yield Fault(f"answers[{k}]", f"{answer} is defined per unit speed of a drive, and {what}.", "Leave it out.")
+    for k, metric in enumerate(document.metrics):
+        if metric in _NEEDS_DRIVE:
+            yield Fault(f"metrics[{k}]", f"{metric} is defined per unit speed of a drive, and {what}.", "Leave it out.")
     for key in _STUDIES:
         if getattr(document, key):
             yield Fault(key, f"{what}: {key} are made for prescribed motions.", "Leave it out, or prescribe a drive.")
@@ -216,9 +216,9 @@ def _idle(document: SceneDocument) -> Iterator[Fault]:
 def _without_drives(document: SceneDocument) -> Iterator[Fault]:
     """Faults of keys that need a drive, in a structure that has none."""
     why = "the scene has no drive"
-    for k, answer in enumerate(document.answers):
-        if answer != "transmission_angle":
-            yield Fault(f"answers[{k}]", f"{answer} is defined per unit speed of a drive, and {why}.", "Leave it out.")
+    for k, metric in enumerate(document.metrics):
+        if metric != "transmission_angle":
+            yield Fault(f"metrics[{k}]", f"{metric} is defined per unit speed of a drive, and {why}.", "Leave it out.")
     for key in _STUDIES[:-2]:
         if getattr(document, key):
             yield Fault(key, f"{why}: {key} are made for motions.", "Leave it out, or give a joint a drive.")

@@ -1,4 +1,4 @@
-"""Studies of a scene beside motion, forces and outputs: plans, polodes, centres, force systems, reduction, shaking,
+"""Studies of a scene beside motion, forces and outputs: polygons, centrodes, centres, force systems, reduction, shaking,
 substitute masses, section forces."""
 
 from __future__ import annotations
@@ -46,9 +46,9 @@ if TYPE_CHECKING:
     from mechviz.scene.document import SceneDocument
 
 
-PlanName = Literal["velocity", "acceleration", "force", "graph"]
-if set(get_args(PlanName)) != set(POLYGONS):
-    raise ImportError("mechviz.scene.kinds.studies.PlanName and mechcore.spec.studies.POLYGONS name different plans")
+PolygonName = Literal["velocity", "acceleration", "force", "graph"]
+if set(get_args(PolygonName)) != set(POLYGONS):
+    raise ImportError("mechviz.scene.kinds.studies.PolygonName and mechcore.spec.studies.POLYGONS name different polygons")
 
 
 class SystemDocument(DocumentTable):
@@ -190,8 +190,8 @@ def needs_inertia(document: SceneDocument, link: str) -> bool:
 def check_studies(document: SceneDocument, links: Mapping[str, list[str] | None], complete: bool) -> Iterator[Fault]:
     """Faults of reference. ``links``: names of the points of every link, None where they could not be read."""
     for key in (
-        "plans",
-        "polodes",
+        "polygons",
+        "centrodes",
         "equivalent",
         "reduced",
         "instant_centres",
@@ -204,10 +204,10 @@ def check_studies(document: SceneDocument, links: Mapping[str, list[str] | None]
         for k, name in enumerate(names):
             if name in names[:k] and is_whole(name):
                 yield Fault(f"{key}[{k}]", f"'{name}' is listed twice.", "Leave it out once.")
-    if "force" in document.plans and not document.effects and not document.loads:
+    if "force" in document.polygons and not document.effects and not document.loads:
         remedy = 'Name effects such as "inertia", or loads.'
-        yield Fault(f"plans[{document.plans.index('force')}]", "a force plan of a scene without any force.", remedy)
-    for key in ("polodes", "inflection"):
+        yield Fault(f"polygons[{document.polygons.index('force')}]", "a force polygon of a scene without any force.", remedy)
+    for key in ("centrodes", "inflection"):
         for k, name in enumerate(getattr(document, key)):
             yield from _link(f"{key}[{k}]", name, links, complete, document.frame)
     for k, name in enumerate(document.instant_centres):
@@ -334,8 +334,8 @@ def studies_of(
         link, _, point = text.partition(".")
         reduced.append((text, None) if text in document.links or not point else (link, point))
     return Studies(
-        polygons=tuple(document.plans),
-        centrodes=tuple(document.polodes),
+        polygons=tuple(document.polygons),
+        centrodes=tuple(document.centrodes),
         equivalent=tuple(document.equivalent),
         systems=tuple(systems),
         reduced=tuple(reduced),

@@ -36,7 +36,7 @@ def check_references(reading: Reading) -> Iterator[Fault]:
     yield from _joints(reading)
     yield from _sketch(reading)
     yield from _looks(reading)
-    for key, names in (("effects", document.effects), ("answers", document.answers)):
+    for key, names in (("effects", document.effects), ("metrics", document.metrics)):
         for k, name in enumerate(names):
             if name in names[:k] and not isinstance(name, SpellingRepairs):
                 yield Fault(f"{key}[{k}]", f"'{name}' is listed twice.", "Leave it out once.")

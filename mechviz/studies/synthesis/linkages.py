@@ -48,7 +48,7 @@ def four_bar_scene(
         teaches=teaches,
         units={"length": "mm", "angle": "deg"},
         trace=["E"] if traced else [],
-        answers=["transmission_angle"],
+        metrics=["transmission_angle"],
         links=links,
         joints=joints,
     )
@@ -81,7 +81,7 @@ def slider_crank_scene(
         title=title,
         teaches=teaches,
         units={"length": "mm", "angle": "deg"},
-        answers=["transmission_angle"],
+        metrics=["transmission_angle"],
         links={
             "frame": {"points": {"A": [0, 0], "G": [0, offset * MM]}},
             "crank": {"points": {"A": [0, 0], "B": [crank * MM, 0]}},

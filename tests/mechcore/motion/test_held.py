@@ -168,7 +168,7 @@ def test_a_held_drive_beside_one_that_moves():
     """It is as if the held link were welded, whichever drive comes first; the one that moves tells the cycle."""
     five = """
 units = { length = "mm", angle = "deg" }
-answers = ["velocity_ratio"]
+metrics = ["velocity_ratio"]
 [links]
 frame = { points = { A = [0, 0], E = [100, 0] } }
 a = { points = { A = [0, 0], B = [50, 0] } }
@@ -236,7 +236,7 @@ def test_core_mechanisms_rest_too():
         (TRUSS.replace("C = [500, 0]", "C = [50, 0]"), "joints.C", "miss each other by 250 mm", "length"),
         (LOOSE, "joints", "3 freedoms", "drive"),
         (FREE, "joints", "a freedom that no drive takes", "speed = 0"),
-        (TRUSS.replace("[links]", 'answers = ["velocity_ratio"]\n[links]'), "answers[0]", "no drive", "Leave it out"),
+        (TRUSS.replace("[links]", 'metrics = ["velocity_ratio"]\n[links]'), "metrics[0]", "no drive", "Leave it out"),
         (TRUSS.replace('"C" }\n', '"C", table = { position = [0, 1], factor = [0, 1] } }\n'), "loads.W.table", "no drive", "time"),
         (four_bar_text("speed = 9", 'run = { duration = "1 s" }'), "run.duration", "nothing is free", "cycles"),
         # toggle: the crank held where coupler and rocker are in line

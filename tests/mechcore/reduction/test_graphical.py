@@ -1,4 +1,4 @@
-"""Plans, funicular polygon, polodes: they close, agree with the algebra, and show what the hand method shows."""
+"""Polygons, funicular polygon, centrodes: they close, agree with the algebra, and show what the hand method shows."""
 
 from __future__ import annotations
 
@@ -210,8 +210,8 @@ def test_couples_vanishing_forces_and_equilibrium():
     assert gone.kind[0] == "single force" and gone.meeting[0].real == pytest.approx(1.0)
 
 
-# -- polodes ------------------------------------------------------------------------------------------------------------
-def test_the_moving_polode_rolls_on_the_fixed_one():
+# -- centrodes ------------------------------------------------------------------------------------------------------------
+def test_the_moving_centrode_rolls_on_the_fixed_one():
     motion = bar_motion(720)
     curves = centrodes(motion, "coupler")
     fixed, moving = (np.hypot(*np.diff(p, axis=0).T) for p in (curves.fixed, curves.moving))
@@ -227,7 +227,7 @@ def test_the_moving_polode_rolls_on_the_fixed_one():
     assert np.abs(v).max() <= 1e-9 * np.abs(motion.origin_velocities[k]).max() * (1 + np.abs(local).max())
 
 
-def test_elliptic_trammel_has_cardan_circles_for_polodes():
+def test_elliptic_trammel_has_cardan_circles_for_centrodes():
     motion = motion_of("elliptic-trammel", 90)
     rod = max(motion.mechanism.links, key=lambda k: len(k.points) if k.name != motion.mechanism.frame else 0).name
     curves = centrodes(motion, rod)
@@ -241,6 +241,6 @@ def test_elliptic_trammel_has_cardan_circles_for_polodes():
     assert circle[0] == pytest.approx(2.0 * circle[1], rel=1e-9)
 
 
-def test_a_sliding_link_has_no_polode():
+def test_a_sliding_link_has_no_centrode():
     motion = motion_of("slider-crank-compressor")
     assert np.isnan(centrodes(motion, "piston").fixed).all()

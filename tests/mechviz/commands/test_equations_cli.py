@@ -47,7 +47,7 @@ def test_latex_is_mathematics():
 def test_a_scene_that_asks_for_force_polygons_has_its_equations_in_the_notes(tmp_path):
     scene = gallery_scene("kinetostatic-four-bar")
     for plans, there in (([], False), (["force"], True)):
-        run = run_scene(scene.changed({("plans",): plans}), frames=6)
+        run = run_scene(scene.changed({("polygons",): plans}), frames=6)
         write_recording(run, tmp_path / "a.rrd")
         notes = Recording(tmp_path / "a.rrd").notes
         assert ("Equilibrium equations" in notes) == there

@@ -90,7 +90,7 @@ def test_the_command_tells_and_draws_it(tmp_path):
 
 
 def test_a_scene_that_asks_for_it_shows_it_everywhere(tmp_path):
-    scene = gallery_scene("contour-lever").changed({("plans",): ["graph"]})
+    scene = gallery_scene("contour-lever").changed({("polygons",): ["graph"]})
     run = run_scene(scene, frames=6)
     drawing = drawings_of(run, 0.3)["graph"]
     assert [m.label for m in drawing.marks] == [

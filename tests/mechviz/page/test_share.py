@@ -302,7 +302,7 @@ def test_pages_of_all_kinds_of_scenes(name):
     }  # fmt: skip
     assert expected[name] in kinds
     constructions = [c["title"] for c in header["constructions"]]
-    assert ("Velocity plan" in constructions) == (name == "plans-four-bar")
+    assert ("Velocity polygon" in constructions) == (name == "plans-four-bar")
     assert ("Force polygon with pole and rays" in constructions) == (name == "four-forces")
     assert bool(header["lanes"]) == (name == "stick-slip-feed")
     for d in [*header["drawables"], *(part for c in header["constructions"] for part in c["parts"])]:

@@ -50,6 +50,11 @@ def test_marks_lie_on_the_part_that_they_belong_to_and_not_all_before_everything
     assert path_height(leg, heights, link, point) >= solids.links[link].mesh.vertices[:, 2].min()
 
 
+def test_a_run_far_shorter_than_a_cycle_has_all_its_pictures():
+    run = run_scene(mechviz.load("stribeck-block").changed({("joints", "R", "drive", "travel"): 1e29}), frames=60)
+    assert run.motion.mechanism.cycle > 1e20 * np.ptp(run.motion.time) and picture_stride(run) == 1
+
+
 def test_no_part_lies_before_an_arrow(bar):
     """Checked with the meshes themselves: rays towards the viewer from points of the arrow meet nothing."""
     content = content_of(bar)

@@ -664,6 +664,16 @@ def test_pairs_is_read_as_joints_and_faults_name_it_as_it_is_written():
     assert "[joints]" in scene.to_toml()
 
 
+def test_former_keys_of_metrics_and_constructions_are_read():
+    asked = 'metrics = ["curvature"]\npolygons = ["velocity"]\ncentrodes = ["coupler"]\n'
+    text = asked + load("four-bar-chain").text.split("\n", 2)[2]
+    former = text.replace("metrics", "answers").replace("polygons", "plans").replace("centrodes", "polodes")
+    with pytest.raises(SceneError, match=r"polodes\[0\]  .*'coupler'"):
+        loads(former)
+    present, old = (loads(t.replace('"coupler"', '"bar2"')) for t in (text, former))
+    assert old == present and old.document.centrodes == ["bar2"] and "polodes" not in old.to_toml()
+
+
 def test_pair_within_watch_and_loads_is_read_as_joint_and_faults_name_it_as_it_is_written():
     text = load("engine-start-up").text
     former = text.replace('{ joint = "A"', '{ pair = "A"')

@@ -29,7 +29,7 @@ RICH: dict[str, Any] = {
     "units": {"length": "mm", "angle": "deg", "time": "s", "torque": "N m"},
     "effects": ["inertia", "gravity"],
     "trace": ["E", "rod.C"],
-    "answers": ["velocity_ratio"],
+    "metrics": ["velocity_ratio"],
     "gravity": [0, "-9.81 m/s^2"],
     "run": {"frames": 90, "cycles": 1},
     "links": {
@@ -97,7 +97,7 @@ SLIPS = [
     Slip("effects/1", "gravty", "effects[1]", "'gravty' is not one of"),
     Slip("trace/0", "Q", "trace[0]", "no link has a point 'Q'"),
     Slip("trace/1", "rod.Z", "trace[1]", "link 'rod' has no point 'Z'"),
-    Slip("answers/0", "velocity", "answers[0]", "'velocity' is not one of"),
+    Slip("metrics/0", "velocity", "metrics[0]", "'velocity' is not one of"),
     Slip("gravity/1", "-9.81 m/s", "gravity[1]", "is a linear speed"),
     Slip("run/frames", 1, "run.frames", "1 is too small"),
     Slip("run/cycle", 2, "run", "unknown key 'cycle'"),

@@ -44,8 +44,8 @@ BASE = {
     "run": {"frames": 36},
 }
 ALL = {
-    "plans": ["velocity", "acceleration", "force"],
-    "polodes": ["coupler"],
+    "polygons": ["velocity", "acceleration", "force"],
+    "centrodes": ["coupler"],
     "instant_centres": ["frame", "coupler"],
     "evolutes": ["coupler.D"],
     "inflection": ["coupler"],
@@ -94,7 +94,7 @@ def test_the_builder_says_the_same():
     b.revolute("A", "frame", "crank", drive={"speed": 20}).revolute("B", "crank", "coupler")
     b.revolute("D", "coupler", "rocker", side="left").revolute("E", "frame", "rocker")
     b.force("P", (-150, -60), on="rocker", at="D").effect("inertia").run(frames=36)
-    b.plan(*ALL["plans"]).polodes("coupler").reduce(*ALL["reduced"])
+    b.polygon(*ALL["polygons"]).centrodes("coupler").reduce(*ALL["reduced"])
     b.instant_centres("frame", "coupler").evolutes("coupler.D").inflection("coupler").percussion("rocker.E")
     b.shaking(about=(0.1, 0), counterweights={"radius": "80 mm", "fraction": 1})
     b.system("all", on="rocker", at="D").system("load", on="rocker", loads=["P"], pole=(30, 40))
@@ -104,18 +104,29 @@ def test_the_builder_says_the_same():
 
 def test_the_schema_knows_the_keywords():
     text = json.dumps(json_schema())
-    for key in ("plans", "polodes", "systems", "reduced", "shaking", "counterweights", "substitutes", "lumps", "density", "bulges"):
+    for key in (
+        "polygons",
+        "centrodes",
+        "systems",
+        "reduced",
+        "shaking",
+        "counterweights",
+        "substitutes",
+        "lumps",
+        "density",
+        "bulges",
+    ):
         assert f'"{key}"' in text
 
 
 @pytest.mark.parametrize(
     ("more", "path", "words"),
     [
-        ({"plans": ["velocities"]}, "plans[0]", "Did you mean 'velocity'?"),
-        ({"plans": ["force", "force"]}, "plans[1]", "twice"),
-        ({"plans": ["force"], "effects": [], "loads": {}}, "plans[0]", "without any force"),
-        ({"polodes": ["copler"]}, "polodes[0]", "Did you mean 'coupler'?"),
-        ({"polodes": ["frame"]}, "polodes[0]", "fixed link"),
+        ({"polygons": ["velocities"]}, "polygons[0]", "Did you mean 'velocity'?"),
+        ({"polygons": ["force", "force"]}, "polygons[1]", "twice"),
+        ({"polygons": ["force"], "effects": [], "loads": {}}, "polygons[0]", "without any force"),
+        ({"centrodes": ["copler"]}, "centrodes[0]", "Did you mean 'coupler'?"),
+        ({"centrodes": ["frame"]}, "centrodes[0]", "fixed link"),
         ({"instant_centres": ["coupler"]}, "instant_centres", "two links or more"),
         ({"instant_centres": ["frame", "copler"]}, "instant_centres[1]", "Did you mean 'coupler'?"),
         ({"inflection": ["frame"]}, "inflection[0]", "fixed link"),
@@ -272,10 +283,10 @@ def test_counterweights_are_drawn_on_their_links(tmp_path):
 
 def test_a_plan_without_a_moving_point_is_empty_and_says_so(tmp_path):
     data = mechviz.load("gear-train").document.model_dump(exclude_defaults=True)
-    run = run_scene(mechviz.Scene.build(name="gears", **{**data, "plans": ["velocity"]}), frames=6)
+    run = run_scene(mechviz.Scene.build(name="gears", **{**data, "polygons": ["velocity"]}), frames=6)
     path = tmp_path / "empty.rrd"
     write_recording(run, path)
-    assert "velocity plan: empty" in Recording(path).notes
+    assert "velocity polygon: empty" in Recording(path).notes
 
 
 @pytest.mark.parametrize("pole", [[0, -5], [0, -10], [0, 30]])

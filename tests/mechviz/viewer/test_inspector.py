@@ -483,7 +483,7 @@ def test_of_a_motion_without_drives_effects_are_weighed_by_the_largest_reaction(
     ("name", "overlays"),
     [
         ("plans-four-bar", ()),
-        ("polodes-four-bar", ("Polodes",)),
+        ("polodes-four-bar", ("Centrodes",)),
         ("instant-centres", ("Instant centres",)),
         ("inflection-circle", ("Evolutes", "Inflection circles")),
         ("four-forces", ("Funicular polygon",)),
@@ -493,7 +493,7 @@ def test_of_a_motion_without_drives_effects_are_weighed_by_the_largest_reaction(
     ],
 )
 def test_diagrams_of_a_recording_are_those_of_its_run(name, overlays, tmp_path):
-    """Plans, polygons, pole curves and charts, at every frame, as far as 32 bits tell."""
+    """Polygons, centrodes and charts, at every frame, as far as 32 bits tell."""
     run = run_scene(scene.load(name), frames=24)
     write_recording(run, tmp_path / "a.rrd")
     recorded, solved = view_model_of_recording(Recording(tmp_path / "a.rrd")), view_model_of_run(run, build(run))
@@ -501,7 +501,7 @@ def test_diagrams_of_a_recording_are_those_of_its_run(name, overlays, tmp_path):
     assert list(diagrams_of(recorded)) == list(diagrams_of(solved))
     with Viewer(Recording(tmp_path / "a.rrd"), port=0) as played:
         played.set_frame(7)
-        assert tuple(name for name in played.scene.plans.constructions if name in OVERLAY_GROUPS) == overlays
+        assert tuple(name for name in played.scene.polygons.constructions if name in OVERLAY_GROUPS) == overlays
     for key, drawing in solved.drawings().items():
         computed = recorded.drawings()[key]
         assert (computed.title, computed.unit, computed.whole) == (drawing.title, drawing.unit, drawing.whole)
@@ -523,9 +523,9 @@ def test_diagrams_of_a_recording_are_those_of_its_run(name, overlays, tmp_path):
             assert a.name == b.name
             np.testing.assert_allclose(a.x, b.x, atol=1e-5 * np.ptp(chart.ranges[:2]))
             np.testing.assert_allclose(a.y, b.y, atol=1e-5 * np.ptp(chart.ranges[2:]))
-    for link, polodes in solved.centrodes().items():
-        np.testing.assert_allclose(recorded.centrodes()[link].fixed, polodes.fixed, atol=1e-9)
-        np.testing.assert_allclose(recorded.centrodes()[link].moving, polodes.moving, atol=1e-9)
+    for link, centrodes in solved.centrodes().items():
+        np.testing.assert_allclose(recorded.centrodes()[link].fixed, centrodes.fixed, atol=1e-9)
+        np.testing.assert_allclose(recorded.centrodes()[link].moving, centrodes.moving, atol=1e-9)
 
 
 def test_a_spatial_cam_turns_in_its_recording_as_in_its_run(tmp_path):
@@ -677,7 +677,9 @@ def test_a_single_bad_frame_is_seen_in_the_strip():
 def test_diagrams_move_with_the_frame_and_lie_within_their_picture():
     run = run_scene(scene.load("plans-four-bar"), frames=24)
     diagrams = diagrams_of(view_model_of_run(run, build(run)))
-    assert {"Velocity plan", "Acceleration plan", "Force plan"} <= set(diagrams) and any(t.startswith("Path of") for t in diagrams)
+    assert {"Velocity polygon", "Acceleration polygon", "Force polygon"} <= set(diagrams) and any(
+        t.startswith("Path of") for t in diagrams
+    )
     for title, diagram in diagrams.items():
         first, later = diagram_svg(diagram, 3), diagram_svg(diagram, 15)
         assert first != later and title in first
@@ -700,7 +702,7 @@ def test_a_cam_has_diagrams_of_its_pressure_angle_and_curvature():
 
 def test_labels_of_a_diagram_stand_apart_and_are_written_as_by_hand():
     run = run_scene(scene.load("plans-four-bar"), frames=36)
-    diagram = diagrams_of(view_model_of_run(run, build(run)))["Acceleration plan"]
+    diagram = diagrams_of(view_model_of_run(run, build(run)))["Acceleration polygon"]
     inks = dict(diagram.drawing.legend)
     assert list(inks) == ["absolute", "normal", "tangential"]
     for stroke in diagram.drawing.strokes:
@@ -717,9 +719,9 @@ def test_labels_of_a_diagram_stand_apart_and_are_written_as_by_hand():
                 assert abs(x - x2) > 0.8 * (across + across2) or abs(y - y2) > 0.8 * (up + up2), (frame, drawn[k])
 
 
-def test_the_moving_polode_rolls_with_its_link_and_touches_the_fixed_one():
+def test_the_moving_centrode_rolls_with_its_link_and_touches_the_fixed_one():
     run = run_scene(scene.load("polodes-four-bar"), frames=72)
-    diagram = diagrams_of(view_model_of_run(run, build(run)))["Polodes of coupler"]
+    diagram = diagrams_of(view_model_of_run(run, build(run)))["Centrodes of coupler"]
     link, fixed, moving = diagram.curves
     for frame in (0, 17, 50):
         known = np.isfinite(moving.points)

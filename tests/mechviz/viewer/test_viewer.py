@@ -182,7 +182,7 @@ def test_the_view_takes_in_the_arrows_that_are_shown_first_and_no_empty_room(fou
 @pytest.fixture(scope="module")
 def constructed() -> Run:
     document = scene.load("plans-four-bar").document.model_dump(exclude_defaults=True)
-    more = {"polodes": ["coupler"], "shaking": {}, "systems": {"loads": {"on": "rocker"}}}
+    more = {"centrodes": ["coupler"], "shaking": {}, "systems": {"loads": {"on": "rocker"}}}
     return run_scene(scene.Scene.build(name="all", **{**document, **more}), frames=24)
 
 
@@ -207,23 +207,29 @@ def test_drawings_stand_beside_the_mechanism_and_not_over_each_other():
 
 def test_every_construction_is_drawn_beside_or_on_the_mechanism_and_has_a_switch(constructed):
     with Viewer(constructed, port=0) as viewer:
-        names = ["Velocity plan", "Acceleration plan", "Force plan", "Force polygon with pole and rays", "Shaking force, polar"]
-        assert set(viewer.scene.plans.constructions) == {*names, "Funicular polygon", "Polodes"}
-        assert set(viewer.scene.plans.constructions) < set(viewer.switches.marks)
+        names = [
+            "Velocity polygon",
+            "Acceleration polygon",
+            "Force polygon",
+            "Force polygon with pole and rays",
+            "Shaking force, polar",
+        ]
+        assert set(viewer.scene.polygons.constructions) == {*names, "Funicular polygon", "Centrodes"}
+        assert set(viewer.scene.polygons.constructions) < set(viewer.switches.marks)
         for frame in (0, 13):
             viewer.set_frame(frame)
             for name, d in drawings_of(constructed, viewer.scene.size).items():
-                lines = viewer.scene.plans.constructions[d.title.split(":")[0]].nodes[0].points
+                lines = viewer.scene.polygons.constructions[d.title.split(":")[0]].nodes[0].points
                 drawn = lines[: len(d.strokes), 1] - lines[: len(d.strokes), 0]
                 wanted = np.array([i.vector[frame] for i in d.strokes])
                 assert np.abs(drawn[:, 0] + 1j * drawn[:, 1] - wanted).max() <= 1e-5 * viewer.scene.size, name
-        assert (viewer.scene.bounds[0, :2] <= viewer.scene.plans.bounds[0]).all()
-        assert (viewer.scene.bounds[1, :2] >= viewer.scene.plans.bounds[1]).all()
-        viewer.scene.switch_mark("Velocity plan", False)
-        nodes = viewer.scene.plans.constructions["Velocity plan"].nodes
+        assert (viewer.scene.bounds[0, :2] <= viewer.scene.polygons.bounds[0]).all()
+        assert (viewer.scene.bounds[1, :2] >= viewer.scene.polygons.bounds[1]).all()
+        viewer.scene.switch_mark("Velocity polygon", False)
+        nodes = viewer.scene.polygons.constructions["Velocity polygon"].nodes
         viewer.set_frame(5)
         assert not any(node.visible for node in nodes)
-        viewer.scene.switch_mark("Velocity plan", True)
+        viewer.scene.switch_mark("Velocity polygon", True)
         viewer.set_frame(6)
         assert nodes[0].visible
 
@@ -233,7 +239,7 @@ def test_headings_of_drawings_have_room_in_every_window(constructed, screen):
     """Letters are as large in every window: no title, scale or legend over another one, and none beyond the picture."""
     with Viewer(constructed, port=0) as viewer:
         viewer.scene.fit(0, screen)
-        drawn = [n for c in viewer.scene.plans.constructions.values() for n in c.nodes if isinstance(n, viser.LabelHandle)]
+        drawn = [n for c in viewer.scene.polygons.constructions.values() for n in c.nodes if isinstance(n, viser.LabelHandle)]
         heads = [node for node in drawn if node.name.split("/")[-1].startswith(("caption", "scale", "legend"))]
         assert len(heads) >= 9 and (min(screen) < 400) != any("legend" in node.name for node in heads)
         view = fit_view(viewer.scene.bounds, screen[0] / screen[1], core=viewer.scene.bounds)
@@ -251,7 +257,7 @@ def test_headings_of_drawings_have_room_in_every_window(constructed, screen):
 def test_of_section_forces_the_bending_moments_are_shown_at_first():
     run = run_scene(scene.load("connecting-rod-bending"), frames=24)
     with Viewer(run, port=0) as viewer:
-        constructions = viewer.scene.plans.constructions
+        constructions = viewer.scene.polygons.constructions
         for name, on in (("Bending moments", True), ("Shear forces", False), ("Normal forces", False)):
             assert viewer.switches.marks[name].value == on
             assert all(node.visible == on for node in constructions[name].nodes)
@@ -276,8 +282,8 @@ def test_section_forces_next_to_nothing_are_drawn_like_others(monkeypatch):
 
 def test_a_scene_without_constructions_has_none_in_the_viewer(kinematic):
     with Viewer(kinematic, port=0) as viewer:
-        assert len(viewer.scene.plans) == 0
-        assert not {"Velocity plan", "Polodes"} & set(viewer.switches.marks)
+        assert len(viewer.scene.polygons) == 0
+        assert not {"Velocity polygon", "Centrodes"} & set(viewer.switches.marks)
 
 
 def test_grid_cells_are_round():
@@ -344,15 +350,15 @@ def test_a_link_that_is_looked_at_is_marked_and_its_neighbours_stay(viewer):
 def test_paths_arrows_and_constructions_are_read_on_a_dark_page(constructed):
     """Each is as far from the ground, by the light that its colour gives, on a dark page as on a light one."""
     with Viewer(constructed, port=0) as shown:
-        plans = shown.scene.plans.constructions
+        plans = shown.scene.polygons.constructions
         lines = [shown.server.scene.get_handle_by_name(name) for name in ("/paths/coupler.P", "/vectors/reaction")]
-        lines += [plans["Velocity plan"].nodes[0], plans["Polodes"].nodes[0], plans["Funicular polygon"].nodes[0]]
+        lines += [plans["Velocity polygon"].nodes[0], plans["Centrodes"].nodes[0], plans["Funicular polygon"].nodes[0]]
         before = [np.array(line.colors, float) for line in lines]
         shown.scene.darken(True)
         for line, light in zip(lines, before, strict=True):
             assert np.array(line.colors, float).mean() > light.mean() + 15.0, line.name
-        shown.scene.plans.update(shown.scene.current)
-        again = shown.scene.plans.constructions["Velocity plan"].nodes[0]
+        shown.scene.polygons.update(shown.scene.current)
+        again = shown.scene.polygons.constructions["Velocity polygon"].nodes[0]
         np.testing.assert_array_equal(again.colors, lines[2].colors)  # what is drawn later is dark, too
         shown.scene.darken(False)
         for line, light in zip([*lines[:2], again], before, strict=False):
@@ -456,9 +462,9 @@ def test_transmission_angles_and_section_forces_can_be_asked_for_and_plotted(fou
     """By a switch: the quantity is offered then, is that of the metrics, and goes with the switch."""
     with Viewer(four_bar, port=0) as shown:
         for on in (True, False):
-            shown.session.change("answers", lambda draft, on=on: draft.with_named("answers", "transmission_angle", on))
+            shown.session.change("metrics", lambda draft, on=on: draft.with_named("metrics", "transmission_angle", on))
             assert shown.session.wait(rested=True)
-            until(lambda on=on: shown.inspector.diagrams.asked["answers", "transmission_angle"].value is on)
+            until(lambda on=on: shown.inspector.diagrams.asked["metrics", "transmission_angle"].value is on)
             offered = {q.key: q for q in shown.inspector.view_model.quantities}
             assert ("transmission_angle.D.angle" in offered) is on
             if on:

@@ -682,10 +682,10 @@ def test_plans_stand_beside_the_mechanism_and_switches_hide_them_paths_and_point
         opened = open_viewer(browser, shown, SIZE, [link_path("crank")])
         try:
             opened.wait_for_function(SEEN, arg="/drawings/velocity")
-            until(opened, lambda: list(shown.scene.plans.screen) == opened.evaluate(EXTENT), "the size of the picture told")
+            until(opened, lambda: list(shown.scene.polygons.screen) == opened.evaluate(EXTENT), "the size of the picture told")
             open_tab(opened, "View")
-            opened.get_by_text("Velocity plan", exact=True).first.wait_for()
-            opened.get_by_label("Velocity plan", exact=True).uncheck()
+            opened.get_by_text("Velocity polygon", exact=True).first.wait_for()
+            opened.get_by_label("Velocity polygon", exact=True).uncheck()
             until(opened, lambda: not opened.evaluate(SEEN, "/drawings/velocity"), "the plan hidden")
             assert opened.evaluate(SEEN, "/drawings/force")
             ball = f"{link_path('coupler')}/mass_0"

@@ -1,4 +1,4 @@
-"""The tab of diagrams: velocity, acceleration and force plans, polygons, pole curves, paths, and one quantity against another, such
+"""The tab of diagrams: velocity, acceleration and force polygons, centrodes, paths, and one quantity against another, such
 as pressure against displacement. All move with the frame."""
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from mechviz.picture.constructions import Drawing
 from mechviz.picture.nodes import Color
 from mechviz.picture.overlays import FIXED_CENTRODE_COLOR, MOVING_CENTRODE_COLOR
 from mechviz.quantities.vectors import round_value
-from mechviz.scene.kinds.studies import PlanName
+from mechviz.scene.kinds.studies import PolygonName
 
 DIAGRAM_WIDTH, DIAGRAM_HEIGHT, DIAGRAM_MARGIN = 330.0, 300.0, 26.0  # [px]
 CENTRODE_RANGE = 1.5  # sizes of the mechanism beyond its bounds, where centrodes are cut off
@@ -37,7 +37,7 @@ PICTURE_RATE = 12.0  # pictures a second while playing
 LEAST_LABELLED = 4.0  # [px] below which an arrow has no label
 ARROW_HEAD = 8.0  # [px]
 ROOM_OF_LABELS = 3.0  # [px] from what they name
-NONE_OF_A_RUN = "The scene asks for no diagrams. Ask for plans and pole curves below; click on points to trace them."
+NONE_OF_A_RUN = "The scene asks for no diagrams. Ask for polygons and centrodes below; click on points to trace them."
 POLYGON_HINTS = {
     "velocity": "the images of the points, from a pole: what the method by hand draws",
     "acceleration": "with the centripetal, tangential and Coriolis parts",
@@ -91,7 +91,7 @@ class MovingDiagram:
 
 
 def diagrams_of(view_model: ViewModel) -> dict[str, MovingDiagram | Chart]:
-    """All diagrams of what is shown: the plans that its scene asks for, pole curves, paths of traced points, and charts."""
+    """All diagrams of what is shown: the polygons that its scene asks for, centrodes, paths of traced points, and charts."""
     diagrams: dict[str, MovingDiagram | Chart] = {}
     for drawing in view_model.drawings().values():
         title = drawing.title.split(":")[0]
@@ -102,7 +102,7 @@ def diagrams_of(view_model: ViewModel) -> dict[str, MovingDiagram | Chart]:
         unit, factor = view_model.units.reads(drawing.unit)
         diagrams[title] = MovingDiagram(title, drawing.bounds, factor * drawing.per_metre, unit, drawing, curves)
     for name, centrodes in view_model.centrodes().items():
-        title = f"Polodes of {name}"
+        title = f"Centrodes of {name}"
         diagrams[title] = _centrodes(view_model, centrodes, title, name)
     for name, xyz in view_model.paths.items():
         z = xyz[:, 0] + 1j * xyz[:, 1]
@@ -129,7 +129,7 @@ def cam_charts(view_model: ViewModel) -> list[Chart]:
 
 
 def _centrodes(view_model: ViewModel, centrodes: RollingCentrodes, title: str, name: str) -> MovingDiagram:
-    """Both polodes of a link and its points: the moving one rolls on the fixed one with the link."""
+    """Both centrodes of a link and its points: the moving one rolls on the fixed one with the link."""
     pose, size = view_model.poses[name], view_model.size
     fixed, moving = centrodes.fixed, centrodes.moving
     low, high = (bound[0] + 1j * bound[1] for bound in view_model.bounds)
@@ -143,8 +143,8 @@ def _centrodes(view_model: ViewModel, centrodes: RollingCentrodes, title: str, n
     nowhere = np.full(len(pose), np.nan + 0j)
     curves = (
         PlaneCurve(name, (188, 200, 220), centrodes.outline, nowhere, ride),
-        PlaneCurve("fixed polode", FIXED_CENTRODE_COLOR, parts[0], nowhere),
-        PlaneCurve("moving polode", MOVING_CENTRODE_COLOR, parts[1], np.where(inside, fixed, np.nan), ride),
+        PlaneCurve("fixed centrode", FIXED_CENTRODE_COLOR, parts[0], nowhere),
+        PlaneCurve("moving centrode", MOVING_CENTRODE_COLOR, parts[1], np.where(inside, fixed, np.nan), ride),
     )
     some = np.linspace(0, len(pose) - 1, min(len(pose), 24)).round().astype(int)
     unit, factor = view_model.units.reads("m")
@@ -232,14 +232,14 @@ class Diagrams:
             self.seen = gui.add_checkbox("The diagram is seen", False, visible=False)
             if session is not None and view_model.run is not None:
                 with gui.add_folder("Construct"):
-                    for name in get_args(PlanName):
-                        self.asked["plans", name] = gui.add_checkbox(
-                            POLYGON_TITLES.get(name, f"{name.capitalize()} plan"), False, hint=POLYGON_HINTS[name]
+                    for name in get_args(PolygonName):
+                        self.asked["polygons", name] = gui.add_checkbox(
+                            POLYGON_TITLES.get(name, f"{name.capitalize()} polygon"), False, hint=POLYGON_HINTS[name]
                         )
                 with gui.add_folder("Quantities to plot"):
                     for name, hint in METRICS.items():
                         words_of = name.replace("_", " ").capitalize()
-                        self.asked["answers", name] = gui.add_checkbox(words_of, False, hint=hint)
+                        self.asked["metrics", name] = gui.add_checkbox(words_of, False, hint=hint)
                 moving, open_first = (
                     [link for link in view_model.poses if link != view_model.frame],
                     len(view_model.poses) <= MOST_LINKS,
@@ -249,7 +249,7 @@ class Diagrams:
                         self.asked["sections", link] = gui.add_checkbox(f"Sections of {link}", False, hint=SECTION_HINT)
                 with gui.add_folder("Pole curves", expand_by_default=open_first):
                     for link in moving:
-                        self.asked["polodes", link] = gui.add_checkbox(f"Polodes of {link}", False, hint=CENTRODE_HINT)
+                        self.asked["centrodes", link] = gui.add_checkbox(f"Centrodes of {link}", False, hint=CENTRODE_HINT)
         self.mirror(view_model)
         for (key, name), box in self.asked.items():
             box.on_update(callback(f"Asking for {name}", partial(self._ask, key, name)))

@@ -1,7 +1,7 @@
 """Graphical constructions beside the mechanism, true to scale in its own metres, and those that are drawn on it.
 
 Plans, force polygons and polar plots stand side by side with the mechanism, as lines with labels that move with the frame; strings,
-polodes and substitute masses lie on the mechanism. Every construction has a switch of its own.
+centrodes and substitute masses lie on the mechanism. Every construction has a switch of its own.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ SAME_LABEL_DISTANCE = 0.045  # a point this near to another one, in sizes of the
 DIAGRAM_ANCHORS = dict(zip(SECTION_DIAGRAMS, ("bottom-left", "top-left", "bottom-right"), strict=True))
 """Of the labels of diagrams whose largest ordinates may lie beside each other."""
 OVERLAY_GROUPS = {
-    "Polodes": ("polodes", "polode"),
+    "Centrodes": ("polodes", "polode"),
     "Funicular polygon": ("funicular",),
     "Equivalent linkages": ("equivalent",),
     INVERSION_TITLE: (INVERSION_GROUP,),
@@ -134,7 +134,7 @@ class Construction:
     moves: bool = True
 
 
-class PlanNodes:
+class PolygonNodes:
     """All constructions of a run by the words of their switches; ``show`` brings those that are on to a frame."""
 
     def __init__(self, server: viser.ViserServer, view_model: ViewModel):

@@ -17,7 +17,7 @@ from mechviz.outputs.viewer.viser_adapter import Posed, send_poses
 from mechviz.outputs.viewer.world.arrows import ArrowNodes
 from mechviz.outputs.viewer.world.bodies import BodyNodes, LineNodes
 from mechviz.outputs.viewer.world.camera import Backdrop, FittedCameras, set_first_view
-from mechviz.outputs.viewer.world.constructions import PlanNodes
+from mechviz.outputs.viewer.world.constructions import PolygonNodes
 from mechviz.outputs.viewer.world.labels import prepare
 from mechviz.outputs.viewer.world.marks import JointMarks, Masses, Paths, path_segments
 from mechviz.outputs.viewer.world.solids import SolidNodes, quaternions
@@ -60,7 +60,7 @@ class Scene3D:
             self._bodies = BodyNodes(server, view_model)
             self._masses = Masses(server, view_model)
             self.joints = JointMarks(server, view_model, clicked_joints)
-            self.plans = PlanNodes(server, view_model)
+            self.polygons = PolygonNodes(server, view_model)
         self._posed: tuple[Any, ...] = (self.links, *self.ghosts.values(), self._paths, self.joints, self._bodies)
         for family in self.arrows.families:
             self.switch_family(family, view_model.picture.marks and family in SHOWN_FIRST)
@@ -71,7 +71,7 @@ class Scene3D:
             "Paths": self._paths.switch,
             **({"Springs and dampers": self._switch_springs} if "springs" in self._lines.groups | self._bodies.groups else {}),
             **({"Point masses": self._masses.switch} if len(self._masses) else {}),
-            **{name: partial(self.plans.switch, name) for name in self.plans.constructions},
+            **{name: partial(self.polygons.switch, name) for name in self.polygons.constructions},
             NAMES_SWITCH: self.joints.switch,
             "Grid": self.stage.switch,
         }
@@ -95,7 +95,7 @@ class Scene3D:
         self._bodies.update(view_model)
         self._masses.update(view_model)
         self.joints.update(view_model)
-        self.plans.update(view_model)
+        self.polygons.update(view_model)
 
     def refit(self) -> None:
         """After an edit: look at the new extent, where the old view does not fit it any more, with cameras that nobody moved."""
@@ -109,7 +109,7 @@ class Scene3D:
     def fit(self, browser: int, screen: tuple[int, int]) -> None:
         """A browser's picture has this width and height [px]: the drawings beside the mechanism are laid out for the smallest."""
         self._screens[browser] = screen
-        if self.plans.fit(min(self._screens.values(), key=min)):
+        if self.polygons.fit(min(self._screens.values(), key=min)):
             self.bounds = self._box(self.current)
             self.cameras.follow_bounds(self.bounds, self._core(self.current))
 
@@ -119,11 +119,11 @@ class Scene3D:
         self.arrows.show(frame)
         self._lines.show(frame)
         self._bodies.show(frame)
-        self.plans.show(frame)
+        self.polygons.show(frame)
 
     def tracks(self) -> tuple[tuple[PoseTrack, ...], tuple[PointTrack, ...]] | None:
         """How everything moves over the run; None where something changes in another way than by poses and points."""
-        if self.plans.moves:
+        if self.polygons.moves:
             return None
         poses = {name: track for nodes in self._posed for name, track in nodes.tracks().items()}
         frames = self.current.frames
@@ -147,7 +147,7 @@ class Scene3D:
 
     def darken(self, dark: bool) -> None:
         """Take the colours for a dark page or for a light one."""
-        for part in (self.stage, self._paths, self._lines, self.arrows, self.plans):
+        for part in (self.stage, self._paths, self._lines, self.arrows, self.polygons):
             part.darken(dark)
 
     def look(self, client: viser.ClientHandle, preset: str) -> None:
@@ -158,7 +158,7 @@ class Scene3D:
 
     def is_marked(self, name: str) -> bool:
         """Whether one of ``marks`` is shown at first."""
-        return self.current.picture.marks if name == NAMES_SWITCH else self.plans.is_on(name)
+        return self.current.picture.marks if name == NAMES_SWITCH else self.polygons.is_on(name)
 
     def switch_mark(self, name: str, on: bool) -> None:
         """Show or hide one of ``marks``."""
@@ -172,16 +172,16 @@ class Scene3D:
             low, high = spring.reach()
             box[0, :2] = np.minimum(box[0, :2], np.maximum(low, view_model.bounds[0, :2] - 0.5 * view_model.size))
             box[1, :2] = np.maximum(box[1, :2], np.minimum(high, view_model.bounds[1, :2] + 0.5 * view_model.size))
-        if self.plans.bounds is not None:
-            box[0, :2] = np.minimum(box[0, :2], self.plans.bounds[0])
-            box[1, :2] = np.maximum(box[1, :2], self.plans.bounds[1])
+        if self.polygons.bounds is not None:
+            box[0, :2] = np.minimum(box[0, :2], self.polygons.bounds[0])
+            box[1, :2] = np.maximum(box[1, :2], self.polygons.bounds[1])
         return box
 
     def _core(self, view_model: ViewModel) -> Real:
         """The box of what a view has to show large: the solids, and the drawings beside them."""
-        if self.plans.bounds is None:
+        if self.polygons.bounds is None:
             return view_model.bounds
-        beside = np.column_stack([self.plans.bounds, view_model.bounds[:, 2]])
+        beside = np.column_stack([self.polygons.bounds, view_model.bounds[:, 2]])
         return np.array([np.minimum(view_model.bounds[0], beside[0]), np.maximum(view_model.bounds[1], beside[1])])
 
     async def _greet(self, client: viser.ClientHandle) -> None:
