@@ -90,7 +90,8 @@ class Run:
 
     @cached_property
     def kept(self) -> Accuracy:
-        """The dials with those of what is drawn and recorded, which follow from the target: chord, profile, numbers, pictures."""
+        """The settings with those of what is drawn and recorded, which follow from the target: chord, profile, numbers,
+        pictures."""
         return fixed_settings(self)
 
 
@@ -126,13 +127,13 @@ def run_scene(
     """Solve a scene over its frames and cycles (the scene's own where not given). Raises `MechanismError`.
 
     Where forces decide the motion it is found first, over the scene's duration; ``advance`` gets how far it is known and how
-    far it is wanted [s]; ``observe`` gets every stretch of it as soon as it is known, with the whole duration; ``warn`` is told
+    far it is wanted [s]; ``observe`` gets every segment of it as soon as it is known, with the whole duration; ``warn`` is told
     before it begins what will take long.
 
     Only what the plan for ``outputs`` (of `OUTPUTS`) calls for is computed; by default all that the scene calls for.
 
-    ``accuracy``: the wanted relative error or the dials, instead of the scene's. A wanted error decides the number of frames, too,
-    unless ``frames`` or the scene's [run] says it; see `mechcore.accuracy`.
+    ``accuracy``: the wanted relative error or the settings, instead of the scene's. A wanted error decides the number of frames,
+    too, unless ``frames`` or the scene's [run] says it; see `mechcore.accuracy`.
 
     ``executor``: "numpy", "c" (a program of the mechanism's own, compiled once), or C only where compiling it pays; see
     `mechcore.compiled`.
@@ -240,7 +241,7 @@ def _resimulate(
             triggers=spec.triggers,
             separable_cams=spec.separable_cams,
             progress=lambda t: advance(t, duration),
-            observe=None if look is None else lambda stretch: look(stretch, duration),
+            observe=None if look is None else lambda segment: look(segment, duration),
             like=like,
             warn=once if unwarned else None,
         )
@@ -257,7 +258,7 @@ def _simulate(scene: Scene, settings: Accuracy, again: Resimulate, *, asked: boo
 
 
 def _settings(scene: Scene, accuracy: Accuracy | float | None) -> Accuracy:
-    """The dials of a run: those that are asked for, else the scene's."""
+    """The settings of a run: those that are asked for, else the scene's."""
     if accuracy is None:
         return scene.accuracy
     return accuracy if isinstance(accuracy, Accuracy) else accuracy_for(accuracy)
@@ -303,7 +304,7 @@ class _Block:
 
 
 class Running:
-    """Takes the stretches of a motion in order, as `mechcore.dynamics.simulate` finds them, and makes runs of them.
+    """Takes the segments of a motion in order, as `mechcore.dynamics.simulate` finds them, and makes runs of them.
 
     Every frame is solved once: a run of all frames so far is put together from the blocks. ``sent``: frames that are known in
     blocks. A block is a fortieth of the run, or, with ``due``, as many frames as there are when that says so.
@@ -316,16 +317,16 @@ class Running:
         self.sent = 0
         self.times: Real = np.zeros(0)  # of all frames of the whole run
         self.duration = 0.0
-        self._stretches: list[Simulation] = []
+        self._segments: list[Simulation] = []
         self._joined: tuple[tuple[_Block, ...], Simulation] | None = None  # replaced as one: another thread may ask for it
 
-    def take(self, stretch: Simulation, duration: float) -> Run | None:
-        """Take a stretch; the run of the frames that are new, if they are enough for a block. ``duration`` of the whole [s]."""
+    def take(self, segment: Simulation, duration: float) -> Run | None:
+        """Take a segment; the run of the frames that are new, if they are enough for a block. ``duration`` of the whole [s]."""
         if not len(self.times):
             self.duration = duration
             self.times = np.linspace(0.0, duration, self.scene.frames + 1)
-        self._stretches.append(stretch)
-        known = int(np.searchsorted(self.times, stretch.duration, side="right"))
+        self._segments.append(segment)
+        known = int(np.searchsorted(self.times, segment.duration, side="right"))
         enough = max(len(self.times) // BLOCKS, 2)
         if self.due is not None:
             enough = 2 if self.due() else len(self.times)
@@ -334,9 +335,9 @@ class Running:
         return self._block(self.times[self.sent : known])
 
     def _block(self, times: Real) -> Run:
-        first, *others = self._stretches
+        first, *others = self._segments
         new = first.followed_by(others)
-        self._stretches = []
+        self._segments = []
         motion = new.view(times)
         forces = None
         if self.plan.has(StageKind.FORCES):

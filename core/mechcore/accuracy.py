@@ -21,7 +21,7 @@ LOOSEST, TIGHTEST = 1e-1, 1e-13
 
 @dataclass(frozen=True, kw_only=True)
 class Accuracy:
-    """All dials. ``target`` is the error that was asked for, None where the dials were set one by one or not at all."""
+    """All settings. ``target`` is the error that was asked for, None where the settings were set one by one or not at all."""
 
     target: float | None = None
     position: float = 2e-15  # residual at which Newton's method stops in groups without a closed form, in sizes of the mechanism
@@ -65,7 +65,7 @@ class Accuracy:
 
     @property
     def changed(self) -> dict[str, Any]:
-        """The dials that are not at their defaults, by name."""
+        """The settings that are not at their defaults, by name."""
         return {f.name: getattr(self, f.name) for f in fields(self) if getattr(self, f.name) != f.default}
 
 
@@ -93,7 +93,7 @@ _CHOICES: dict[str, tuple[Any, ...]] = {
     "numbers": (None, "float64", "float32"),
 }
 SETTINGS: tuple[str, ...] = tuple(f.name for f in fields(Accuracy) if f.name != "target")
-"""Names of all dials."""
+"""Names of all settings."""
 
 DEFAULT = Accuracy()
 

@@ -2,8 +2,8 @@
 is in the way: found by measuring, not by guessing.
 
 A run of N frames is compared with the motion itself half way between them; the error of an interpolation of order p falls as
-N^-(p+1), so that a few runs lead to the number of frames that is just enough. What is drawn and kept of a run has accuracies of its
-own: facets, points of cam profiles, digits, frames with pictures.
+N^-(p+1), so that a few runs lead to the number of frames that is just enough. The picture and the recording of a run have
+accuracies of their own: facets, points of cam profiles, digits, frames with pictures.
 """
 
 from __future__ import annotations
@@ -224,7 +224,7 @@ SINGLE_ROUNDING = 2.0**-24  # largest relative error of a number that is rounded
 
 
 def fixed_settings(run: Run) -> Accuracy:
-    """The run's dials with chord [m], profile, numbers and pictures as they follow from its target."""
+    """The run's settings with chord [m], profile, numbers and pictures as they follow from its target."""
     settings = run.accuracy
     filled: dict[str, Any] = {}
     if settings.target is None:

@@ -54,8 +54,8 @@ def svg_strokes(path: Path | str, font: str = "scripts") -> list[Complex]:
             if isinstance(segment, Move):
                 continue
             n = 1 if type(segment).__name__ in ("Line", "Close") else max(2, math.ceil(segment.length(error=1e-3) / chord))
-            spots = [segment.point(k / n) for k in range(0 if not points else 1, n + 1)]
-            points += [complex(p.x, -p.y) for p in spots if p is not None]
+            places = [segment.point(k / n) for k in range(0 if not points else 1, n + 1)]
+            points += [complex(p.x, -p.y) for p in places if p is not None]
             count += n
             if count > _MOST:
                 raise OutputError(f"'{path}' has more than {_MOST} points.", "Draw fewer or shorter lines.")

@@ -74,7 +74,7 @@ class _Segment:
 
 
 def law_changes(scene: Scene, place: Place, option: str) -> dict[Place, Any]:
-    """What to change in a scene for another law, one of `LAW_OPTIONS`, at a place ``(..., k, "law")``.
+    """The changes of a scene for another law, one of `LAW_OPTIONS`, at a place ``(..., k, "law")``.
 
     Laws by data take these from the present motion. Where such a law meets derivatives at its ends and the present one has some
     there, those are stated, or left to neighbours that have a shape of their own.

@@ -97,7 +97,7 @@ class Choice:
         return place_key(self.path)
 
     def changes(self, scene: Scene, option: str) -> dict[Place, Any]:
-        """What to change in a scene for another option."""
+        """The changes of a scene for another option."""
         return law_changes(scene, self.path, option) if self.path[-1] == "law" else {self.path: option}
 
 
@@ -109,7 +109,7 @@ def place_key(path: Place) -> str:
 def find_parameters(scene: Scene) -> tuple[Parameter, ...]:
     """All numbers of a scene that make sense as sliders, in the order of ``GROUPS`` and of the file."""
     document = scene.document
-    parameters = [p for spot in _spots(document) if not _options(spot) and (p := _parameter(scene, spot)) is not None]
+    parameters = [p for leaf in _editable_leaves(document) if not _options(leaf) and (p := _parameter(scene, leaf)) is not None]
     parameters = [*_named(scene), *_scaled(parameters)]
     return tuple(sorted(parameters, key=lambda p: (GROUPS.index(p.group), "–" not in p.label)))
 
@@ -121,10 +121,10 @@ def find_choices(scene: Scene) -> tuple[Choice, ...]:
         Choice(path, group_of(path), label_of(path), f"{law.kind}, as stated", LAW_OPTIONS)
         for path, law in _law_tables(scene.document)
     ]
-    for spot in _spots(scene.document):
-        options = _options(spot)
-        if len(options) > 1 and isinstance(spot.value, str) and spot.path[0] in ("joints", "loads", "links"):
-            choices.append(Choice(spot.path, group_of(spot.path), label_of(spot.path), spot.value, options))
+    for leaf in _editable_leaves(scene.document):
+        options = _options(leaf)
+        if len(options) > 1 and isinstance(leaf.value, str) and leaf.path[0] in ("joints", "loads", "links"):
+            choices.append(Choice(leaf.path, group_of(leaf.path), label_of(leaf.path), leaf.value, options))
     return tuple(sorted(choices, key=lambda c: GROUPS.index(c.group)))
 
 
@@ -149,7 +149,7 @@ def _law_tables(document: SceneDocument) -> Iterator[tuple[Place, LawDocument]]:
 
 
 # -- walking ----------------------------------------------------------------------------------------------------------
-def _spots(document: SceneDocument) -> Iterator[Leaf]:
+def _editable_leaves(document: SceneDocument) -> Iterator[Leaf]:
     """The scalars of a scene that say something of it, as far as they are stated."""
     listed = {place for *_, homes in marked_series(document) for place in homes}
     for leaf in leaves(document, _shown):
@@ -213,8 +213,8 @@ def _named(scene: Scene) -> Iterator[Parameter]:
 
 
 # -- one value --------------------------------------------------------------------------------------------------------
-def _parameter(scene: Scene, spot: Leaf) -> Parameter | None:
-    document, path, value, quantity = scene.document, spot.path, spot.value, spot.mark(QuantityMark)
+def _parameter(scene: Scene, leaf: Leaf) -> Parameter | None:
+    document, path, value, quantity = scene.document, leaf.path, leaf.value, leaf.mark(QuantityMark)
     along = False
     if path[0] == "links" and len(path) == 5 and path[2] == "points":
         skip, along = _of_point(document, path)

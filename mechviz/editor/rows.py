@@ -37,8 +37,8 @@ class NumberRow:
         return (", " if len(self.places[0]) == 1 else "; ").join(", ".join(map(self._shown, row)) for row in self.values)
 
     def changes(self, text: str) -> dict[Place, float | str]:
-        """What to change for another text; what is written as before stays. Raises `ValueError` where it has not as many
-        numbers."""
+        """The changes of a scene for another text; values that are written as before stay. Raises `ValueError` where it has not
+        as many numbers."""
         tokens = [token.strip() for token in re.split(r"[,;\n]", text)]
         flat = [(place, value) for row in zip(self.places, self.values, strict=True) for place, value in zip(*row, strict=True)]
         if len(tokens) != len(flat) or "" in tokens:

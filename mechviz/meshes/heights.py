@@ -43,11 +43,11 @@ class Heights:
 
     def middle(self, link: str, xy: Vec2) -> float | None:
         """Half way through a moving link's part at a point of its frame [m]; None where it has none there."""
-        spot = shapely.Point(xy[0] / self.size, xy[1] / self.size)
+        point = shapely.Point(xy[0] / self.size, xy[1] / self.size)
         for part in self._parts:
             if part.link == link and part.kind in _FLAT_KINDS:
                 for prism in part.space:
-                    if prism.outline.distance(spot) < self._near:
+                    if prism.outline.distance(point) < self._near:
                         return 0.5 * (prism.low + prism.high) * self.size
         return None
 
@@ -112,13 +112,13 @@ def find_heights(
     near = _NEAR_POINT * model.proportions.r
     joints = {}
     for joint in build_joints(mechanism).joints:
-        spots = {
+        points = {
             link: (at.real / model.size, at.imag / model.size) for link, at in zip(joint.links, (joint.a, joint.b), strict=True)
         }
         for axle in model.axles:
-            if any(link in axle.centres and np.hypot(*np.subtract(axle.centres[link], xy)) < near for link, xy in spots.items()):
-                spots = {**axle.centres, **spots}
-        joints[joint.name] = _front(parts, spots, near, model.size, top)
+            if any(link in axle.centres and np.hypot(*np.subtract(axle.centres[link], xy)) < near for link, xy in points.items()):
+                points = {**axle.centres, **points}
+        joints[joint.name] = _front(parts, points, near, model.size, top)
     for contact in mechanism.joints:  # what touches without a pin: cams, gears, belts
         first, second = (
             [p for p in parts if p.link == link and p.kind != "pin" and contact.name in p.mates] for link in contact.links[:2]
@@ -132,10 +132,10 @@ def find_heights(
     return Heights(model.size, top, joints, kept, tuple(parts), near)
 
 
-def _front(parts: Iterable[Part], spots: Mapping[str, Vec2], near: float, size: float, top: float) -> float:
+def _front(parts: Iterable[Part], points: Mapping[str, Vec2], near: float, size: float, top: float) -> float:
     """Just before the parts of some links near a point of each, else just before those links, else the top [m]."""
-    mine = [(part, shapely.Point(spots[part.link])) for part in parts if part.link in spots]
-    at = [prism.high for part, spot in mine for prism in part.space if prism.outline.distance(spot) < near]
+    mine = [(part, shapely.Point(points[part.link])) for part in parts if part.link in points]
+    at = [prism.high for part, point in mine for prism in part.space if prism.outline.distance(point) < near]
     whole = [_height(part) for part, _ in mine if part.kind not in ("pin", "pedestal")]
     highs = at or whole
     return min((max(highs) + _MARK_LIFT) * size, top) if highs else top

@@ -158,8 +158,8 @@ class _Kit:
             if not own:
                 continue
             reach = _BASE_EDGE * max(axle.boss for axle in own)
-            spots = MultiPoint([axle.centres[frame] for axle in own]).buffer(reach, quad_segs=PART_SIDES // 4)
-            shape = unary_union([spots, *([] if front else rails)]).convex_hull
+            bosses = MultiPoint([axle.centres[frame] for axle in own]).buffer(reach, quad_segs=PART_SIDES // 4)
+            shape = unary_union([bosses, *([] if front else rails)]).convex_hull
             circles = []
             for axle in own:
                 turns = 0.0 if axle.owner == frame else 0.5 * self.clearance

@@ -204,9 +204,9 @@ def _drilled_marks(
     radius = 0.2 * model.proportions.r
     marks: list[Turned] = []
     for xy in model.marks[piece.link]:
-        spot = Point(xy)
-        free = shape.contains(spot) and shape.boundary.distance(spot) > radius + 2.0 * model.proportions.bevel
-        if free and all(spot.distance(Point(other.centre)) > other.rim + 1.5 * radius for other in [*turned, *marks]):
+        point = Point(xy)
+        free = shape.contains(point) and shape.boundary.distance(point) > radius + 2.0 * model.proportions.bevel
+        if free and all(point.distance(Point(other.centre)) > other.rim + 1.5 * radius for other in [*turned, *marks]):
             marks.append(Turned(xy, ((radius, high),), ((radius, low),)))
     return marks
 
@@ -356,9 +356,9 @@ def _pedestals(model: ScaledMechanism, draft: SolidsDraft, levels: Levels) -> li
         for foot in polygons(feet):
             columns: list[Turned] = []
             for stand in side:
-                column, spot = stand.column(levels, low, high), Point(stand.centre)
+                column, point = stand.column(levels, low, high), Point(stand.centre)
                 # Stands that all but coincide share one column.
-                if foot.contains(spot) and all(spot.distance(Point(c.centre)) > column.rim + c.rim for c in columns):
+                if foot.contains(point) and all(point.distance(Point(c.centre)) > column.rim + c.rim for c in columns):
                     columns.append(column)
             space = [Prism(foot, low, high)]
             for column in columns:

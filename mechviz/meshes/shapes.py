@@ -101,8 +101,8 @@ def _on_material(model: ScaledMechanism, guide: Guide) -> Guide:
     slots = [_slot(model, g) for g in model.guides if g.rail == guide.block and _form(model, g) == "slot"]
 
     def free(s: float) -> bool:
-        spot = Point(_along(guide.block_point, guide.block_along, s))
-        return all(slot.distance(spot) > 1.1 * r for slot in slots)
+        place = Point(_along(guide.block_point, guide.block_along, s))
+        return all(slot.distance(place) > 1.1 * r for slot in slots)
 
     if guide.block == model.frame or free(0.0):
         return guide

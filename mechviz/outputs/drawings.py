@@ -352,20 +352,20 @@ def diagram_streams(diagrams: Sequence[Diagram], every: int) -> Iterator[Stream]
     import rerun as rr
 
     for d in diagrams:
-        spots = np.stack([d.place(c.x, c.y) for c in d.curves], axis=1)
-        known = np.isfinite(spots).all(axis=2)
+        dot_places = np.stack([d.place(c.x, c.y) for c in d.curves], axis=1)
+        known = np.isfinite(dot_places).all(axis=2)
 
-        def dots(frames: slice, spots: Any = spots, known: Any = known) -> Any:
+        def dots(frames: slice, dot_places: Any = dot_places, known: Any = known) -> Any:
             shown = known[frames]
-            return archetype_columns(rr.Points2D.from_fields(positions=spots[frames][shown]), shown.sum(axis=1))
+            return archetype_columns(rr.Points2D.from_fields(positions=dot_places[frames][shown]), shown.sum(axis=1))
 
         yield Stream(entity("diagrams", d.name, "now"), dots, every)
         if d.equal:
             origin = d.place(np.zeros(1), np.zeros(1))[0]
 
-            def rays(frames: slice, spots: Any = spots, known: Any = known, origin: Any = origin) -> Any:
+            def rays(frames: slice, dot_places: Any = dot_places, known: Any = known, origin: Any = origin) -> Any:
                 shown = known[frames]
-                tips = spots[frames][shown]
+                tips = dot_places[frames][shown]
                 arrows = rr.Arrows2D.from_fields(origins=np.broadcast_to(origin, tips.shape), vectors=tips - origin)
                 return archetype_columns(arrows, shown.sum(axis=1))
 

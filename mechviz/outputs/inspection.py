@@ -294,8 +294,8 @@ def format_inspection(inspection: Inspection) -> str:
     width = max(len(name) for name, _ in rows)
     lines = [inspection.title, *(f"  {name:<{width}}  {text}" for name, text in rows)]
     reads = inspection.units.reads
-    told = {"Peaks": inspection.peaks, "Peaks of the motion": inspection.motion, "Peaks of the studies": inspection.studies}
-    for title, peaks in told.items():
+    sections = {"Peaks": inspection.peaks, "Peaks of the motion": inspection.motion, "Peaks of the studies": inspection.studies}
+    for title, peaks in sections.items():
         if peaks:
             lines += ["", title, *_peak_lines(_without_noise(peaks), reads)]
     if inspection.losses:

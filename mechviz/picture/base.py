@@ -125,10 +125,10 @@ def _covered(run: Run, solids: Solids, coil: Coil) -> tuple[shapely.Geometry, fl
 def _feet(room: _Room, outline: Polygon, heights: tuple[float, float]) -> list[_Foot]:
     """Where a part of the ground can stand on the bars: a long one at two places; none where something is in the way everywhere."""
     size, (low, high) = room.solids.size, heights
-    spots = _spots(outline, size)
-    long = np.hypot(*np.subtract(spots[0], spots[-1])) > 6.0 * BAR_HALF_WIDTH * size
+    candidates = _post_candidates(outline, size)
+    long = np.hypot(*np.subtract(candidates[0], candidates[-1])) > 6.0 * BAR_HALF_WIDTH * size
     feet: list[_Foot] = []
-    for order in (spots, spots[::-1]) if long else (spots,):
+    for order in (candidates, candidates[::-1]) if long else (candidates,):
         foot = next((foot for at in order if (foot := room.post(at, low)) is not None), None)
         if foot is not None and all(foot.at != other.at for other in feet):
             feet.append(foot)
@@ -145,7 +145,7 @@ def _feet(room: _Room, outline: Polygon, heights: tuple[float, float]) -> list[_
     return []
 
 
-def _spots(outline: Polygon, size: float) -> list[Vec2]:
+def _post_candidates(outline: Polygon, size: float) -> list[Vec2]:
     """Places within the thickest part of an outline [m], from one end of it to the other."""
     cores = (polygons(outline.buffer(-part * size)) for part in CORE_RIMS)
     core = next((core[0] for core in cores if core), outline)

@@ -251,11 +251,11 @@ def joint_nodes(run: Run, solids: Solids) -> Iterator[Points]:
     labels = {names[0]: ", ".join(names) for _, names in heaps}
     for name, place in places.items():
         height = solids.heights.of_joint(name)
-        spots = in_space(place[:, None], height)
+        dots = in_space(place[:, None], height)
         entity = ("mechanism", "joints", name)
         label = (labels.get(name, ""),)
         look = (DOT_COLOR,), (DOT_RADIUS * solids.size,), label
-        yield Points(f"joint.{name}", ("joint", name), "joints", entity, height, "", spots, *look)
+        yield Points(f"joint.{name}", ("joint", name), "joints", entity, height, "", dots, *look)
 
 
 def _arrow_heights(run: Run, solids: Solids, arrows: Arrows, coils: list[Coil], known: HeightsByLink) -> HeightsByLink:

@@ -101,11 +101,11 @@ class _Pen:
         return np.where(np.abs(z[:, :1] - self.middle) < 2.0 * VISIBLE_RANGE * self.size, z, self.middle)
 
     def dot(self, part: str, place: Complex, color: Color, label: str) -> Iterator[Points]:
-        spots = space(self.near(place)[:, None], self.height)
-        spots[np.isnan(self.near(place))] = np.nan
-        if np.isfinite(spots).any():
+        dots = space(self.near(place)[:, None], self.height)
+        dots[np.isnan(self.near(place))] = np.nan
+        if np.isfinite(dots).any():
             look: dict[str, Any] = {"colors": (color,), "radii": (DOT_RADIUS * self.size,), "labels": (label,)}
-            yield Points(parent="", places=spots, **look, **self.common(part))
+            yield Points(parent="", places=dots, **look, **self.common(part))
 
 
 def _instant_centre(pen: _Pen, centre: InstantCentre, known: Mapping[str, InstantCentre]) -> Iterator[Node]:

@@ -76,8 +76,8 @@ class Body(Node):
         assert self.poses is not None and self.poses.scales is not None
         places, (z, w) = self.poses.places[:, :2], self.poses.turns[:, 2:].T
         long, wide = self.poses.scales[:, 0] * self.mesh.vertices[:, 0].max(), float(self.mesh.vertices[:, 1].max())
-        spots = np.concatenate([places, places + long[:, None] * np.column_stack([w * w - z * z, 2.0 * w * z])]).astype(float)
-        return np.array([np.nanmin(spots, axis=0) - wide, np.nanmax(spots, axis=0) + wide])
+        points = np.concatenate([places, places + long[:, None] * np.column_stack([w * w - z * z, 2.0 * w * z])]).astype(float)
+        return np.array([np.nanmin(points, axis=0) - wide, np.nanmax(points, axis=0) + wide])
 
 
 @dataclass(frozen=True, eq=False)

@@ -127,22 +127,23 @@ def space(z: Complex, height: float) -> Single:
 
 
 def overlay_box(run: Run, solids: Solids) -> Real:
-    """The box (2, 3) [m] around the mechanism and what is drawn on it: springs, strings, resultants, polodes, substitute masses."""
+    """The box (2, 3) [m] around the mechanism and what is drawn on it: springs, strings, resultants, centrodes, substitute
+    masses."""
     low, high = (np.array(b, float) for b in solids.bounds)
     size = solids.size
-    spots: list[Real] = [*strut_ends(run)]
+    points: list[Real] = [*strut_ends(run)]
     for body in run.studies.substitutes.values():
-        spots.append(body.places.reshape(-1, 2))
-        spots.append((body.places + body.forces / substitute_scale(run, size)).reshape(-1, 2))
+        points.append(body.places.reshape(-1, 2))
+        points.append((body.places + body.forces / substitute_scale(run, size)).reshape(-1, 2))
     for _, chain in chain_strips(run, size):
-        spots += [np.column_stack([strip.real.reshape(-1), strip.imag.reshape(-1)]) for strip in chain]
+        points += [np.column_stack([strip.real.reshape(-1), strip.imag.reshape(-1)]) for strip in chain]
     if run.studies.systems:
         z = np.concatenate([strip.reshape(-1) for strip in strings(run, size)])
-        spots.append(np.column_stack([z.real, z.imag]))
-        spots += [np.column_stack([w.real, w.imag]) for a, v in resultants(run, size) for w in (a, a + v)]
+        points.append(np.column_stack([z.real, z.imag]))
+        points += [np.column_stack([w.real, w.imag]) for a, v in resultants(run, size) for w in (a, a + v)]
     for centrodes in run.studies.centrodes.values():
-        spots += [p[:, :2].astype(float) for p in centrode_strips(centrodes.fixed, centrodes.fixed, solids, z=0.0)]
-    for xy in spots:
+        points += [p[:, :2].astype(float) for p in centrode_strips(centrodes.fixed, centrodes.fixed, solids, z=0.0)]
+    for xy in points:
         xy = xy[np.isfinite(xy).all(axis=1)]
         if len(xy):
             near, far = np.quantile(xy, [0.03, 0.97], axis=0)  # a knot that runs far out in a few frames may leave the picture

@@ -21,10 +21,10 @@ OCCLUSION_FRAMES = 24  # frames at which is looked what lies before an arrow
 def path_height(run: Run, heights: Heights, link: str, point: str) -> float:
     """Height [m] of a traced point's path: on its link's front, or further before it so that no part passes over the point."""
     places = run.motion.point(link, point)
-    spot = {spec.name: spec for spec in run.motion.mechanism.links}[link].points[point]
+    point_of_link = {spec.name: spec for spec in run.motion.mechanism.links}[link].points[point]
     frames, known = looks(run, heights)
     dots = np.stack([places[frames], places[frames] + 1e-6 * heights.size], axis=1)
-    return heights.cleared(heights.of_point(link, spot), dots, known)
+    return heights.cleared(heights.of_point(link, point_of_link), dots, known)
 
 
 def arrow_height(run: Run, heights: Heights, vector: Vector, per_metre: float) -> float:

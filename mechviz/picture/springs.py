@@ -58,8 +58,8 @@ class Coil:
         """The box (2, 2) [m] around the spring in the plane, over the run."""
         long, wide = self.stretch * float(self.vertices[:, 0].max()), float(self.vertices[:, 1].max())
         end = self.pose[:, :2] + long[:, None] * np.column_stack([np.cos(self.pose[:, 2]), np.sin(self.pose[:, 2])])
-        spots = np.concatenate([self.pose[:, :2], end])
-        return np.array([np.nanmin(spots, axis=0) - wide, np.nanmax(spots, axis=0) + wide])
+        points = np.concatenate([self.pose[:, :2], end])
+        return np.array([np.nanmin(points, axis=0) - wide, np.nanmax(points, axis=0) + wide])
 
     def places(self) -> Real:
         """Where the spring starts (F, 3) [m]."""

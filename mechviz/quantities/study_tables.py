@@ -105,7 +105,7 @@ ValueWords = Callable[[float, str], str]
 """A quantity in an SI unit as people read it."""
 
 
-def _lines(run: Run, told: ValueWords) -> Iterator[str]:
+def _lines(run: Run, in_words: ValueWords) -> Iterator[str]:
     studies = run.studies
     for name, polygons in studies.polygons.items():
         worst = max(float(np.nanmax(polygon.closing, initial=0.0)) for polygon in polygons)
@@ -117,7 +117,7 @@ def _lines(run: Run, told: ValueWords) -> Iterator[str]:
         bars = ", ".join("".join(ends) for ends in chain.bars) or "no bar"
         sliding = f" and {len(chain.blocks)} sliding block{'s' if len(chain.blocks) > 1 else ''}" if chain.blocks else ""
         yield f"equivalent linkage of {name}: {bars}{sliding}; it moves like the joint, up to accelerations"
-    yield from _centre_lines(run, told)
+    yield from _centre_lines(run, in_words)
     for name, system in studies.systems.items():
         kinds = sorted(set(map(str, system.drawing.kind)))
         worst = float(np.nanmax(system.drawing.closing, initial=0.0))
@@ -129,28 +129,31 @@ def _lines(run: Run, told: ValueWords) -> Iterator[str]:
             yield f"reduced to {name}: {factor * good.min():.5g} to {factor * good.max():.5g} {unit}"
     for what, s in (("shaking force", studies.shaking), ("with counterweights", studies.balanced)):
         if s is not None:
-            forces = f"peak {told(s.peak, 'N')}, rms {told(s.rms, 'N')}"
-            yield f"{what}: {forces}; moment peak {told(s.peak_moment, 'N m')}, rms {told(s.rms_moment, 'N m')}"
+            forces = f"peak {in_words(s.peak, 'N')}, rms {in_words(s.rms, 'N')}"
+            yield f"{what}: {forces}; moment peak {in_words(s.peak_moment, 'N m')}, rms {in_words(s.rms_moment, 'N m')}"
     for w in studies.weights:
         length, per = run.scene.units.reads("m", small=True)
         place = f"({per * w.at[0]:.5g}, {per * w.at[1]:.5g}) {length}"
-        yield f"counterweight on {w.link}: {told(w.mass, 'kg')} at {place} of its frame"
+        yield f"counterweight on {w.link}: {in_words(w.mass, 'kg')} at {place} of its frame"
     for name, body in studies.substitutes.items():
-        masses = ", ".join(told(m, "kg") for m in body.masses)
+        masses = ", ".join(in_words(m, "kg") for m in body.masses)
         if body.correction is not None:
             most = float(np.abs(body.correction).max(initial=0.0))
-            yield f"static replacement of {name}: {masses}, with a correction couple of up to {told(most, 'N m')}"
+            yield f"static replacement of {name}: {masses}, with a correction couple of up to {in_words(most, 'N m')}"
             continue
         yield f"substitute masses of {name}: {body.substitution.message}; shown is solution {body.chosen + 1}: {masses}"
     for name, section in studies.sections.items():
-        yield f"section forces of {name}: {_section_words(section, run.motion.time, told)}"
+        yield f"section forces of {name}: {_section_words(section, run.motion.time, in_words)}"
 
 
-def _centre_lines(run: Run, told: ValueWords) -> Iterator[str]:
+def _centre_lines(run: Run, in_words: ValueWords) -> Iterator[str]:
     studies, size = run.studies, run.motion.model.length_scale
     centres = studies.instant_centres
     if centres:
-        near = [c.gap[np.isfinite(c.gap) & (np.abs(c.place - c.place[0]) < NEAR_POINT * size)] for c in centres.values()]
+        near = [
+            c.closure_error[np.isfinite(c.closure_error) & (np.abs(c.place - c.place[0]) < NEAR_POINT * size)]
+            for c in centres.values()
+        ]
         yield "instant centres of " + ", ".join(f"{k} {link}" for k, link in enumerate(run.motion.model.links))
         texts = [f"{name} in {' and '.join(''.join(line.through) for line in c.lines)}" for name, c in centres.items() if c.lines]
         if texts:
@@ -163,12 +166,12 @@ def _centre_lines(run: Run, told: ValueWords) -> Iterator[str]:
         bend = np.abs(path.curvature[np.isfinite(path.curvature)])
         if len(bend):
             most = 1.0 / bend.max() if bend.max() > 0.0 else np.inf
-            yield f"path of {name}: smallest radius of curvature {told(most, 'm')}"
+            yield f"path of {name}: smallest radius of curvature {in_words(most, 'm')}"
     for name, cam in studies.inversion.items():
         words = "the profile touches the follower in all"
         if undercut := int((cam.gap < -1e-6 * cam.base).sum()):
             words = f"undercut in {undercut}, by up to {run.scene.units.text(-cam.gap.min(), 'm', 4)}"
-        sizes = f"base {'line' if cam.wedge else 'circle'} {told(cam.base, 'm')}, lift {told(cam.lifts.max(), 'm')}"
+        sizes = f"base {'line' if cam.wedge else 'circle'} {in_words(cam.base, 'm')}, lift {in_words(cam.lifts.max(), 'm')}"
         yield f"cam {name} by inversion in {len(cam.angles)} steps: {sizes}; {words}"
     for name, circle in studies.inflection.items():
         across = np.abs(circle.end - circle.pole)
@@ -177,23 +180,23 @@ def _centre_lines(run: Run, told: ValueWords) -> Iterator[str]:
             low, high = factor * np.nanmin(across), factor * np.nanmax(across)
             yield f"inflection circle of {name}: diameter {low:.5g} to {high:.5g} {unit}"
     for name, struck in studies.percussion.items():
-        arm, far = (told(float(np.abs(z - struck.pivot)[0]), "m") for z in (struck.mass_centre, struck.centre))
+        arm, far = (in_words(float(np.abs(z - struck.pivot)[0]), "m") for z in (struck.mass_centre, struck.centre))
         force = float(np.nanmax(np.abs(struck.force), initial=0.0))
-        words = f"{far} from it, centre of mass {arm}; inertia force up to {told(force, 'N')}"
+        words = f"{far} from it, centre of mass {arm}; inertia force up to {in_words(force, 'N')}"
         yield f"centre of percussion of {name}: {words}"
 
 
-def _section_words(section: SectionForces, time: Real, told: ValueWords) -> str:
+def _section_words(section: SectionForces, time: Real, in_words: ValueWords) -> str:
     """Ranges and the largest bending moment, with its place and time."""
     size = np.abs(section.bending.values)
     if not np.isfinite(size).any():
         return "not known, it jams over the whole run"
     k = int(np.nanargmax(size))
     low, high, most = (float(x) for x in (np.nanmin(section.normal), np.nanmax(section.normal), np.nanmax(np.abs(section.shear))))
-    words = f"N {told(low, 'N').split()[0]} to {told(high, 'N')}, |V| up to {told(most, 'N')}, largest bending moment "
-    place, length = told(section.bending.stations[k], "m"), told(section.axis.length, "m")
-    words += f"{told(section.bending.values[k], 'N m')} at {place} of its {length}, {time[k]:.5g} s"
+    words = f"N {in_words(low, 'N').split()[0]} to {in_words(high, 'N')}, |V| up to {in_words(most, 'N')}, largest bending moment "
+    place, length = in_words(section.bending.stations[k], "m"), in_words(section.axis.length, "m")
+    words += f"{in_words(section.bending.values[k], 'N m')} at {place} of its {length}, {time[k]:.5g} s"
     if section.bending_stress is not None and section.stress is not None:
-        bending, normal = (told(float(np.nanmax(s)), "Pa") for s in (section.bending_stress, section.stress))
+        bending, normal = (in_words(float(np.nanmax(s)), "Pa") for s in (section.bending_stress, section.stress))
         words += f"; bending stress up to {bending}, with the normal force {normal}"
     return words

@@ -32,7 +32,7 @@ _DIVISORS = ("time", "frequency", "linear speed", "angular speed")
 
 @dataclass(frozen=True)
 class JoinedSegments:
-    """What segments of a motion come to: one curve, the range of each, and the kinds of its coordinate and of its master."""
+    """Segments of a motion joined: one curve, the range of each, and the kinds of its coordinate and of its master."""
 
     curve: MotionCurve
     overs: Sequence[float]

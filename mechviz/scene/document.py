@@ -234,7 +234,7 @@ class SceneDocument(DocumentTable):
     run: RunDocument = RunDocument()
     """How much of the motion is computed."""
     accuracy: AccuracyEntry | None = None
-    """Wanted relative error, such as 1e-6, from which all dials of accuracy follow; or a table of dials."""
+    """Wanted relative error, such as 1e-6, from which all settings of accuracy follow; or a table of settings."""
     links: dict[Name, LinkDocument] = Field(default={})
     """The links by name, the fixed one among them."""
     joints: dict[Name, JointDocument] = Field(default={})

@@ -350,8 +350,8 @@ _building = _Building()
 class DocumentTable(BaseModel):
     """A table of the document: unknown keys are faults, and nothing changes after reading.
 
-    Where a file has faults, its tables are made all the same, so that every check can be run on what is sound. What could
-    not be read is replaced: numbers by NaN, names by ``UnknownName``; ``invalid_keys`` names the keys concerned.
+    Where a file has faults, its tables are made all the same, so that every check can be run on its valid parts. Values that
+    could not be read are replaced: numbers by NaN, names by ``UnknownName``; ``invalid_keys`` names the keys concerned.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)

@@ -62,12 +62,12 @@ def _groups(equilibrium: EquilibriumSystem, frame: int, units: Units) -> list[Gr
         terms = tuple((c * factor / per[u.unit], unknown(u)) for c, u in e.terms)
         return replace(e, terms=terms, load=factor * e.load if abs(e.load) > _rounding(link, e, size) else 0.0, unit=unit)
 
-    def told(link: LinkEquations) -> LinkEquations:
+    def lines_of(link: LinkEquations) -> LinkEquations:
         loads = tuple((name, per["N"] * x, per["N"] * y, per["N m"] * turn) for name, x, y, turn in link.loads)
         return replace(link, loads=loads, equations=tuple(equation(link, e) for e in link.equations))
 
     return [
-        replace(group, links=tuple(map(told, group.links)), solved=values(group.solved), known=values(group.known))
+        replace(group, links=tuple(map(lines_of, group.links)), solved=values(group.solved), known=values(group.known))
         for group in equilibrium.groups(frame)
     ]
 

@@ -110,9 +110,9 @@ def find_limits(cam: Cam, on: Synthesis | None = None, count: int = 3600) -> Cam
         offsets = width * np.linspace(-1.0, 1.0, 17)
         where = center[:, None] + offsets
         close = [row.reshape(-1, 17)[m] for m, row in enumerate(_costs(cam.at(where.ravel()), flat))]
-        spots = np.array([int(np.clip(np.argmin(row), 1, 15)) for row in close])
-        center, width = where[np.arange(len(spots)), spots], width / 8.0
-    three = np.array([row[m - 1 : m + 2] for row, m in zip(close, spots, strict=True)])
+        lowest = np.array([int(np.clip(np.argmin(row), 1, 15)) for row in close])
+        center, width = where[np.arange(len(lowest)), lowest], width / 8.0
+    three = np.array([row[m - 1 : m + 2] for row, m in zip(close, lowest, strict=True)])
     vertex = _vertex(center[:, None] + width * np.array([-1.0, 0.0, 1.0]), three)
     fine = cam.at(np.concatenate([center, vertex]))
     rows_fine, rows_knots = _costs(fine, flat), _costs(knots, flat)

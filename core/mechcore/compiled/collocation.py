@@ -77,7 +77,7 @@ class WindowTrial(NamedTuple):
 
 
 class BatchLimits(NamedTuple):
-    """What windows in a row keep to: their ``end``, the ``shortest`` and the ``longest`` window [s], the ``tolerance``, and that of
+    """Limits of windows in a row: their ``end``, the ``shortest`` and the ``longest`` window [s], the ``tolerance``, and that of
     Newton's method. They are ``most`` in number or fewer; they end at the times ``breaks`` (k,) [s], and where laws change their
     forms if that is ``checked``."""
 

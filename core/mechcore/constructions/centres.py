@@ -68,8 +68,8 @@ class CentreLine:
 class InstantCentre:
     """The instant centre of two links: ``place`` (F,) [m], NaN where it lies at infinity, there in the direction ``away`` (F,).
 
-    ``lines``: the two in which it was found; none of joints. ``gap`` (F,) [m]: how far from the centre by velocities the lines
-    meet, NaN where they do not.
+    ``lines``: the two in which it was found; none of joints. ``closure_error`` (F,) [m]: how far from the centre by velocities
+    the lines meet, NaN where they do not.
     """
 
     links: tuple[str, str]
@@ -77,7 +77,7 @@ class InstantCentre:
     place: Complex
     away: Complex
     lines: tuple[CentreLine, ...]
-    gap: Real
+    closure_error: Real
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,9 +117,9 @@ def kennedy(motion: Motion, links: Sequence[str] = ()) -> dict[str, InstantCentr
             CentreLine(tuple(name[p] for p in locus.pairs) or (locus.joint,), *scene.straight(locus.line)) for locus in two
         )
         meeting = _unit(np.cross(two[0].line, two[1].line), LEAST_SINE) if two else np.full((n, 3), np.nan)
-        gap = np.abs(scene.point(meeting)[0] - place)
+        error = np.abs(scene.point(meeting)[0] - place)
         how: Literal["joint", "lines", "velocities"] = "velocities" if pair not in loci else "lines" if two else "joint"
-        out[name[pair]] = InstantCentre((model.links[pair[0]], model.links[pair[1]]), how, place, away, lines, gap)
+        out[name[pair]] = InstantCentre((model.links[pair[0]], model.links[pair[1]]), how, place, away, lines, error)
     return out
 
 

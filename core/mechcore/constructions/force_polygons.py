@@ -118,8 +118,8 @@ class Funicular:
     ``points``, ``forces`` (F, n): the system, couples as two forces. ``corners`` (F, n + 1): of the force polygon, from zero;
     ``pole`` (F,). ``knots`` (F, n): where strings meet on the lines of the forces. ``meeting`` (F,): where the outer strings meet,
     NaN if they are parallel. ``kind`` (F,): what the drawing shows, see `REDUCED_KINDS`. ``moment`` (F,): of the outer strings
-    about the world's origin [N m]. ``gap`` (F,): by how much that differs from the algebra [N m], ``scale`` [N m] that of the
-    system, ``extent`` its size [m].
+    about the world's origin [N m]. ``closure_error`` (F,): by how much that differs from the algebra [N m], ``scale`` [N m] that
+    of the system, ``extent`` its size [m].
     """
 
     names: tuple[str, ...]
@@ -131,7 +131,7 @@ class Funicular:
     meeting: Complex
     kind: NDArray[np.str_]
     moment: Real
-    gap: Real
+    closure_error: Real
     scale: Real
     extent: float
 
@@ -148,15 +148,15 @@ class Funicular:
     def closing(self) -> Real:
         """Difference to the algebra relative to the largest force times the system's size (F,)."""
         most = float(self.scale.max(initial=0.0))
-        return self.gap / most if most > 0.0 else np.zeros_like(self.gap)
+        return self.closure_error / most if most > 0.0 else np.zeros_like(self.closure_error)
 
     def polygon(self) -> Polygon:
         """The force polygon with its rays [N]."""
         edges = [Edge(name, "load", self.corners[:, i], self.forces[:, i]) for i, name in enumerate(self.names)]
         edges.append(Edge("R", "resultant", np.zeros(len(self.pole), complex), self.resultant))
         edges += [Edge(str(i), "ray", self.pole, self.rays[:, i]) for i in range(self.corners.shape[1])]
-        gap = np.abs(self.forces.sum(axis=1) - self.resultant)
-        return Polygon("funicular", "N", tuple(edges), {"O": self.pole}, gap)
+        error = np.abs(self.forces.sum(axis=1) - self.resultant)
+        return Polygon("funicular", "N", tuple(edges), {"O": self.pole}, error)
 
 
 def funicular(
@@ -214,7 +214,7 @@ def funicular(
         meeting=meeting,
         kind=np.asarray(kind, dtype=np.str_),
         moment=drawn + cross(middle, r),
-        gap=np.abs(drawn - algebra),
+        closure_error=np.abs(drawn - algebra),
         scale=scale,
         extent=extent,
     )

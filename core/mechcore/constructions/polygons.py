@@ -50,7 +50,7 @@ class Edge:
 class Polygon:
     """A polygon of vectors over all frames.
 
-    ``images``: named corners (F,). ``gap`` (F,): the largest distance between where a chain of sides ends and where it has to end,
+    ``images``: named corners (F,). ``closure_error`` (F,): the largest distance between where a chain of sides ends and has to end,
     in the polygon's ``unit``.
     """
 
@@ -58,18 +58,18 @@ class Polygon:
     unit: str
     edges: tuple[Edge, ...]
     images: dict[str, Complex]
-    gap: Real
+    closure_error: Real
 
     @property
     def largest(self) -> Real:
         """The longest side of each frame (F,)."""
-        return largest_side(self.edges, len(self.gap))
+        return largest_side(self.edges, len(self.closure_error))
 
     @property
     def closing(self) -> Real:
         """Closing error relative to the longest side of the run (F,): 0 where there is no side at all."""
         most = float(np.nanmax(self.largest, initial=0.0))
-        return self.gap / most if most > 0.0 else np.zeros_like(self.gap)
+        return self.closure_error / most if most > 0.0 else np.zeros_like(self.closure_error)
 
 
 def largest_side(edges: tuple[Edge, ...], frames: int) -> Real:
@@ -105,7 +105,7 @@ def _polygon(motion: Motion, order: int) -> Polygon:
         if not c.fixed:
             images[_free(c.label.lower() if len(c.label) == 1 else c.label, images)] = place
     edges: list[Edge] = []
-    gap = np.zeros(n)
+    error = np.zeros(n)
     reached: set[int] = set()  # corners to which a chain leads straight from the pole
     for s in spans:
         a, b = corners[s.start], corners[s.end]
@@ -119,17 +119,17 @@ def _polygon(motion: Motion, order: int) -> Polygon:
         else:
             e = motion.accelerations.angular[model.angles.rotation_class[s.link]]
             parts = [("normal", f"a_{tail}^n", -w * w * r), ("tangential", f"a_{tail}^t", 1j * e * r)]
-        gap = np.fmax(gap, _chain(edges, at[s.start], parts, at[s.end]))
+        error = np.fmax(error, _chain(edges, at[s.start], parts, at[s.end]))
         if a.fixed:
             reached.add(s.end)
     for slide in slides:
-        gap = np.fmax(gap, _sliding(motion, model, slide, corners, order, edges, images, at[slide.corner]))
+        error = np.fmax(error, _sliding(motion, model, slide, corners, order, edges, images, at[slide.corner]))
         if slide.guide == 0:
             reached.add(slide.corner)
     for i, c in enumerate(corners):
         if not c.fixed and (i not in reached or order == 2):
             edges.append(Edge(f"{letter}_{c.label}", "absolute", zero, at[i]))
-    return Polygon("velocity" if order == 1 else "acceleration", "m/s" if order == 1 else "m/s^2", tuple(edges), images, gap)
+    return Polygon("velocity" if order == 1 else "acceleration", "m/s" if order == 1 else "m/s^2", tuple(edges), images, error)
 
 
 def _sliding(

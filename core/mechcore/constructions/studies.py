@@ -1,6 +1,6 @@
 """Studies that a scene can ask for beside motion and forces: graphical constructions, reductions, shaking, substitute masses.
 
-What is asked for is part of the mechanism (`Studies`); `compute` works it out over a motion, and nothing else.
+The studies that are asked for are part of the mechanism (`Studies`); `compute` works it out over a motion, and nothing else.
 """
 
 from __future__ import annotations

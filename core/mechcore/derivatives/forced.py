@@ -15,7 +15,7 @@ from mechcore.arrays import Index, Real
 from mechcore.derivatives.exact import Derivatives
 from mechcore.derivatives.jumps import Jumps
 from mechcore.derivatives.model_numbers import Parameter, refusal, slopes
-from mechcore.derivatives.phases import SWEEP_INSTEAD, Changes, PhaseDerivatives, SmoothPhase, carried, changes_in
+from mechcore.derivatives.phases import SWEEP_INSTEAD, Changes, PhaseDerivatives, SmoothPhase, changes_in, parameters_in_chart
 from mechcore.dynamics.equations.reduced import integrating
 from mechcore.dynamics.integration.windows import Solution
 from mechcore.dynamics.segments import Breakpoints, MotionSegment
@@ -107,7 +107,7 @@ def _phases(segment: MotionSegment, simulation: Simulation, parameters: tuple[Pa
         last, first = before.a.sum(axis=0), (after.a * (-1.0) ** np.arange(len(after.a))[:, None]).sum(axis=0)
         if after.start < segment.end and jumps.jumps(last, first) and not jumps.is_stated(after.start):
             cuts.append(int(np.argmin(np.abs(edges - after.start))))
-    own = carried(segment.compiled, simulation.compiled, parameters)
+    own = parameters_in_chart(segment.compiled, simulation.compiled, parameters)
     return [SmoothPhase(segment, edges[a : b + 1], own) for a, b in pairwise([*dict.fromkeys(cuts), len(edges) - 1]) if b > a]
 
 

@@ -18,7 +18,7 @@ from numpy.polynomial import chebyshev
 from mechcore.arrays import Real
 from mechcore.derivatives.exact import Derivatives
 from mechcore.derivatives.model_numbers import ModelNumbers, Parameter, refusal, slopes
-from mechcore.derivatives.phases import SWEEP_INSTEAD, PhaseDerivatives, SmoothPhase, carried
+from mechcore.derivatives.phases import SWEEP_INSTEAD, PhaseDerivatives, SmoothPhase, parameters_in_chart
 from mechcore.dynamics.contact.dry_friction import DrySystem
 from mechcore.dynamics.contact.separation import FollowerSeparation
 from mechcore.dynamics.equations.reduced import forms_of, free_of, motion_at, reduce
@@ -88,7 +88,7 @@ class Jumps:
         known = [original] if not separated else [s.compiled for s in self.simulation.segments if set(s.separated) == separated]
         if not known:
             raise refusal(f"at t = {t:.6g} s one of several followers lands while others are away.", SWEEP_INSTEAD)
-        return known[0], carried(known[0], original, self.parameters)
+        return known[0], parameters_in_chart(known[0], original, self.parameters)
 
     def is_stated(self, t: float) -> bool:
         """Whether a law says by itself that it changes its form at an instant."""

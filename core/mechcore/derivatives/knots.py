@@ -55,11 +55,11 @@ def _on_knots(own: MotionCurve, nominal: MotionCurve) -> MotionCurve:
     """A curve whose pieces begin and end at the knots of another one of as many pieces, stretched to its own length."""
     if len(own.pieces) != len(nominal.pieces) or np.array_equal(own.lengths, nominal.lengths):
         return own
-    stretch = own.length / nominal.length
-    stretch = 1.0 if abs(stretch - 1.0) < NEAR_KNOT else stretch
-    starts = own.start + stretch * (nominal.knots - nominal.start)
+    ratio = own.length / nominal.length
+    ratio = 1.0 if abs(ratio - 1.0) < NEAR_KNOT else ratio
+    starts = own.start + ratio * (nominal.knots - nominal.start)
     pieces = [
-        piece.beginning(float(new - old), stretch * there.length)
+        piece.beginning(float(new - old), ratio * there.length)
         for piece, old, new, there in zip(own.pieces, own.knots, starts, nominal.pieces, strict=False)
     ]
     return replace(own, pieces=tuple(pieces), extended=True)

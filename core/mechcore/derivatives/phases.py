@@ -99,7 +99,7 @@ class SmoothPhase:
         return q[0], v[0], self.at_edge(self.state(self.nodes(last=last))[2], last=last)
 
 
-def carried(compiled: Compiled, original: Compiled, parameters: Sequence[Parameter]) -> tuple[Parameter, ...]:
+def parameters_in_chart(compiled: Compiled, original: Compiled, parameters: Sequence[Parameter]) -> tuple[Parameter, ...]:
     """Parameters of the ``original`` mechanism, of the same in another chart, or with followers that have left their cams."""
     if compiled is original:
         return tuple(parameters)

@@ -470,8 +470,8 @@ class EventIntegrator:
         stay, _, all_lost = self.separation.landing(name, self.separated, t, q, v, 0.0)
         pull = self._pulled(t, name, fewer, held, np.delete(stay, k))
         stays = pull <= 0.0 and 2.0 * e * hit <= -pull * LEAST_BOUNCE * self.duration
-        gone = all_lost if stays else lost
-        account_for_impact(self.log, self.compiled, t, q, v, stay if stays else rebound, gone)
+        energy_lost = all_lost if stays else lost
+        account_for_impact(self.log, self.compiled, t, q, v, stay if stays else rebound, energy_lost)
         where = self.separation.where(name, self.compiled, q, v, t)
         pace = as_quantity(hit, "angular speed" if self.separation.contacts[name].rotary else "linear speed", 4)
         what = "contact regained" if stays else "bounces"

@@ -21,8 +21,8 @@ MOST_WINDOWS = 256  # windows in a row
 class ContactPhase(NamedTuple):
     """A phase from ``start`` to ``end`` [s], in which elements slide by ``signs`` (e,).
 
-    What ends it: the ``number`` of an element or a stop, the ``sense`` in which rest ends, the energy ``lost`` in an impact [J] and
-    its ``rate``; ``decided``, what follows."""
+    ``ending``: why it ends, with the ``number`` of an element or a stop, the ``sense`` in which rest ends, the energy ``lost`` in
+    an impact [J] and its ``rate``; ``decided``: whether it is known how the motion goes on."""
 
     start: float
     end: float

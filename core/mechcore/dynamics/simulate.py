@@ -68,7 +68,7 @@ def simulate(
 
     ``tolerance``: local error of positions, relative to one radian or the mechanism's size. ``method`` "energy" needs one freedom
     and forces that depend on its position alone; "radau" is for stiff forces; "auto" chooses. ``separable_cams`` only press on
-    their followers: with them, all drives may be prescribed. The other dials of the integrator are those of the compiled
+    their followers: with them, all drives may be prescribed. The other settings of the integrator are those of the compiled
     mechanism's `Accuracy`. ``progress`` gets the time reached, ``observe`` every segment of the motion as soon as it is known, in
     order, with what happened at its beginning: `Simulation.followed_by` puts them together. ``like``: the same motion to another
     tolerance or by its energy, from which collocation then starts (see `refine`). ``warn`` gets a message about long computations,

@@ -123,16 +123,16 @@ def sum_up(wrenches: Iterable[Wrench], links: int) -> tuple[list[Plane], list[Va
     """
     force: list[Plane] = [0j] * links
     moment: list[Values] = [0.0] * links
-    acting: dict[tuple[int, int], list[Any]] = {}  # (link, arm by identity): link, arm, constant force, force
+    by_arm: dict[tuple[int, int], list[Any]] = {}  # (link, arm by identity): link, arm, constant force, force
     for w in wrenches:
-        for k, arm, put in ((w.link, w.arm, added), (w.other, w.other_arm, less)):
+        for k, arm, add in ((w.link, w.arm, added), (w.other, w.other_arm, less)):
             if k is None:
                 continue
-            moment[k] = put(moment[k], w.moment)
-            at = acting.setdefault((k, 0 if nothing(arm) else id(arm)), [k, arm, 0j, 0j])
+            moment[k] = add(moment[k], w.moment)
+            at = by_arm.setdefault((k, 0 if nothing(arm) else id(arm)), [k, arm, 0j, 0j])
             which = 3 if isinstance(w.force, np.ndarray) else 2
-            at[which] = put(at[which], w.force)
-    for k, arm, constant, f in acting.values():
+            at[which] = add(at[which], w.force)
+    for k, arm, constant, f in by_arm.values():
         f = added(f, constant)
         if not nothing(f):
             force[k] = added(force[k], f)
@@ -210,10 +210,10 @@ class Effect:
         loads = self.point_loads(at.model)
         if loads is None:
             raise TypeError(f"{type(self).__name__} does not say which wrenches it adds")
-        acting = [known_load(at.model, a).acting(at) for a in loads]
+        known = [known_load(at.model, a).acting(at) for a in loads]
         return [
             Wrench(a.name, a.kind, a.link, force, moment, at.offset(a.link, a.point), self.cause)
-            for a, (force, moment) in zip(loads, acting, strict=True)
+            for a, (force, moment) in zip(loads, known, strict=True)
         ]
 
     def point_loads(self, model: Model) -> Sequence[PointLoad] | None:

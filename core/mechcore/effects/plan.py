@@ -43,7 +43,7 @@ class PlannedStage:
 
     @property
     def name(self) -> str:
-        """What people read; no two stages of a plan have the same."""
+        """The name that people read; no two stages of a plan have the same."""
         if self.kind in (StageKind.METRIC, StageKind.STUDY):
             return self.item.replace("_", " ")
         return f"{self.kind.value} {self.item}".rstrip()

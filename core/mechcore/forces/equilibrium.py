@@ -274,10 +274,10 @@ def joint_forces(
         j, on = program.cuts[c]
         transmitted[j] = cut, 0.0
         for k, side, arm in on:
-            put = added if side else less
-            force[k] = put(force[k], cut)
+            add = added if side else less
+            force[k] = add(force[k], cut)
             if arm is not None:
-                moment[k] = put(moment[k], crossed(_vector(motion, arm), cut))
+                moment[k] = add(moment[k], crossed(_vector(motion, arm), cut))
     subtree, unbalanced = _subtree_wrenches(motion, force, moment, program.subtrees)
     for j, k, side in program.carriers:
         transmitted[j] = subtree[k] * -1.0 if side else subtree[k], 0.0

@@ -180,17 +180,17 @@ def belt_events(forces: Forces) -> list[Event]:
 
         left, time = margin(forces), motion.time
         for first, last in runs(left < -1e-9 * grip.most):
-            carried = grip.most - float(left[first : last + 1].min())
+            available = grip.most - float(left[first : last + 1].min())
             start, end = float(time[first]), float(time[last])
             if first:
                 start = crossing(forces, margin, float(time[first - 1]), start, float(left[first - 1]), float(left[first]))
             if last + 1 < len(time):
                 end = crossing(forces, margin, float(time[last + 1]), end, float(left[last + 1]), float(left[last]))
             text = (
-                f"slips from {at_drive(motion, start)} to {at_drive(motion, end)}: up to {as_force(carried, 5)} is asked for, "
+                f"slips from {at_drive(motion, start)} to {at_drive(motion, end)}: up to {as_force(available, 5)} is asked for, "
                 f"{as_force(grip.most, 5)} is the most that it carries (Euler and Eytelwein: {as_force(grip.slack, 5)} in the "
                 f"slack span, coefficient {load.coefficient:g}, wrap {as_angle(min(grip.wraps), 4)}). The motion goes on as if it "
                 "held"
             )
-            events.append(Event(start, "WARN", load.joint, text, carried))
+            events.append(Event(start, "WARN", load.joint, text, available))
     return sorted(events, key=lambda e: e.time)

@@ -1,10 +1,10 @@
 """Section forces: normal force N, shear force V and bending moment M along a link's axis, from all that acts on it.
 
-A cut at station s parts the link. What acts beyond the cut, reactions, drives, loads, weight and inertia forces of the masses there
-(d'Alembert), is carried through it: force R and moment M about the cut's place. With the axis' direction t and n = i t to its left
-N = R . t (tension is positive), V = -R . n, M counter-clockwise, positive where the link is stretched on the right of its axis;
-then dM/ds = V between point loads. Loads beside the axis act on its nearest place by a rigid arm. Source: any
-textbook of statics, such as Gross, Hauger, Schröder, Wall, Technische Mechanik 1, chapter 7.
+A cut at station s parts the link. All that acts beyond the cut (reactions, drives, loads, weight, inertia forces of the masses
+there) is transmitted through it: force R and moment M about the cut's place. With the axis' direction t and n = i t to its left N
+= R . t (tension is positive), V = -R . n, M counter-clockwise, positive where the link is stretched on the right of its axis;
+then dM/ds = V between point loads. Loads beside the axis act on its nearest place by a rigid arm. Source: any textbook of
+statics, such as Gross, Hauger, Schröder, Wall, Technische Mechanik 1, chapter 7.
 
 The bearing of a sliding joint presses at its two ends, or linearly along it; its length and place are those of the joint's friction
 (`mechcore.spec.mechanism.Friction`), whether it rubs or not.

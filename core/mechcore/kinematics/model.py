@@ -158,18 +158,18 @@ class Model:
         arms: dict[int, Any] = {}
         slides: list[tuple[int, int, complex]] = []
 
-        def put(link: int, vector: Any, sign: float) -> None:
+        def add_term(link: int, vector: Any, sign: float) -> None:
             if not nothing(vector):
                 rotation_class = self.angles.rotation_class[link]
                 arms[rotation_class] = arms.get(rotation_class, 0j) + sign * vector * self.turn[link]
 
-        put(k, local, 1.0)
+        add_term(k, local, 1.0)
         while k:
             p, j = self.tree.parent[k], self.tree.joint[k]
             joint = self.joints[j]
             side = 1 if self.ends[j][1] == k else 0
-            put(p, joint.a if side else joint.b, 1.0)
-            put(k, joint.b if side else joint.a, -1.0)
+            add_term(p, joint.a if side else joint.b, 1.0)
+            add_term(k, joint.b if side else joint.a, -1.0)
             if joint.slide is not None:
                 rotation_class, d = self.guides[j]
                 slides.append((j, rotation_class, d if joint.guide != side else -d))

@@ -331,9 +331,9 @@ def _conditions(
     return [*ends, *inner]
 
 
-def _balanced(curve: MotionCurve, gain: float, way: float) -> MotionCurve:
+def _balanced(curve: MotionCurve, gain: float, travel: float) -> MotionCurve:
     """A curve whose positive and negative parts are multiplied by a factor each: its integral is then ``gain``, and the integral of
-    that ``way``."""
+    that ``travel``."""
     pieces = [part for piece in curve.pieces for part in _of_one_sign(piece)]
     signs = [float(np.sign(p.at(0.5 * p.length, 0)[0])) for p in pieces]
     sides = [
@@ -344,7 +344,7 @@ def _balanced(curve: MotionCurve, gain: float, way: float) -> MotionCurve:
     sizes = np.abs(table).max(axis=1)
     factors = np.full(2, np.nan)
     if sizes.all() and np.linalg.cond(table / sizes[:, None]) < _LOPSIDED:
-        factors = np.linalg.solve(table, [gain, way])
+        factors = np.linalg.solve(table, [gain, travel])
     if not np.all(factors > 0.0):
         why = "no sizes of its positive and its negative part let it end at rest where it shall."
         raise MechanismError(Fault("law.acceleration", why, "Let it be positive first and negative then, or the other way round."))

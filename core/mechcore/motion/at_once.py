@@ -370,7 +370,7 @@ def equilibrium_cells(motion: Motion, flanks: Mapping[int, Values]) -> tuple[Cel
     def add(row: int, column: int, x: Values) -> None:
         entries[row, column] = added(entries.get((row, column), 0.0), x)
 
-    def put(column: int, k: int, f: Plane, arm: Plane, sign: float) -> None:
+    def add_cell(column: int, k: int, f: Plane, arm: Plane, sign: float) -> None:
         if k == 0:
             return
         add(3 * k - 3, column, sign * f.real)
@@ -380,8 +380,8 @@ def equilibrium_cells(motion: Motion, flanks: Mapping[int, Values]) -> tuple[Cel
     for column, (what, i, direction) in enumerate(labels):
         if what == "force":
             (p, q) = model.ends[i]
-            put(column, q, direction, motion.arm(q, i, 1), 1.0)
-            put(column, p, direction, motion.arm(p, i, 0), -1.0)
+            add_cell(column, q, direction, motion.arm(q, i, 1), 1.0)
+            add_cell(column, p, direction, motion.arm(p, i, 0), -1.0)
         elif what == "couple":
             p, q = model.ends[i]
             for k, sign in ((q, 1.0), (p, -1.0)):
@@ -392,7 +392,7 @@ def equilibrium_cells(motion: Motion, flanks: Mapping[int, Values]) -> tuple[Cel
             place, along = relation.contact(motion, flanks.get(i, 1.0))
             for link, sign in zip(relation.links, (-1.0, 1.0), strict=True):
                 k = model.index[link]
-                put(column, k, along, place - motion.origins[k], sign)
+                add_cell(column, k, along, place - motion.origins[k], sign)
             if relation.bearing is not None:
                 couple = relation.bearing.couple(motion, place, along)
                 for link, sign in ((relation.links[0], 1.0), (relation.bearing.carrier, -1.0)):

@@ -36,7 +36,8 @@ from mechcore.texts import Text, as_coordinate, as_length
 
 
 def compile_mechanism(mechanism: Mechanism, accuracy: Accuracy = DEFAULT, executor: Executor = "numpy") -> Compiled:
-    """Compile and assemble a mechanism; ``accuracy``: the dials of all that is solved with it, ``executor``: what runs its steps.
+    """Compile and assemble a mechanism; ``accuracy``: the settings of all that is solved with it, ``executor``: what runs its
+    steps.
 
     Raises `MechanismError` with every fault that can be seen, and where C is asked for and there is no compiler.
     """
@@ -74,10 +75,10 @@ def _assembled(model: Model, start: tuple[float, ...], accuracy: Accuracy) -> As
         return assemble(model, start)
     mechanism = model.mechanism
     faults: Sequence[Fault] = ()
-    for other in (start, *_round_the_other_way(model, drawn, start)):
+    for other in (start, *_in_other_sense(model, drawn, start)):
         try:
-            led = compile_mechanism(at_sketch(mechanism, drawn, other), accuracy)
-            motion = solve_motion(led, np.array([0.0, 1.0]))
+            driven = compile_mechanism(at_sketch(mechanism, drawn, other), accuracy)
+            motion = solve_motion(driven, np.array([0.0, 1.0]))
         except MechanismError as error:
             faults = faults or error.faults
             continue
@@ -93,7 +94,7 @@ def _assembled(model: Model, start: tuple[float, ...], accuracy: Accuracy) -> As
     raise MechanismError([Fault(path, f"{why} {message}", f"{remedy}, or: {other}") for path, message, other in said])
 
 
-def _round_the_other_way(model: Model, drawn: Sequence[float], start: Sequence[float]) -> list[tuple[float, ...]]:
+def _in_other_sense(model: Model, drawn: Sequence[float], start: Sequence[float]) -> list[tuple[float, ...]]:
     """The start a turn on, so that the only drive comes to it from the other side, where that drive turns."""
     if len(start) != 1 or not model.rotary(model.mechanism.drives[0].joint):
         return []
@@ -289,11 +290,11 @@ def _in_other_mode(compiled: Compiled, block: Block, time: Real) -> str:
     """The rest of a remedy: an assembly mode of another group in which a run over ``time`` can be assembled, if there is one."""
     for other, remedy in other_modes(compiled.mechanism, beside=block.name):
         try:
-            led = compile_mechanism(other, compiled.accuracy)
-            motion = follow(led, time)
+            driven = compile_mechanism(other, compiled.accuracy)
+            motion = follow(driven, time)
         except MechanismError:
             continue
-        if all(_placed(led.model, each, motion).all() for each in led.model.blocks):
+        if all(_placed(driven.model, each, motion).all() for each in driven.model.blocks):
             return f"{remedy}, in which it runs"
     return ""
 

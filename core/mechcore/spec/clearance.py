@@ -1,8 +1,8 @@
 """Revolute joints with clearance: a mechanism in which their journals move freely in their bearings.
 
 The joint is taken apart: a massless journal slides across and along on the bearing's link, which gives it two free coordinates, and
-the joint itself joins the shaft to the journal. Two loads between bearing and journal press where they touch. What the joint
-transmits is then the contact force. A mechanism without clearance stays what it is.
+the joint itself joins the shaft to the journal. Two loads between bearing and journal press where they touch. The joint
+then transmits the contact force. A mechanism without clearance stays what it is.
 """
 
 from __future__ import annotations

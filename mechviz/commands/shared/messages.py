@@ -127,7 +127,8 @@ def no_output(error: OSError) -> int:
 
 
 def load_module(name: str) -> ModuleType:
-    """A module. What it makes while it loads stays: looking through that for garbage would take a tenth of a command's time."""
+    """A module. Objects that it makes while it loads stay: looking through them for garbage would take a tenth of a command's
+    time."""
     if name in sys.modules:
         return sys.modules[name]
     gc.disable()

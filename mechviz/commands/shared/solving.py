@@ -30,7 +30,7 @@ CyclesOpt = Annotated[
 AccuracyOpt = Annotated[
     float | None,
     typer.Option(
-        "--accuracy", "-a", metavar="ERROR", help="wanted relative error, such as 1e-6: all dials follow [default: the scene's]"
+        "--accuracy", "-a", metavar="ERROR", help="wanted relative error, such as 1e-6: all settings follow [default: the scene's]"
     ),
 ]
 ExecutorOpt = Annotated[

@@ -173,9 +173,9 @@ def draw_inverse(model: ScaledMechanism, draft: SolidsDraft) -> None:
         body = drawing.groove.buffer(max(1.3 * r, 0.9 * drawing.radius), quad_segs=32).difference(drawing.groove)
         draft.pieces.append(PlacedPart(drawing.driven, outline.largest(body), group, "wheel", mates))
         for end in drawing.ends:
-            spot = outline.polygons(Point(end).buffer(0.5 * r).intersection(body.buffer(-0.05 * r)))
-            if spot:
-                draft.necks.append(Neck(drawing.driven, spot[0], (draft.groups[drawing.driven], group)))
+            contact_area = outline.polygons(Point(end).buffer(0.5 * r).intersection(body.buffer(-0.05 * r)))
+            if contact_area:
+                draft.necks.append(Neck(drawing.driven, contact_area[0], (draft.groups[drawing.driven], group)))
         roller = outline.disc(drawing.tip, drawing.radius, _ROLLER_SIDES)
         draft.pieces.append(PlacedPart(drawing.crank, roller, group, "wheel", mates))
         pin = outline.disc(drawing.tip, 0.5 * min(drawing.radius, r), model.segments)

@@ -232,10 +232,10 @@ def _draw_head(model: ScaledMechanism, draft: SolidsDraft, cam: CamDrawing, grou
     draft.pieces.append(PlacedPart(cam.follower, shape, group, "wheel", frozenset([cam.joint])))
     if draft.groups.get(cam.follower) != group and cam.follower in draft.groups:
         inside = shape.buffer(-0.12 * r)
-        spot = outline.disc(cam.tip, 0.6 * r, model.segments).intersection(inside if not inside.is_empty else shape)
-        if spot.is_empty:
-            spot = inside if not inside.is_empty else shape
-        draft.necks.append(Neck(cam.follower, outline.largest(spot), (draft.groups[cam.follower], group)))
+        neck = outline.disc(cam.tip, 0.6 * r, model.segments).intersection(inside if not inside.is_empty else shape)
+        if neck.is_empty:
+            neck = inside if not inside.is_empty else shape
+        draft.necks.append(Neck(cam.follower, outline.largest(neck), (draft.groups[cam.follower], group)))
 
 
 def _draw_stem(model: ScaledMechanism, draft: SolidsDraft, cam: CamDrawing, group: str) -> None:
@@ -285,8 +285,8 @@ def _draw_stem(model: ScaledMechanism, draft: SolidsDraft, cam: CamDrawing, grou
             foot = (0.0, bottom + r) if placed.mate is None else (0.0, head.top)
             cheek = outline.hull([((0.0, 0.0), 0.6 * min(head.top, r)), (foot, half)], model.segments)
             rod = unary_union([rod, cheek])
-            spot = outline.disc((0.0, 0.0), 0.45 * min(head.top, r), model.segments)
-            draft.necks.append(Neck(cam.follower, _moved(spot, complex(*cam.tip), cam.turn), (own, group)))
+            neck = outline.disc((0.0, 0.0), 0.45 * min(head.top, r), model.segments)
+            draft.necks.append(Neck(cam.follower, _moved(neck, complex(*cam.tip), cam.turn), (own, group)))
         else:
             for height in ((-_CHEEK_HEIGHT, 0.02), (0.98, 1.0 + _CHEEK_HEIGHT)):
                 draft.pieces.append(
@@ -296,9 +296,9 @@ def _draw_stem(model: ScaledMechanism, draft: SolidsDraft, cam: CamDrawing, grou
         rod = unary_union([head.touching, *stem])
         if own != group:
             draft.pieces.append(PlacedPart(cam.follower, _moved(head.touching, complex(*cam.tip), cam.turn), group, "wheel", mates))
-            spot = head.touching.buffer(-0.1 * r)
-            spot = outline.largest(spot if not spot.is_empty else head.touching)
-            draft.necks.append(Neck(cam.follower, _moved(spot, complex(*cam.tip), cam.turn), (own, group)))
+            neck = head.touching.buffer(-0.1 * r)
+            neck = outline.largest(neck if not neck.is_empty else head.touching)
+            draft.necks.append(Neck(cam.follower, _moved(neck, complex(*cam.tip), cam.turn), (own, group)))
     whole = outline.largest(_moved(rod, complex(*cam.tip), cam.turn))
     draft.pieces.append(PlacedPart(cam.follower, whole, own, "plate", mates))
     offset = placed.offset / cam.size

@@ -212,12 +212,12 @@ def _cam_parts(model: ScaledMechanism, drawing: SpatialDrawing, height: float) -
     keyed = keyway_reach(radius) < 0.95 * least
     bore = keyed_bore(axis, radius, shaft, (1.0, 0.0), _BORE_SIDES) if keyed else disc(axis, shaft, _BORE_SIDES)
     mates = frozenset([drawing.joint])
-    spot = disc(drawing.bore, 0.2 * r, 12)
+    around_bore = disc(drawing.bore, 0.2 * r, 12)
 
     def part(link: str, kind: str, shell: Shell, color: SolidColor | None = None) -> Part:
         points = _space(drawing, shell.vertices, height) if link == drawing.cam else _still(drawing, shell.vertices, height)
         low, high = float(points[:, 2].min()), float(points[:, 2].max())
-        return Part(link, kind, _outwards(Shell(points, shell.faces)), color, (Prism(spot, low, high),), mates)
+        return Part(link, kind, _outwards(Shell(points, shell.faces)), color, (Prism(around_bore, low, high),), mates)
 
     free = 1.1 * r * drawing.size  # of the shaft between cam and bearing
     long = 1.6 * r * drawing.size  # of a bearing
@@ -292,22 +292,22 @@ def _rollers(model: ScaledMechanism, levels: Levels, drawing: SpatialDrawing, he
     low = height + inner + _ROLLER_CLEARANCE * depth
     edge = min(height + outer + 0.1 * depth, top)
     profile = ((0.0, low), (radius, low), (radius, edge), (pin, edge), (pin, top), (0.0, top))
-    spots = [complex(*drawing.tip)]
+    places = [complex(*drawing.tip)]
     if placed.blank.kind == "rib":
         reach = drawing.up * (0.5 * placed.blank.thickness + placed.cam.radius) / size
-        spots = [spots[0] - reach, spots[0] + reach]
+        places = [places[0] - reach, places[0] + reach]
     elif placed.blank.rollers and drawing.hinge is not None:
-        spots = around(placed, spots[0], complex(*drawing.hinge))
+        places = around(placed, places[0], complex(*drawing.hinge))
     parts = []
-    for z in spots:
+    for z in places:
         at = (z.real, z.imag)
         shell = revolve(profile, at, segments=96)
         parts.append(Part(drawing.follower, "roller", shell, PIN_COLOR, (Prism(disc(at, radius, 48), low, top),), mates))
     if drawing.hinge is None:
         return parts
-    spokes = [LineString([drawing.hinge, (z.real, z.imag)]).buffer(0.6 * radius) for z in spots]
+    spokes = [LineString([drawing.hinge, (z.real, z.imag)]).buffer(0.6 * radius) for z in places]
     star = unary_union(
-        [*spokes, *(disc((z.real, z.imag), 0.9 * radius, 48) for z in spots), disc(drawing.hinge, 1.6 * model.proportions.r, 48)]
+        [*spokes, *(disc((z.real, z.imag), 0.9 * radius, 48) for z in places), disc(drawing.hinge, 1.6 * model.proportions.r, 48)]
     )
     return [*parts, *_turret(model, levels, drawing, star)]
 

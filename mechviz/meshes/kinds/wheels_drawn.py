@@ -185,10 +185,10 @@ def _windows(model: ScaledMechanism, wheel: Wheel) -> list[Polygon]:
     if outer - inner < 3.0 * size.r:
         middle, radius = 0.5 * (outer + inner), 0.4 * (outer - inner)
         count = int(np.clip(2.0 * np.pi * middle / (3.2 * radius), 3, 6))
-        spots = [wheel.phase + 2.0 * np.pi * (k + 0.5) / count for k in range(count)]
+        angles = [wheel.phase + 2.0 * np.pi * (k + 0.5) / count for k in range(count)]
         holes = [
             outline.disc((wheel.centre[0] + middle * np.cos(a), wheel.centre[1] + middle * np.sin(a)), radius, model.segments)
-            for a in spots
+            for a in angles
         ]
         return [hole for hole in holes if not any(hole.intersects(region) for region in keep)]
     count = 5 if outer < 9.0 * size.r else 6

@@ -103,8 +103,8 @@ def _check(outline: Outline) -> None:
 
     z = outline.points
     xy = np.column_stack([z.real, z.imag])
-    sound = Polygon(xy).is_valid if outline.closed else LineString(xy).is_simple
-    if not sound:
+    simple = Polygon(xy).is_valid if outline.closed else LineString(xy).is_simple
+    if not simple:
         raise OutputError(
             f"The profile of '{outline.name}' crosses itself: a cutter would leave something else.",
             "Enlarge the base circle or take a smaller roller.",
@@ -127,8 +127,8 @@ def _chain(outline: Outline) -> tuple[Complex, Real]:
 def dxf_text(outlines: Iterable[Outline]) -> str:
     """A drawing (DXF, release 2004) in millimetres: polylines of arcs on the layer PROFILE, the axis as a point on CENTRE.
 
-    Of several cams, which may lie on each other, each has a layer of its own: PROFILE with the cam's name. What is unrolled from a
-    cylinder has the cylinder's radius among the properties of the drawing.
+    Of several cams, which may lie on each other, each has a layer of its own: PROFILE with the cam's name. A profile that is
+    unrolled from a cylinder has its radius among the properties of the drawing.
     """
     import ezdxf
 

@@ -1,7 +1,7 @@
 """The moving mechanism as a binary glTF 2.0 file (GLB): solids, springs, arrows of forces, traced paths and an animation.
 
-Any viewer of glTF plays it. Not in it: names and plots, of which glTF knows nothing, and constructions such as centrodes.
-Belts are solids that stand still, with marks that run along them.
+Any viewer of glTF plays it. Not in it: names and plots, of which glTF knows nothing, and constructions such as polygons and
+centrodes. Belts are solids that stand still, with marks that run along them.
 """
 
 from __future__ import annotations

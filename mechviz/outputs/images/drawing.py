@@ -135,8 +135,8 @@ def _drawn(
     if d["kind"] == "points" and name == "joints":
         if d["labels"] and d["labels"][0]:
             x, y = place(_at(arrays[d["points"]].reshape(frames, -1), frame)[:2]) if d["moves"] else place(arrays[d["points"]][:2])
-            spot = f'x="{x + 7:.1f}" y="{y - 7:.1f}"'
-            yield f'<text {spot} fill="{stroke}" font-size="13" font-weight="600">{escape(d["labels"][0])}</text>'
+            position = f'x="{x + 7:.1f}" y="{y - 7:.1f}"'
+            yield f'<text {position} fill="{stroke}" font-size="13" font-weight="600">{escape(d["labels"][0])}</text>'
         return
     if name not in shown:
         return
@@ -152,8 +152,8 @@ def _drawn(
                 )
         return
     if d["kind"] == "points":
-        spots = place(_at(arrays[d["points"]].reshape(frames if d["moves"] else 1, -1), frame).reshape(-1, 2))
-        for k, (x, y) in enumerate(spots):
+        places = place(_at(arrays[d["points"]].reshape(frames if d["moves"] else 1, -1), frame).reshape(-1, 2))
+        for k, (x, y) in enumerate(places):
             if np.isfinite([x, y]).all():
                 radius, color = 0.5 * widths[k % len(widths)], colors[k % len(colors)]
                 yield f'<circle cx="{x:.1f}" cy="{y:.1f}" r="{radius:.1f}" fill="{color}"/>'

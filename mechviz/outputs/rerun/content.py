@@ -242,7 +242,7 @@ def _listed_quantities(catalogue: Catalogue) -> str:
 
 
 def _stated(run: Run) -> dict[str, Any]:
-    """The dials that are not at their defaults, with those that followed from a target."""
+    """The settings that are not at their defaults, with those that followed from a target."""
     if run.accuracy.target is None:
         return run.accuracy.changed
     return {**run.kept.changed, "frames": run.motion.frames - 1}

@@ -325,12 +325,12 @@ class RecordedDrawings:
             if ranges is None or len(ranges) != 4:
                 continue
             names = [parts_of(p)[-1] for p in self._below(f"{path}/curves/")]
-            spots = self._rows(f"{path}/now", "Points2D:positions")
+            positions = self._rows(f"{path}/now", "Points2D:positions")
             colors = self.recording.static(f"{path}/now", component="Points2D:colors")
-            if spots is None or colors is None or spots.shape[1] != len(colors):
+            if positions is None or colors is None or positions.shape[1] != len(colors):
                 continue
             x0, x1, y0, y1 = (float(r) for r in ranges)
-            x, y = x0 + (x1 - x0) * spots[..., 0] / DRAWING_WIDTH, y0 - (y1 - y0) * spots[..., 1] / DRAWING_HEIGHT
+            x, y = x0 + (x1 - x0) * positions[..., 0] / DRAWING_WIDTH, y0 - (y1 - y0) * positions[..., 1] / DRAWING_HEIGHT
             order = self._in_order(path, names, x.shape[1])
             curves = tuple(Curve(name, x[:, k], y[:, k]) for k, name in enumerate(order))
             title, across, up, equal, turn = (part(component=c) for c in ("title", "x_title", "y_title", "equal", "turn"))
@@ -404,11 +404,11 @@ class RecordedDrawings:
         return tuple(strokes)
 
     def _points(self, path: str) -> list[tuple[str, Complex]]:
-        spots = self._rows(path, "Points3D:positions")
-        if spots is None:
+        positions = self._rows(path, "Points3D:positions")
+        if positions is None:
             return []
-        labels, _, _ = self._looks(path, "Points3D", spots.shape[1])
-        return [(label, _complex(spots[:, k])) for k, label in enumerate(labels)]
+        labels, _, _ = self._looks(path, "Points3D", positions.shape[1])
+        return [(label, _complex(positions[:, k])) for k, label in enumerate(labels)]
 
     def _in_order(self, path: str, names: list[str], count: int) -> list[str]:
         """Names of curves in the order of their points: of a curve the colour says which point runs along it."""

@@ -311,8 +311,8 @@ def live(
 
 
 def _room(run: Run, solids: Solids) -> Real:
-    """The box (2, 3) [m] that is looked at: where the mechanism is at first, and where it may go. What hangs in no loop swings as
-    far as it reaches from the frame's joints, to all sides."""
+    """The box (2, 3) [m] that is looked at: where the mechanism is at first, and where it may go. Links that hang in no loop swing
+    as far as they reach from the frame's joints, to all sides."""
     box, motion = np.array(solids.bounds, float), run.motion
     frame = motion.mechanism.frame
     more = LINKAGE_ROOM * solids.size

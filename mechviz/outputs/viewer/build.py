@@ -131,7 +131,7 @@ def centrodes_of(run: Run) -> dict[str, RollingCentrodes]:
     rolling = {}
     for name, centrodes in run.studies.centrodes.items():
         corners = [complex(*xy) for xy in (*points[name].values(), next(iter(points[name].values()), (0.0, 0.0)))]
-        fixed, moving = (way @ np.array([1.0, 1.0j]) for way in (centrodes.fixed, centrodes.moving))
+        fixed, moving = (path @ np.array([1.0, 1.0j]) for path in (centrodes.fixed, centrodes.moving))
         rolling[name] = RollingCentrodes(fixed, moving, np.array(corners))
     return rolling
 

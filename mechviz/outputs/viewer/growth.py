@@ -116,11 +116,11 @@ class Computing:
         self._shown = run.motion.frames
         return run
 
-    def _observe(self, stretch: Simulation, duration: float) -> None:
+    def _observe(self, segment: Simulation, duration: float) -> None:
         if self._left:
             raise Stopped
         begun = time.perf_counter()
-        if self.running.take(stretch, duration) is not None:
+        if self.running.take(segment, duration) is not None:
             now = time.perf_counter()
             self._due = now + max(LOOK_INTERVAL, ASSEMBLY_RATIO * (now - begun))
             with self._changed:

@@ -392,8 +392,8 @@ class Inspector:
 
     def _clicked_link(self, link: str, event: viser.SceneNodePointerEvent[viser.MeshHandle]) -> None:
         if self._tracing and self._session is not None:
-            spot = traced_at(self.view_model, link, self._player.frame, event.ray_origin, event.ray_direction)
-            self._session.change(f"trace {link}", lambda draft: with_traced(draft, link, spot))
+            point = traced_at(self.view_model, link, self._player.frame, event.ray_origin, event.ray_direction)
+            self._session.change(f"trace {link}", lambda draft: with_traced(draft, link, point))
             return
         known = items_of(self.view_model)
         cams = [j.name for j in self.view_model.numbers.joints.values() if j.links[0] == link and f"cam {j.name}" in known]

@@ -237,16 +237,16 @@ LEAST_FILLED = 0.5  # of the range that curves fill at least, for it to stay
 
 
 def thinned(values: Real, most: int = MOST_POINTS) -> Index:
-    """Frames (n,) that are enough to draw curves (F, k): all, or the extremes of each curve in equal stretches."""
+    """Frames (n,) that are enough to draw curves (F, k): all, or the extremes of each curve in equal intervals."""
     frames, curves = values.shape
     if frames <= most:
         return np.arange(frames)
-    stretches = np.array_split(np.arange(frames), max(1, most // (2 * curves)))
+    intervals = np.array_split(np.arange(frames), max(1, most // (2 * curves)))
     filled = np.where(np.isfinite(values), values, 0.0)
     chosen = [np.array([0, frames - 1])]
-    for stretch in stretches:
-        part = filled[stretch]
-        chosen.append(stretch[0] + np.concatenate([part.argmin(axis=0), part.argmax(axis=0)]))
+    for interval in intervals:
+        part = filled[interval]
+        chosen.append(interval[0] + np.concatenate([part.argmin(axis=0), part.argmax(axis=0)]))
     return np.unique(np.concatenate(chosen))
 
 

@@ -1,9 +1,9 @@
 """All that the viewer needs of viser 1.1.1 beyond its public interface, and the reason for each.
 
 * What goes to all browsers is encoded once and sent to all of them in the same turn of viser's thread (`SharedBuffer`): viser
-  encodes each message anew for every browser, and each browser waits with tasks and timers of its own. What arrives is what viser
-  would send, byte for byte but for a time stamp; slow browsers still skip what has been replaced, later ones still get the newest
-  of everything.
+  encodes each message anew for every browser, and each browser waits with tasks and timers of its own. The bytes that arrive are
+  those that viser would send, but for a time stamp; slow browsers still skip what has been replaced, later ones still get the
+  newest of everything.
 * Poses of a frame are queued under one lock (`send_poses`): viser takes 60 us a body and frame for it.
 * Messages of browsers pass a check before viser looks at them (`start`): viser believes all of them.
 * Scripts run in the page (`run_script`), and controls have names there (`uuid_of`): viser has no call for either.

@@ -90,12 +90,12 @@ def legend_line(
 ) -> str:
     """The legend in a line: colours with their names, and how long a force is drawn."""
     families, paths = list(families), list(paths)
-    spots = [(FAMILY_COLORS[f], VECTOR_FAMILIES[f].label, VECTOR_FAMILIES[f].meaning) for f in families]
-    spots += [(COLOR_OF_PATHS, f"Path of {', '.join(paths)}", "")] if paths else []
+    entries = [(FAMILY_COLORS[f], VECTOR_FAMILIES[f].label, VECTOR_FAMILIES[f].meaning) for f in families]
+    entries += [(COLOR_OF_PATHS, f"Path of {', '.join(paths)}", "")] if paths else []
     parts = [
         f'<span title="{escape(meaning)}" style="white-space:nowrap"><span style="display:inline-block;width:1.1em;height:0.36em;'
         f'border-radius:0.2em;margin-right:0.4em;vertical-align:middle;background:{color}"></span>{escape(label)}</span>'
-        for color, label, meaning in spots
+        for color, label, meaning in entries
     ]
     forces = [f for f in families if f in FORCE_FAMILIES]
     if forces and scales.newtons_per_metre != 1.0:

@@ -277,8 +277,8 @@ def _program(
     axes = Axes(convert, coordinate, kind)
     start = (drawn,) if drive.start is None else axes.state(drive.start, f"{path}.start")
     curve = segments_curve(given.segments, overs, axes, where, start, repeats=source is not None)
-    sound = given.has_valid(*ProgramDocument.model_fields) and not math.isnan(phase)
-    if len(convert.faults) > before or master is None or curve is None or not sound:
+    valid = given.has_valid(*ProgramDocument.model_fields) and not math.isnan(phase)
+    if len(convert.faults) > before or master is None or curve is None or not valid:
         return None
     law = over_time(curve) if source is None else CurveOverMaster(curve=curve, master=master, phase=phase)
     if moves(master) and not stands_still(given.segments, curve):

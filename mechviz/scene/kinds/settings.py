@@ -108,10 +108,10 @@ EventShare = Annotated[float, _within(1e-14, 1.0), WithJsonSchema({"type": "numb
 
 
 class AccuracyDocument(DocumentTable):
-    """How exact the run is: a wanted error from which all dials follow, single dials that override it, or both."""
+    """How exact the run is: a wanted error from which all settings follow, single settings that override it, or both."""
 
     target: TargetError | None = None
-    """Wanted error, relative to the mechanism's size and the peak of each quantity; all dials follow from it."""
+    """Wanted error, relative to the mechanism's size and the peak of each quantity; all settings follow from it."""
     position: ResidualTolerance | None = None
     """Residual at which Newton's method stops in groups without a closed form, in sizes of the mechanism. Default 2e-15."""
     interpolation: Literal["hold", "linear", "cubic", "quintic"] | None = None
@@ -150,7 +150,7 @@ ORDERS = {"hold": 0, "linear": 1, "cubic": 3, "quintic": 5}
 
 
 def accuracy_of(entry: float | AccuracyDocument | None, convert: Converter) -> Accuracy:
-    """The dials that a scene sets, in SI units; the defaults where it sets none."""
+    """The settings that a scene sets, in SI units; the defaults where it sets none."""
     if entry is None:
         return DEFAULT
     if not isinstance(entry, AccuracyDocument):

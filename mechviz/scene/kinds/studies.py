@@ -359,11 +359,11 @@ def _place(text: str) -> tuple[str, str]:
 def _pen(name: str, entry: PenDocument, document: SceneDocument, placement: Placement, convert: Converter) -> PenStudy:
     owned = ((link, entry.point[len(link) + 1 :]) for link in document.links if entry.point.startswith(f"{link}."))
     link, point = next(((link, point) for link, point in owned if point in placement.points.get(link, {})), ("", ""))
-    lifting = document.joints.get(entry.joint) if entry.joint is not None else None
+    lift_joint = document.joints.get(entry.joint) if entry.joint is not None else None
     key = "at_most" if entry.at_most is not None else "at_least"
     limit, level = getattr(entry, key), 0.0
-    if lifting is not None and limit is not None:
-        level = convert.si(limit, lifting.coordinate, f"pens.{name}.{key}")
+    if lift_joint is not None and limit is not None:
+        level = convert.si(limit, lift_joint.coordinate, f"pens.{name}.{key}")
     return PenStudy(name=name, link=link, point=point, joint=entry.joint, level=level, below=key == "at_most")
 
 

@@ -45,28 +45,28 @@ def read_table(cls: type[DocumentTable], raw: object, loc: Loc, faults: list[Fau
         return _blank(cls)
     hints, before = hints_of(cls), len(faults)
     values: dict[str, Any] = {}
-    unread: set[str] = set()
-    meant = _keys_repaired(cls, raw, loc, faults)
-    for key, written in meant.items():
+    missing: set[str] = set()
+    repaired = _keys_repaired(cls, raw, loc, faults)
+    for key, written in repaired.items():
         own: list[Fault] = []
         values[key], whole = _read(hints[key], raw[written], (*loc, written), own)
         if written != key:  # a value that does not fit may be meant for something else
             own = [fault for fault in own if fault.path != path_text((*loc, written))]
         faults += own
         if not whole:
-            unread.add(key)
+            missing.add(key)
         if values[key] is _NOTHING:
             del values[key]
     given = set(values)
     for key, info in cls.model_fields.items():
         if info.is_required() and key not in values:
-            if key not in unread:
+            if key not in missing:
                 faults.append(missing_key((*loc, key)))
             values[key] = _stand_in(hints[key], None)
-            unread.add(key)
+            missing.add(key)
     table = cls.model_construct(_fields_set=given, **values)
-    table.mark_invalid(unread)
-    guessed = {key for key, written in meant.items() if written != key}
+    table.mark_invalid(missing)
+    guessed = {key for key, written in repaired.items() if written != key}
     faults += _faults_of_the_whole(table, raw, loc, guessed, faulty=len(faults) > before)
     return table
 
@@ -88,11 +88,11 @@ def _keys_repaired(cls: type[DocumentTable], raw: Mapping[str, Any], loc: Loc, f
         else:
             candidates = spelling_candidates(str(written), beside)
             fitting = (key for key in candidates if _fits(hints[key], raw[written], (*loc, written)))
-            meant = next(fitting, next((key for key in candidates if misspelt(str(written), key)), ""))
+            guess = next(fitting, next((key for key in candidates if misspelt(str(written), key)), ""))
             inside = next((key for key in beside if written in _keys_within(hints[key], raw.get(key))), "")
-            faults.append(unknown_key((*loc, written), beside, meant, inside))
-            if meant and not inside:
-                taken.setdefault(meant, written)
+            faults.append(unknown_key((*loc, written), beside, guess, inside))
+            if guess and not inside:
+                taken.setdefault(guess, written)
     return taken
 
 
@@ -119,8 +119,8 @@ def _faults_of_the_whole(table: DocumentTable, raw: Mapping[str, Any], loc: Loc,
             try:
                 validator.func(table)
             except PydanticCustomError as error:
-                sound = [f for f in (error.context or {}).get("faults", ()) if f[0] not in guessed]
-                faults += words_of({"type": error.type, "input": raw, "ctx": {"faults": sound}}, loc)
+                reported = [f for f in (error.context or {}).get("faults", ()) if f[0] not in guessed]
+                faults += words_of({"type": error.type, "input": raw, "ctx": {"faults": reported}}, loc)
             except (ArithmeticError, AssertionError, LookupError, TypeError, ValueError):
                 if not faulty:
                     raise  # not a stand-in's doing
@@ -345,19 +345,19 @@ _MISSPELT = 0.75
 def spelling_candidates(key: str, known: Sequence[str]) -> list[str]:
     """The known keys that an unknown one may stand for, the most probable first."""
     longer = [name for name in known if name.startswith(f"{key}_")]
-    meant = [_SYNONYMS.get(key, ""), *longer, *nearest(key, known, 5)]
-    return [name for name in dict.fromkeys(meant) if name in known]
+    candidates = [_SYNONYMS.get(key, ""), *longer, *nearest(key, known, 5)]
+    return [name for name in dict.fromkeys(candidates) if name in known]
 
 
-def misspelt(key: str, meant: str) -> bool:
+def misspelt(key: str, known: str) -> bool:
     """Whether an unknown key is a known one but for a letter or two, whatever its value is."""
-    return difflib.SequenceMatcher(a=key.casefold(), b=meant.casefold()).ratio() >= _MISSPELT
+    return difflib.SequenceMatcher(a=key.casefold(), b=known.casefold()).ratio() >= _MISSPELT
 
 
-def unknown_key(loc: Loc, known: Sequence[str], meant: str, inside: str = "") -> Fault:
-    """The fault of a key that a table does not have; ``meant``: the one that it probably stands for, ``inside``: the table in this
+def unknown_key(loc: Loc, known: Sequence[str], guess: str, inside: str = "") -> Fault:
+    """The fault of a key that a table does not have; ``guess``: the one that it probably stands for, ``inside``: the table in this
     one that has it, if any."""
-    remedy = f"Did you mean '{meant}'?" if meant else f"Known: {listing(known, most=20)}."
+    remedy = f"Did you mean '{guess}'?" if guess else f"Known: {listing(known, most=20)}."
     remedy = f"Write it in {inside}." if inside else remedy
     return Fault(path_text(loc[:-1] or loc), f"unknown key '{loc[-1]}'.", remedy)
 

@@ -58,13 +58,13 @@ def find_scene(source: str | Path) -> Path:
     holding = [name for name in sorted(names, key=len) if part and part in _letters(name)]
     alike = [f"'{name}'" for name in list(dict.fromkeys([*holding, *nearest(text, names, 3)]))[:3]]
     listed = "The gallery is listed by: mechviz scenes"
-    meant = f"Did you mean {' or '.join(filter(None, (', '.join(alike[:-1]), *alike[-1:])))}? " if alike else ""
+    suggestion = f"Did you mean {' or '.join(filter(None, (', '.join(alike[:-1]), *alike[-1:])))}? " if alike else ""
     raise SceneError(
         text,
         Fault(
             "scene",
             f"neither a gallery scene nor a file is called {text!r}.",
-            meant + listed,
+            suggestion + listed,
         ),
     )
 

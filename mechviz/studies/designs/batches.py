@@ -1,8 +1,7 @@
 """Many designs in one call of the core: where parameters vary nothing but places of joints, masses of links, numbers of loads,
 and the starts and constant speeds of drives.
 
-What can be computed this way is tried out on a few designs beside the run of each by itself; where they differ, all are run by
-themselves.
+A few designs are also run each by itself; where the results differ, all are run by themselves.
 """
 
 from __future__ import annotations

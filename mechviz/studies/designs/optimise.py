@@ -281,8 +281,8 @@ def _levels(known: Judged, points: int) -> list[Real]:
 
 
 def _below(known: Judged, level: Real) -> int | None:
-    """The design whose first objective is least among those with the others up to a level (m - 1,), where there is one. What was
-    refined to within a slack is there in spite of rounding."""
+    """The design whose first objective is least among those with the others up to a level (m - 1,), where there is one. One that
+    was refined to within a slack is among them in spite of rounding."""
     kept = np.flatnonzero(
         known.feasible & np.all(known.objectives[:, 1:] <= level + 2.0 * COMPROMISE_SLACK * np.abs(level), axis=1)
     )

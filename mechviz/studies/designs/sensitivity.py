@@ -129,11 +129,11 @@ def sensitivities(run: Run, measures: Sequence[Measure], variables: Sequence[Var
         parts.append((rows, exact, columns))
 
     def slopes_of(*numbers: int) -> list[Real]:
-        found: list[Real | None] = [None] * len(numbers)
+        slopes_found: list[Real | None] = [None] * len(numbers)
         for rows, exact, columns in parts:
             for k, part in enumerate(exact.of(*(columns[n] for n in numbers))):
-                found[k] = _put(found[k], rows, part, run.motion.frames)
-        return [slopes for slopes in found if slopes is not None]  # a run has frames
+                slopes_found[k] = _with_rows(slopes_found[k], rows, part, run.motion.frames)
+        return [slopes for slopes in slopes_found if slopes is not None]  # a run has frames
 
     curves = [k for k, measure in enumerate(measures) if not measure.reducer]
     known = dict(zip(curves, slopes_of(*curves) if curves else (), strict=True))
@@ -147,15 +147,15 @@ def sensitivities(run: Run, measures: Sequence[Measure], variables: Sequence[Var
         if measure.reducer:
             number = float(measure.reduced(curve, time, drive))
             weights = measure.weights(curve, time, drive)
-            found = [exact.adjoint(columns[n], weights[None, rows])[0] for rows, exact, columns in parts]
+            parts_of_sum = [exact.adjoint(columns[n], weights[None, rows])[0] for rows, exact, columns in parts]
             unknown = any(weights[rows[exact.singular]].any() for rows, exact, _ in parts)
-            derivatives = np.full(len(variables), np.nan) if unknown else np.sum(found, axis=0)
+            derivatives = np.full(len(variables), np.nan) if unknown else np.sum(parts_of_sum, axis=0)
         find = partial(known.__getitem__, n) if n in known else lambda n=n: slopes_of(n)[0]
         results.append(Sensitivity(measure, quantity, tuple(variables), curve, find, number, derivatives))
     return results
 
 
-def _put(whole: Real | None, rows: Index, part: Real, frames: int) -> Real:
+def _with_rows(whole: Real | None, rows: Index, part: Real, frames: int) -> Real:
     """Derivatives (P, F, ...) with those of some frames in their places."""
     if whole is None:
         whole = np.full((len(part), frames, *part.shape[2:]), np.nan)
@@ -275,7 +275,7 @@ def bands_of(run: Run) -> Bands:
                 except MechanismError as error:
                     refused = error.faults[0].message
         slopes_of = {
-            key: _put(slopes_of[key], rows, slopes, run.motion.frames)
+            key: _with_rows(slopes_of[key], rows, slopes, run.motion.frames)
             for key, slopes in zip(columns, exact.of(*columns.values()), strict=True)
         }
     tolerances = np.array([v.tolerance for v in variables])

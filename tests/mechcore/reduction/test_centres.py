@@ -43,7 +43,7 @@ def test_the_instant_centres_of_a_four_bar_are_where_its_bars_cross():
     assert centres["P13"].place == pytest.approx(crossing(a, d, b, c), rel=1e-9)
     assert [line.through for line in centres["P02"].lines] == [("P01", "P12"), ("P03", "P23")]
     for name in ("P02", "P13"):
-        assert centres[name].determined_by == "lines" and centres[name].gap.max() < 1e-12
+        assert centres[name].determined_by == "lines" and centres[name].closure_error.max() < 1e-12
         for line in centres[name].lines:
             assert all(collinear(centres[p].place, line.base, line.base + line.along, 0.1).all() for p in (name, *line.through))
     ratio = motion.velocity("rocker")[:, 2] / motion.velocity("crank")[:, 2]

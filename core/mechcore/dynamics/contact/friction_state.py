@@ -206,7 +206,7 @@ class FrictionPhases:
             self.signs[self.prescribed] = self._senses(q[None], v[None], np.array([t + self.soon]))[0, self.prescribed]
             still &= ~self.prescribed
         if alone and still.all() and abs(float(v[0])) <= least * own[0]:
-            self.signs = self._either_way(row) if loose is None else self.directions(row, loose[1])
+            self.signs = self._sense_from_rest(row) if loose is None else self.directions(row, loose[1])
         elif alone and still.any():  # the mechanism moves: a joint that turns back there does not stick
             self.signs = np.where(still, np.where(before == 0.0, 1.0, before), np.sign(rate))
             second = np.sign(self.system().solve(*row).second[0])
@@ -269,7 +269,7 @@ class FrictionPhases:
         freely, really = (np.einsum("nef,nef->ne", tau, constrained(inertia[:, None], tau, g)[0])[0] for g in (rows[:, :0], rows))
         return np.asarray(~(really > NO_EFFECT * freely))
 
-    def _either_way(self, row: tuple[Real, Real, Real]) -> Real:
+    def _sense_from_rest(self, row: tuple[Real, Real, Real]) -> Real:
         """One freedom at rest: it moves the way in which it then really accelerates, or sticks."""
         for sense in (1.0, -1.0):
             signs = self.directions(row, sense)

@@ -220,12 +220,12 @@ def _compiled(compiled: Compiled, motion: Motion, joints: Sequence[str], coordin
         x, y, angle = motion.pose(link)[0]
         poses[link] = float(x), float(y), float(angle)
     free = [Drive(joint=joint, law=Free(float(x[0]), float(x[1]))) for joint, x in zip(joints, coordinates, strict=True)]
-    led = [d for d in mechanism.drives if not isinstance(d.law, Free)]
-    still = [Drive(joint=d.joint, law=Free(float(motion.coordinate(d.joint)[0, 0]), 0.0)) for d in led]
+    prescribed = [d for d in mechanism.drives if not isinstance(d.law, Free)]
+    still = [Drive(joint=d.joint, law=Free(float(motion.coordinate(d.joint)[0, 0]), 0.0)) for d in prescribed]
     placed = compile_mechanism(
         replace(mechanism, drives=(*free, *still), modes={}, sketch=poses), compiled.accuracy, compiled.executor
     )
-    known = replace(mechanism, drives=(*free, *led), modes={}, sketch=poses)
+    known = replace(mechanism, drives=(*free, *prescribed), modes={}, sketch=poses)
     return replace(placed, model=replace(placed.model, mechanism=known))
 
 
@@ -370,8 +370,8 @@ def best_chart(
                 return chart, place, rate if v else 0.0
             if isinstance(chart.curve, CurveEquations) and not counted:
                 return CurveChart(again, replace(chart.curve, compiled=again), chart.valid_range), place, rate if v else 0.0
-    led = np.array([[coordinate, rate if v else 0.0]])
-    own = carried_on(_compiled(compiled, motion, [joint], led), np.array([coordinate]), 0.0, motion)
+    start = np.array([[coordinate, rate if v else 0.0]])
+    own = carried_on(_compiled(compiled, motion, [joint], start), np.array([coordinate]), 0.0, motion)
     if not _same_poses(motion, motion_at(own, *_at_rest(coordinate))):
         raise MechanismError(
             Fault(

@@ -44,7 +44,7 @@ from mechcore.spec.mechanism import braked
 
 
 class Ending(IntEnum):
-    """What may end a phase of a motion with contacts, as `phases.c` has it."""
+    """Causes that end a phase of a motion with contacts, as `phases.c` has it."""
 
     NOTHING = 0
     SLIP = 1  # of an element

@@ -208,7 +208,7 @@ def tails(a: Real, share: Real | float) -> Real:
     """Estimated error (..., f) in windows with Legendre coefficients ``a`` (..., s, f) of the acceleration; ``share`` (..., 1):
     their length times that of the longest window [s^2].
 
-    What the last two coefficients of the acceleration amount to, as a position, and as a speed that is kept for the longest
+    The last two coefficients of the acceleration count as a position, and as a speed that is kept for the longest
     window: where the equations jump, windows become so short that a wrong speed is no error of the position within them, but it is
     one of all that follows.
     """
@@ -217,7 +217,7 @@ def tails(a: Real, share: Real | float) -> Real:
 
 
 def neglected_tails(a: Real, share: Real | float) -> tuple[Real, Real]:
-    """What the quadrature misses of the speed, as an error (..., f), and its order (...); arguments as of `tails`.
+    """The error (..., f) of the speed that the quadrature misses, and its order (...); arguments as of `tails`.
 
     Those are the coefficients from 2 s on. Where the acceleration is smooth, next to nothing is left of them; next to a contact of
     Hertz, which starts as the power 3/2 of time, the k-th falls as C / k^m only, and what is left of them is the sum of those. C

@@ -1,8 +1,8 @@
 """Many windows of collocation solved together instead of one after the other (parallel shooting).
 
-What couples the windows is linear: a correction at a window's start changes its end by a matrix of the size of the state. All nodes
-are evaluated in one call, their slopes in another, and one batch of linear systems corrects the whole trajectory; what is left of
-its error is of the order of its square (Hairer, Wanner, "Solving Ordinary Differential Equations I", II.7 and II.14).
+The coupling of the windows is linear: a correction at a window's start changes its end by a matrix of the size of the state. All
+nodes are evaluated in one call, their slopes in another, and one batch of linear systems corrects the whole trajectory; what is
+left of its error is of the order of its square (Hairer, Wanner, "Solving Ordinary Differential Equations I", II.7 and II.14).
 """
 
 from __future__ import annotations

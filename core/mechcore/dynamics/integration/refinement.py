@@ -4,9 +4,9 @@
 its error is to be found, its accelerations start Newton's method on the collocation equations of many windows together
 (`ParallelShooting`); the first step is deferred correction.
 
-The equations that are solved are those of the new rule on the new windows, whatever they were started from. What is known only
-says where to begin, and how long the windows are at first: each is halved until the last coefficients of its own series are below
-the new tolerance. Where that does not lead to a solution, `Integrator` finds the motion.
+The equations that are solved are those of the new rule on the new windows, whatever they were started from. The known
+motion only says where to begin, and how long the windows are at first: each is halved until the last coefficients of its own
+series are below the new tolerance. Where that does not lead to a solution, `Integrator` finds the motion.
 """
 
 from __future__ import annotations

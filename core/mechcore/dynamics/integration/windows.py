@@ -168,7 +168,7 @@ class Integrator:
         return self.breakpoints is not None and self.breakpoints.searched
 
     def limits(self, t: float, end: float, shortest: float, count: int) -> BatchLimits:
-        """What a compiled program keeps to from a time ``t`` to an ``end`` [s], with so many windows at the most."""
+        """The limits of a compiled program from a time ``t`` to an ``end`` [s], with so many windows at the most."""
         breaks = _breaks_from(self.breakpoints, t, end, count)
         bounds = end, shortest, self.longest, self.tolerance, self.newton_tolerance
         return BatchLimits(*bounds, count, self.searches_breakpoints, breaks)

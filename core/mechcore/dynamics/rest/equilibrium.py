@@ -197,8 +197,8 @@ def _step(compiled: Compiled, q: Real, force: Real, step: Real, seek: Seek, larg
         middle, end = force_at_rest(compiled, np.array([q + 0.5 * step, q + step]))
         if np.isfinite(end).all() and np.isfinite(middle).all():
             work = float((force + 4.0 * middle + end) @ step) / 6.0
-            closer = float(np.abs(end * scale).max()) <= 0.5 * float(np.abs(force * scale).max())
-            if seek == "nearest" or work >= 0.0 or closer or abs(work) <= 1e-14 * largest:
+            improved = float(np.abs(end * scale).max()) <= 0.5 * float(np.abs(force * scale).max())
+            if seek == "nearest" or work >= 0.0 or improved or abs(work) <= 1e-14 * largest:
                 return np.asarray(q + step)
         elif len(q) == 1 and float(np.abs(step / scale).max()) < 1e-3:
             return np.asarray(q + step)  # a dead point of the coordinate: another joint takes over there

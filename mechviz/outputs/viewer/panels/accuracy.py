@@ -19,7 +19,7 @@ from mechviz.studies.precision import PrecisionPoint, ladder, pareto
 from mechviz.studies.precision_diagram import diagram, in_use, setting_changes, setting_words, target_changes
 
 AS_IT_IS = "as it is"
-TARGET_CHOICES = {"as the dials are": None, "1e-2": 1e-2, "1e-3": 1e-3, "1e-4": 1e-4, "1e-6": 1e-6, "1e-8": 1e-8, "1e-10": 1e-10}
+TARGET_CHOICES = {"as the settings are": None, "1e-2": 1e-2, "1e-3": 1e-3, "1e-4": 1e-4, "1e-6": 1e-6, "1e-8": 1e-8, "1e-10": 1e-10}
 SHOWN_SETTINGS = (  # that change what is shown
     "frames", "differentiation", "integrator", "position tolerance", "friction tolerance", "tessellation", "cam profile"
 )  # fmt: skip
@@ -35,8 +35,8 @@ if (title && viser) {
 
 
 class AccuracyTab:
-    """A wanted error, from which all dials follow; and a button that measures the scene's ladder beside everything else: a point of
-    its diagrams, or of the list, the quickest first, is applied."""
+    """A wanted error, from which all settings follow; and a button that measures the scene's ladder beside everything else: a
+    point of its diagrams, or of the list, the quickest first, is applied."""
 
     def __init__(self, server: viser.ViserServer, tab: viser.GuiTabHandle, session: EditSession, callback: Callback):
         self._session = session
@@ -46,7 +46,9 @@ class AccuracyTab:
         gui = server.gui
         with tab:
             self.errors = gui.add_html(self._said())
-            hint = "relative to the mechanism's size and the peak of each quantity: frames, tolerances and all other dials follow"
+            hint = (
+                "relative to the mechanism's size and the peak of each quantity: frames, tolerances and all other settings follow"
+            )
             self.wanted = gui.add_dropdown("Wanted error", self._errors(), initial_value=self._wanted(), hint=hint)
             button = gui.add_button("Measure what accuracy costs", hint="error against time for every dial; takes a while")
             self.choice = gui.add_dropdown("Setting", (AS_IT_IS,), hint="* nothing is quicker and more exact")

@@ -60,11 +60,11 @@ def _backdrop(diagram: Diagram) -> str:
     for values, across in ((xs, True), (round_ticks(y0, y1, TICK_COUNT), False)):
         for value in values:
             ends = (np.array([value, value]), np.array([y0, y1])) if across else (np.array([x0, x1]), np.array([value, value]))
-            (ax, ay), (bx, by) = (_pixels(diagram, *spot) for spot in diagram.place(*ends))
+            (ax, ay), (bx, by) = (_pixels(diagram, *point) for point in diagram.place(*ends))
             strength = 0.5 if value == 0.0 else 0.15
             parts.append(f'<path d="M{ax:.1f},{ay:.1f} L{bx:.1f},{by:.1f}" stroke="currentColor" opacity="{strength}"/>')
-            spot = (ax, AXES_TOP + up + 11.0) if across else (AXES_LEFT - 5.0, ay)
-            parts.append(_text(*spot, words.number(float(f"{value:.4g}")), "middle" if across else "end"))
+            point = (ax, AXES_TOP + up + 11.0) if across else (AXES_LEFT - 5.0, ay)
+            parts.append(_text(*point, words.number(float(f"{value:.4g}")), "middle" if across else "end"))
     box = f'x="{AXES_LEFT:g}" y="{AXES_TOP:g}" width="{AXES_WIDTH:g}" height="{up:g}"'
     parts.append(f'<rect {box} fill="none" stroke="currentColor" opacity="0.5"/>')
     parts.append(_text(AXES_LEFT + AXES_WIDTH / 2.0, AXES_TOP + up + 28.0, diagram.x_title, "middle"))
@@ -76,8 +76,8 @@ def _backdrop(diagram: Diagram) -> str:
                 if len(piece) <= MOST_STRIP_POINTS
                 else piece[np.linspace(0, len(piece) - 1, MOST_STRIP_POINTS).round().astype(int)]
             )
-            spots = " ".join("{:.1f},{:.1f}".format(*_pixels(diagram, *spot)) for spot in some)
-            parts.append(f'<polyline points="{spots}" fill="none" stroke="{_color(k)}" stroke-width="1.5" opacity="0.8"/>')
+            points = " ".join("{:.1f},{:.1f}".format(*_pixels(diagram, *point)) for point in some)
+            parts.append(f'<polyline points="{points}" fill="none" stroke="{_color(k)}" stroke-width="1.5" opacity="0.8"/>')
         if len(diagram.curves) > 1:
             parts.append(_text(AXES_LEFT + AXES_WIDTH - 6.0, AXES_TOP + 11.0 + 13.0 * k, curve.name, "end", _color(k)))
     return "".join(parts)

@@ -54,12 +54,12 @@ class Controls:
         known: list[tuple[str, object]] = [(p.key, p.unit) for p in self._parameters.values() if not _belongs(p.key, idle)]
         known += [(c.key, c.options) for c in self._choices.values() if not _belongs(c.key, idle)]
         known += [(r.title, r.places) for r in self._rows.values() if not _belongs(r.key, idle)]
-        found = [
+        current = [
             *((p.key, p.unit) for p in parameters),
             *((c.key, c.options) for c in choices),
             *((r.title, r.places) for r in rows),
         ]
-        if found != known:
+        if current != known:
             self._build(scene)
             return
         for p in parameters:
@@ -77,8 +77,8 @@ class Controls:
                 self.texts[r.key].value = r.text
 
     def show_status(self, status: Status) -> None:
-        """Say how a change went: at the top, and below the slider that went too far. What else than a slider was changed, or was
-        undone, may concern any control."""
+        """Say how a change went: at the top, and below the slider that went too far. Any other change,
+        and undoing one, may concern any control."""
         if not status.fault and status.key not in self.sliders:
             self.update(self._session.run.scene)
         if self._note is not None:

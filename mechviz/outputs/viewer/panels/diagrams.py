@@ -170,9 +170,9 @@ def diagram_svg(diagram: MovingDiagram | Chart, frame: int) -> str:
     for k, curve in enumerate(diagram.curves):
         points = at(_fewer(curve.points_at(frame)))
         for strip in np.split(points, np.flatnonzero(~np.isfinite(points))):
-            spots = " ".join("{:.1f},{:.1f}".format(*place(z)) for z in strip[np.isfinite(strip)])
+            drawn = " ".join("{:.1f},{:.1f}".format(*place(z)) for z in strip[np.isfinite(strip)])
             parts.append(
-                f'<polyline points="{spots}" fill="none" stroke="{readable_color(curve.color)}" stroke-width="1.5" opacity="0.75"/>'
+                f'<polyline points="{drawn}" fill="none" stroke="{readable_color(curve.color)}" stroke-width="1.5" opacity="0.75"/>'
             )
         if len(diagram.curves) > 1:
             parts.append(_text((DIAGRAM_WIDTH - 6.0, 12.0 + 13.0 * k), curve.label, readable_color(curve.color), "end"))
@@ -194,9 +194,9 @@ def diagram_svg(diagram: MovingDiagram | Chart, frame: int) -> str:
                 parts.append(_arrow(place(start), place(start + vector), readable_color(stroke.color), stroke.plain, width))
         named = [k for k, stroke in enumerate(strokes) if stroke.label]
         long: Complex = np.where(np.abs(vectors[named]) >= LEAST_LABELLED, starts[named], np.nan + 0j)
-        spots = at(np.array([mark.at[frame] for mark in marks], complex))
+        corners = at(np.array([mark.at[frame] for mark in marks], complex))
         texts = [strokes[k].label for k in named], [mark.label for mark in marks]
-        for labels, places in zip(texts, diagram.places(long, vectors[named], spots), strict=True):
+        for labels, places in zip(texts, diagram.places(long, vectors[named], corners), strict=True):
             parts += [_text(place(z), label, "currentColor") for label, z in zip(labels, places, strict=True) if np.isfinite(z)]
     parts.append(_scale_bar(diagram, scale))
     return (
@@ -336,8 +336,8 @@ def _arrow(start: tuple[float, float], end: tuple[float, float], color: str, pla
         return line
     back = -min(ARROW_HEAD, abs(along) / 2.0) * along / abs(along)
     tips = [complex(x1, y1) + back * np.exp(sign * 0.36j) for sign in (1.0, -1.0)]
-    spots = " ".join(f"{z.real:.1f},{z.imag:.1f}" for z in (complex(x1, y1), *tips))
-    return f'{line}<polygon points="{spots}" fill="{color}"/>'
+    corners = " ".join(f"{z.real:.1f},{z.imag:.1f}" for z in (complex(x1, y1), *tips))
+    return f'{line}<polygon points="{corners}" fill="{color}"/>'
 
 
 def _text(at: tuple[float, float], text: str, color: str, anchor: str = "middle") -> str:

@@ -291,9 +291,9 @@ class CurveSketch:
         """The mouse has moved; where its button is let go, four-bars are looked for."""
         if event.phase == "start":
             self._stroke = [complex(*event.start_position[:2])]
-        spot = sheet_place(event.client.camera.position, event.end_position, float(event.start_position[2]))
-        if spot is not None and (not self._stroke or spot != self._stroke[-1]):
-            self._stroke.append(spot)
+        end = sheet_place(event.client.camera.position, event.end_position, float(event.start_position[2]))
+        if end is not None and (not self._stroke or end != self._stroke[-1]):
+            self._stroke.append(end)
         self._trace(np.array(self._stroke))
         if event.phase == "end":
             points = drawn_points(np.array(self._stroke))

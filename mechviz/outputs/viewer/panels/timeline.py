@@ -37,7 +37,7 @@ def shade(severity: float) -> str:
 
 
 def worst_in_columns(severity: Real, count: int = STRIP_COLUMNS) -> Real:
-    """The worst of each of ``count`` equal stretches of frames: a single bad frame is seen."""
+    """The worst of each of ``count`` equal intervals of frames: a single bad frame is seen."""
     edges = np.linspace(0, len(severity), min(count, len(severity)) + 1).astype(int)
     return np.maximum.reduceat(severity, edges[:-1])
 

@@ -52,8 +52,8 @@ def arc_vertices(centre: Real, turn: float, radius: float, width: float, z: floa
 
 
 class ArrowValues(NamedTuple):
-    """What a node draws over the run: ``values`` (F, n) in an SI unit ``si``, and where each arrow begins (an arc: its middle) and
-    ends, ``starts`` and ``tips`` (F, n, 3) [m], NaN where it is not drawn."""
+    """The values that a node draws over the run: ``values`` (F, n) in an SI unit ``si``, and where each arrow begins (an arc: its
+    middle) and ends, ``starts`` and ``tips`` (F, n, 3) [m], NaN where it is not drawn."""
 
     node: str
     family: str
@@ -192,8 +192,8 @@ class ArrowNodes:
                 counts = np.array([0 if c is None else values.shape[1] for c in corners])
                 yield PointTrack(arc_path(*key), "vertices", values, counts)
 
-    def told(self) -> Iterator[ArrowValues]:
-        """What each node draws over the run."""
+    def values(self) -> Iterator[ArrowValues]:
+        """The values that each node draws, over the run."""
         for family, (origins, lengths, z) in self._tracks.items():
             drawn = lengths * self._factors[family]
             with np.errstate(invalid="ignore"):

@@ -290,7 +290,7 @@ class PolygonNodes:
         texts = [strokes[k].label for k in named], [m.label for m in marks]
         heading, taken = self._heading(path, drawing, at)
         stand = LabelPlaces(half_sizes(texts[0], per_pixel), half_sizes(texts[1], per_pixel), 3.0 * per_pixel, taken)
-        spots = np.array([m.at for m in marks], complex).reshape(len(marks), frames) + at
+        anchors = np.array([m.at for m in marks], complex).reshape(len(marks), frames) + at
         nodes += [*words, *points, *heading]
         for k, (color, tips) in enumerate(drawing.curves):
             z = tips[np.isfinite(tips)] + at
@@ -303,7 +303,7 @@ class PolygonNodes:
                 arrows.points = self._space(arrow_lines(starts[:, frame], vectors[:, frame], heads, BARB_LENGTH * size))
             start, vector = starts[named, frame], vectors[named, frame]
             start = np.where(np.abs(vector) >= LEAST_LABEL * size, start, np.nan)
-            marked = _apart(spots[:, frame], SAME_LABEL_DISTANCE * size)
+            marked = _apart(anchors[:, frame], SAME_LABEL_DISTANCE * size)
             for labels, places in zip((words, points), stand(start, vector, marked), strict=True):
                 self._stand(labels, places)
 

@@ -130,12 +130,12 @@ def traced_at(
     return float(z.real), float(z.imag), CLICK_DISTANCE * view_model.size
 
 
-def with_traced(draft: Draft, link: str, spot: tuple[float, float, float]) -> Draft:
+def with_traced(draft: Draft, link: str, click: tuple[float, float, float]) -> Draft:
     """A draft that traces a place of a link: one of its points if one is near, else a new one. Raises `SceneError` where the
     link's points are placed by the sketch."""
     scene = draft.scene()
     spec = {s.name: s for s in scene.mechanism.links}[link]
-    x, y, near = spot
+    x, y, near = click
     name = next((n for n, (px, py) in spec.points.items() if np.hypot(px - x, py - y) < near), "")
     changes: dict[Place, Any] = {}
     if not name:

@@ -297,11 +297,11 @@ def hover_values(view_model: ViewModel, arrows: ArrowNodes) -> dict[str, dict[st
 
     Nothing of a motion of so many arrows and frames that it would be too much to send.
     """
-    told = list(arrows.told())
-    if sum(each.values.size for each in told) > MOST_TOLD:
+    arrow_values = list(arrows.values())
+    if sum(each.values.size for each in arrow_values) > MOST_TOLD:
         return {}
     values = {}
-    for each in told:
+    for each in arrow_values:
         unit, factor = view_model.units.reads(each.si)
         largest = float(np.max(np.abs(each.values), initial=0.0, where=np.isfinite(each.values)))
         values[each.node] = {
@@ -336,8 +336,8 @@ class HoverNames:
         self._say()
 
     def _say(self) -> None:  # all in one, as a browser that comes later hears only the last of it
-        told = f"hover.names = {self._names}; hover.tell({self._values}); hover.beside({json.dumps(self._beside)});"
-        said = f"{{ const hover = window.mechvizHover; {told} }}"
+        script = f"hover.names = {self._names}; hover.tell({self._values}); hover.beside({json.dumps(self._beside)});"
+        said = f"{{ const hover = window.mechvizHover; {script} }}"
         if said != self._said:
             self._said = said
             run_script(self._server, HOVER_SCRIPT + said, "hover")
