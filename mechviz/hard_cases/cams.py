@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -186,8 +187,9 @@ def _separation() -> Outcome:
     return Outcome(f"lost at {lost.speed:.9g} rad/s, {np.degrees(lost.angle):.6g}°", tuple(checks), events=("contact lost",))
 
 
-def _joint(face: object, **more: object) -> Mechanism:
-    """A translating follower with its spring, driven at 20 rad/s."""
+def _joint(face: Any, **more: object) -> Mechanism:
+    """A translating follower with its spring, driven at 20 rad/s; ``more``: numbers of the joint that a case varies."""
+    own: dict[str, Any] = {"lift": LIFT, "base": 0.04, **more}
     return Mechanism(
         name="cam",
         frame="frame",
@@ -199,8 +201,7 @@ def _joint(face: object, **more: object) -> Mechanism:
         joints=(
             Revolute(name="O", links=("frame", "cam"), points=("O", "O")),
             Prismatic(name="S", links=("frame", "follower"), points=("G", "T"), along=(0.0, 1.0)),
-            # what each case varies
-            CamJoint(name="K", links=("cam", "follower"), guide="S", point="T", face=face, **{"lift": LIFT, "base": 0.04, **more}),  # type: ignore[arg-type]
+            CamJoint(name="K", links=("cam", "follower"), guide="S", point="T", face=face, **own),
         ),
         drives=(Drive(joint="O", law=ConstantSpeed(0.3, 20.0)),),
         loads=(Spring(name="spring", links=("frame", "follower"), points=("H", "E"), stiffness=4e3, free_length=0.2),),

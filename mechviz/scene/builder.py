@@ -243,7 +243,7 @@ def _method(kind: str) -> Callable[..., SceneBuilder]:
 
     own = [Parameter(key, Parameter.KEYWORD_ONLY, default=None) for key in JOINT_KINDS[kind].keys]
     positional = [p for p in signature(add).parameters.values() if p.kind is Parameter.POSITIONAL_ONLY]
-    add.__signature__ = Signature([*positional, *own], return_annotation="SceneBuilder")  # type: ignore[attr-defined]
+    vars(add)["__signature__"] = Signature([*positional, *own], return_annotation="SceneBuilder")
     add.__name__, add.__qualname__ = kind, f"SceneBuilder.{kind}"
     add.__doc__ = f"Adds {JOINT_KINDS[kind].words} between two links; the keywords are the keys of a scene file."
     return add

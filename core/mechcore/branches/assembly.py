@@ -6,7 +6,7 @@ import cmath
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import product
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -336,10 +336,11 @@ def _fix_relations_of_group(
     """Constants of the relations inside a simultaneous group, from the sketch, which then has to be exact in their phase."""
     start = dict(zip([("angle", g) for g in block.angles] + [("slide", j) for j in block.slides], [*angles, *slides], strict=True))
     faults = []
+    constants = cast(list[float], state.constants)  # while the mechanism is put together
     for r in block.relations:
         given = model.constraints[r].constant
         if given is not None:
-            state.constants[r] = given  # type: ignore[index]  # a list while the mechanism is put together
+            constants[r] = given
             continue
         known, unknown = relation_sum(model, r, state, block)
         if any(start[u] is None for u in unknown):
@@ -351,7 +352,7 @@ def _fix_relations_of_group(
                 )
             )
             continue
-        state.constants[r] = float(known) + sum(c * float(start[u] or 0.0) for u, c in unknown.items())  # type: ignore[index]
+        constants[r] = float(known) + sum(c * float(start[u] or 0.0) for u, c in unknown.items())
     return faults
 
 

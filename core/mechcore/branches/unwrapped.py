@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from copy import copy
 from dataclasses import field, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -210,6 +211,16 @@ class LinkAngles:
         links = next(c.links for c in self.model.connections if c.name == name)
         p, q = (self.model.index[k] for k in links)
         return self.relative(p, q, self.start.ranges.get(name))
+
+
+class GivenLinkAngles(LinkAngles):
+    """Angles that are not those of rotation classes, followed along a path: a subclass says what the angle of each link is."""
+
+    def __init__(self, model: Model, start: StartPose, exact: bool = True):
+        self.model, self.start, self.exact = model, start, exact
+
+    def link(self, k: int) -> Any:
+        raise NotImplementedError
 
 
 class UnwrappedAngles:

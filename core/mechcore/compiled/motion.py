@@ -89,11 +89,10 @@ class MotionProgram:
         vectors = all_vectors(model, state)
         columns = all_columns(model, vectors)
         count = len(model.mechanism.drives)
-        first, second = ([kernel.real(f"rate {d} {k}") for d in range(count)] for k in (1, 2))
+        driven: list[Any] = [[kernel.real(f"rate {d} {k}") for d in range(count)] for k in (1, 2)]
         curve_values: Any = {r: (None, kernel.real(f"curve {r} 1"), kernel.real(f"curve {r} 2")) for r in self._curves}
-        # symbols stand for arrays
-        speeds: Any = velocities(model, vectors, columns, first, curve_values=curve_values)  # type: ignore[arg-type]
-        bent: Any = accelerations(model, vectors, columns, speeds, second)  # type: ignore[arg-type]  # symbols stand for arrays
+        speeds: Any = velocities(model, vectors, columns, driven[0], curve_values=curve_values)
+        bent: Any = accelerations(model, vectors, columns, speeds, driven[1])
         for rates in (speeds, bent):
             for s in self._classes:
                 kernel.put_plane(rates.factor[s])

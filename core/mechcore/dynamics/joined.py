@@ -203,7 +203,7 @@ class JoinedForces(Forces):
 
     def powers(self) -> list[tuple[Wrench, Real]]:
         """All loads and inertia forces, each with its power (F,) [W]; those of end stops do no work and are left out."""
-        return [(w, self._join(lambda f, k=k: _power_of(f, k))) for k, w in enumerate(self.applied)]  # type: ignore[misc]  # bound now
+        return [(w, self._join(partial(_power_of, k))) for k, w in enumerate(self.applied)]
 
     @property
     def applied(self) -> tuple[Wrench, ...]:
@@ -225,7 +225,7 @@ class JoinedForces(Forces):
             out[name] = LoadResult(name, STOP_CAUSE, STOP_CAUSE, (links[1], links[0]), partial(np.asarray, self._join(held)))
         for name, load in self._parts[0][1].loads.items():
             if name not in out and load.kind not in IN_PAIRS:
-                values = self._join(lambda f, n=name: f.loads[n].values)  # type: ignore[misc]  # bound now
+                values = self._join(partial(_values_of, name))
                 out[name] = replace(load, rows=partial(np.asarray, values))
         return out
 
@@ -316,6 +316,10 @@ def _drives(forces: Forces, joint: str) -> bool:
     return any(d.joint == joint for d in forces.motion.mechanism.drives)
 
 
-def _power_of(forces: Forces, k: int) -> Real:
+def _values_of(name: str, forces: Forces) -> Real:
+    return forces.loads[name].values
+
+
+def _power_of(k: int, forces: Forces) -> Real:
     power = np.asarray(power_of(forces.motion, forces.applied[k]), float)
     return np.array(np.broadcast_to(power, (forces.motion.frames,)))

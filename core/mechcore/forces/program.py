@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from mechcore.arrays import Plane, Real, Values
-from mechcore.branches.unwrapped import AngleRange, LinkAngles, StartPose
+from mechcore.branches.unwrapped import AngleRange, GivenLinkAngles, LinkAngles, StartPose
 from mechcore.compiled.kernels import Kernel, NumberRows
 from mechcore.compiled.motion import MOST_LINES
 from mechcore.compiled.steps import check_forces_traceable
@@ -167,11 +167,11 @@ class ForcesProgram:
         return transmitted, contacts, FrictionResult(motion, elements, solution)
 
 
-class _GivenAngles(LinkAngles):
+class _GivenAngles(GivenLinkAngles):
     """Angles that the program is given, as far as something asks for them."""
 
     def __init__(self, model: Model, kernel: Kernel, exact: bool):
-        super().__init__(model, StartPose({}, {}), lambda: None, lambda raw: raw, exact)  # type: ignore[arg-type, return-value]
+        super().__init__(model, StartPose({}, {}), exact)
         self._kernel = kernel
         self.asked: dict[str, Callable[[LinkAngles], Real]] = {}
 

@@ -190,8 +190,8 @@ def _mate(
             raise fault_of(joint, "second", f"the second arm lies {as_angle(apart)} from the first, on its far side.", "Swap them.")
         other, flip = conjugate(cam, radius, arm=arm, angle=total)[0], 1.0 + 0j
     else:
-        # prismatic
-        at = place_on(builder, carrier, guide, second) - place_on(builder, carrier, guide, first)  # type: ignore[arg-type]
+        assert isinstance(guide, Prismatic)
+        at = place_on(builder, carrier, guide, second) - place_on(builder, carrier, guide, first)
         away = at / made["axes"]
         if not away.imag < 0.0:
             raise fault_of(

@@ -225,7 +225,7 @@ class Table:
     y: tuple[float, ...]
     period: float | None = None
     smooth: Smoothness = True
-    _spline: object = field(init=False, repr=False)
+    _spline: Any = field(init=False, repr=False)  # of scipy
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "_spline", _interpolation(tuple(self.x), tuple(self.y), self.period, self.smooth))
@@ -258,9 +258,9 @@ class Table:
         x = np.asarray(x, float)
         if self.period is not None:
             x = self.x[0] + np.mod(x - self.x[0], self.period)
-            return np.asarray(self._spline(x, derivative))  # type: ignore[operator]
+            return np.asarray(self._spline(x, derivative))
         inside = np.clip(x, self.x[0], self.x[-1])
-        value = np.asarray(self._spline(inside, derivative))  # type: ignore[operator]
+        value = np.asarray(self._spline(inside, derivative))
         return value if derivative == 0 else np.where(x == inside, value, 0.0)
 
     def pieces(self) -> tuple[Real, Real]:
@@ -330,7 +330,7 @@ class TableLaw:
     t: tuple[float, ...]
     q: tuple[float, ...]
     periodic: bool = False
-    _spline: object = field(init=False, repr=False)
+    _spline: Any = field(init=False, repr=False)  # of scipy
 
     def __post_init__(self) -> None:
         from scipy.interpolate import make_interp_spline
@@ -375,7 +375,8 @@ class TableLaw:
         t = np.asarray(t, float) + self.t[0]  # the run starts at t = 0
         f = self._spline
         if not self.periodic:
-            return tuple(np.asarray(f(t, k)) for k in range(3))  # type: ignore[operator, return-value]
+            q, v, a = (np.asarray(f(t, k)) for k in range(3))
+            return q, v, a
         rate = self.advance / self.duration
-        q, v, a = (np.asarray(f(self.t[0] + np.mod(t - self.t[0], self.duration), k)) for k in range(3))  # type: ignore[operator]
+        q, v, a = (np.asarray(f(self.t[0] + np.mod(t - self.t[0], self.duration), k)) for k in range(3))
         return q + rate * (t - self.t[0]), v + rate, a

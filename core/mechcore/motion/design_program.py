@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from mechcore.arrays import Complex, Flags, Real
-from mechcore.branches.unwrapped import LARGEST_TURN, LinkAngles, times_of_designs
+from mechcore.branches.unwrapped import LARGEST_TURN, GivenLinkAngles, times_of_designs
 from mechcore.compiled.kernels import Kernel
 from mechcore.compiled.motion import MOST_LINES
 from mechcore.compiled.steps import check_traceable, placed_state
@@ -104,7 +104,8 @@ class DesignProgram:
             self._columns[name] = kernel.rows, width
             for symbol in symbols:
                 kernel.put(symbol)
-        steps = motion.angles.steps  # type: ignore[attr-defined]
+        assert isinstance(motion.angles, _Followed)
+        steps = motion.angles.steps
         self._follows = bool(steps)
         kernel.put(reduce(np.maximum, steps) if steps else 0.0)
         solved = [part for x in (*motion.state.rot, *motion.state.slide.values()) for part in (np.real(x), np.imag(x))]
@@ -261,7 +262,7 @@ def _operands(value: object) -> tuple[list[Any], int | None]:
     return list(plain.reshape(-1)), None if plain.ndim == 0 else plain.shape[-1]
 
 
-class _Followed(LinkAngles):
+class _Followed(GivenLinkAngles):
     """Angles of links on symbols: each design carries them from one time to the next."""
 
     def __init__(self, compiled: Compiled, model: Model, kernel: Kernel, state: State, own: Collection[int]):
@@ -269,7 +270,7 @@ class _Followed(LinkAngles):
         self.steps: list[Any] = []  # by which angles went on from the time before
         self._groups: dict[int, tuple[Any, Any]] = {}
         start = replace(compiled.angles.start, angles=_Starts(self))
-        super().__init__(model, start, lambda: None, lambda raw: raw)  # type: ignore[arg-type, return-value]
+        super().__init__(model, start)
 
     def link(self, k: int) -> Any:
         return self.both(k)[0]

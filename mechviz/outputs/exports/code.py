@@ -5,13 +5,12 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from mechcore.branches.unwrapped import LinkAngles
+from mechcore.branches.unwrapped import GivenLinkAngles
 from mechcore.compiled.steps import check_forces_traceable, check_traceable, placed_state
 from mechcore.compiled.symbols import HELPERS, Code, Symbol, Untraceable, rotation
 from mechcore.errors import Fault, MechanismError
@@ -191,12 +190,11 @@ class _Written:
         return self.code.written([(target, x.re if isinstance(x, Symbol) else float(x)) for target, x in targets], parameters)
 
 
-class _NoAngles(LinkAngles):
+class _NoAngles(GivenLinkAngles):
     """Angles that would have to be followed."""
 
     def __init__(self, compiled: Compiled):
-        nothing: Callable[..., Any] = lambda *_: None  # noqa: E731
-        super().__init__(compiled.model, compiled.angles.start, nothing, nothing, compiled.angles.exact)
+        super().__init__(compiled.model, compiled.angles.start, compiled.angles.exact)
 
     def link(self, k: int) -> Any:
         raise Untraceable(f"a load asks how far {self.model.links[k]} has turned")

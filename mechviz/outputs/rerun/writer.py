@@ -6,6 +6,7 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import replace
+from importlib import import_module
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -142,7 +143,7 @@ def write_recording(
     check()
     if "rerun" not in sys.modules:
         with stage("loading rerun"):
-            import rerun  # noqa: F401
+            import_module("rerun")
     with stage("solid meshes"):
         solids = solids or solids_of(run)
     with stage("tables, arrows and events"):

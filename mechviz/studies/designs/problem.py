@@ -132,6 +132,11 @@ class Term:
         return f"{self.sign * value:.6g} {self.unit}"
 
 
+def _signed_term(text: str, unit: str, measure: int, sign: float) -> Term:
+    """The value of one measure, or its negative."""
+    return Term(text, unit, (measure,), lambda own: sign * own[0], lambda own: [np.array([sign])], sign)
+
+
 @dataclass(frozen=True, eq=False)
 class Limit:
     """Least and greatest value of a measure, in the unit of its quantity, or of the margin of a four-bar ``loop`` by Grashof's
@@ -299,10 +304,7 @@ def problem_of(
     count = population_of(population, len(varied)) * (SCREENED_GENERATIONS + generations)
     study = study_of(scene, varied, measures, frames=frames, cycles=cycles, executor=executor, count=count)
     quantities = study.quantities
-    terms = [
-        Term(text, quantities[k].unit, (k,), lambda own, s=sign: s * own[0], lambda own, s=sign: [np.array([s])], sign)  # type: ignore[misc]
-        for text, k, sign in simple
-    ]
+    terms = [_signed_term(text, quantities[k].unit, k, sign) for text, k, sign in simple]
     drive = _drive(study)
     if goal.follow is not None and followed is not None:
         wanted = np.array([_in_unit(x, quantities[followed].unit, "goal.follow.values") for x in goal.follow.values])

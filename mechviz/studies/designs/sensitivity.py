@@ -203,9 +203,9 @@ def _of_cam(exact: Derivatives, joint: str, what: str) -> Any:
         return exact.contact_of(joint, name, values)
 
     if what == "lift":
-        # k is bound
-        laws = [column(f"law {k}", lambda cam, motion, k=k: cam.law(cam.rows(motion).angle)[k]) for k in (1, 2)]  # type: ignore[misc]
-        return np.stack([column("lift", lambda cam, motion: cam.rows(motion).lift), *laws], axis=-1)
+        first = column("law 1", lambda cam, motion: cam.law(cam.rows(motion).angle)[1])
+        second = column("law 2", lambda cam, motion: cam.law(cam.rows(motion).angle)[2])
+        return np.stack([column("lift", lambda cam, motion: cam.rows(motion).lift), first, second], axis=-1)
     pressure = column("pressure angle", lambda cam, motion: cam.rows(motion).pressure_angle)
     curvature = column("curvature", lambda cam, motion: 1.0 / cam.rows(motion).radius)
     beside = column("eccentricity", lambda cam, motion: cam.rows(motion).eccentricity)

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple, TypeAlias, TypeVar
 import numpy as np
 
 from mechcore.arrays import Real, Values
-from mechcore.branches.unwrapped import LinkAngles, StartPose
+from mechcore.branches.unwrapped import GivenLinkAngles, LinkAngles, StartPose
 from mechcore.compiled.collocation import (
     BatchLimits,
     CollocationRule,
@@ -293,15 +293,15 @@ class EquationsWriter:
                 drives.append((code.input(f"q[{k}]"), code.input(f"v[{k}]"), 0.0))
             else:
                 k = 3 * (d - sum(x < d for x in free))
-                # symbols stand for arrays
-                drives.append(tuple(code.input(f"d[{k + i}]") for i in range(3)))  # type: ignore[arg-type]
+                q, v, a = (code.input(f"d[{k + i}]") for i in range(3))
+                drives.append((q, v, a))
         state = self._state([q for q, _, _ in drives])
         angles = self._angles(state)
         moving = self._motion(state, angles, drives, second=True)
         units = [self._motion(state, angles, [(q, 1.0 * (d == i), 0.0) for d, (q, _, _) in enumerate(drives)]) for i in free]
         states = integrating(self.compiled)
-        # symbols stand for arrays
-        moving.states.update({e.name: code.input(f"v[{len(free) + i}]") for i, e in enumerate(states)})  # type: ignore[misc]
+        own_states: dict[str, Any] = {e.name: code.input(f"v[{len(free) + i}]") for i, e in enumerate(states)}
+        moving.states.update(own_states)
         with on_symbols("a load"):
             outputs, additional = self._reduced(moving, units)
             integrated = [self._operand(e.state_rate(moving)) for e in states]
@@ -388,11 +388,11 @@ class EquationsWriter:
         return motion
 
 
-class _SymbolAngles(LinkAngles):
+class _SymbolAngles(GivenLinkAngles):
     """Angles of the links on symbols."""
 
     def __init__(self, model: Model, start: StartPose, of_class: Callable[[int], Any], *, exact: bool):
-        super().__init__(model, start, lambda: None, lambda raw: raw, exact)  # type: ignore[arg-type, return-value]
+        super().__init__(model, start, exact)
         self._of_class = of_class
 
     def link(self, k: int) -> Any:
