@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import webbrowser
 from collections.abc import Iterator, Sequence
 from functools import cached_property
 from html import escape
@@ -38,6 +39,7 @@ if TYPE_CHECKING:
     from mechcore.forces.kinetostatics import Forces
     from mechcore.motion.events import Event
     from mechcore.motion.motion import Motion
+    from mechviz.outputs.viewer.app import Viewer
 
 FRAME_HEIGHT = 640  # [px] of the frame
 
@@ -163,11 +165,20 @@ class Result:
         """Write a rerun recording (.rrd), replaced as a whole when complete. Raises `OutputError`, also of a recording."""
         return write_recording(self.solved, path)
 
-    def view(self, port: int = 8080, *, open_browser: bool = False) -> None:
-        """Show it in the browser at http://127.0.0.1:PORT until Ctrl-C; port 0 takes a free one. Raises `ViewerError`."""
-        from mechviz.outputs.viewer.app import serve
+    def view(self, port: int = 8080, *, open_browser: bool = False, block: bool = True) -> Viewer | None:
+        """Show it in the browser at http://127.0.0.1:PORT until Ctrl-C; port 0 takes a free one. Raises `ViewerError`.
 
-        serve(self._source, port, open_browser)
+        Without ``block``, as in a notebook, it gives the `Viewer` at once, which shows it at its ``url`` until its ``close``.
+        """
+        from mechviz.outputs.viewer import app
+
+        if block:
+            app.serve(self._source, port, open_browser)
+            return None
+        viewer = app.Viewer(self._source, port)
+        if open_browser:
+            webbrowser.open(viewer.url)
+        return viewer
 
     def share(self, path: str | Path, *, most: int = 1000) -> Path:
         """Write one HTML file that plays in any browser without a network, of at most so many frames. Raises `OutputError`."""

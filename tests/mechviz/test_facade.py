@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from urllib.request import urlopen
+
 import numpy as np
 import pytest
 
@@ -99,6 +101,16 @@ def test_a_result_is_viewed_until_it_is_stopped(played, monkeypatch):
     monkeypatch.setattr(app, "serve", lambda *given: seen.append(given))
     played.view(port=0)
     assert seen == [(played._source, 0, False)]
+
+
+def test_a_session_goes_on_beside_the_viewer_that_it_opened(played, monkeypatch):
+    opened = []
+    monkeypatch.setattr("webbrowser.open", opened.append)
+    with played.view(port=0, open_browser=True, block=False) as viewer:
+        assert opened == [viewer.url] and viewer.frame == viewer.inspector.view_model.opening
+        assert b"<html" in urlopen(viewer.url, timeout=30).read().lower()
+    with pytest.raises(OSError):
+        urlopen(opened[0], timeout=5)
 
 
 def test_run_stays_a_function_whatever_is_imported():
