@@ -90,7 +90,7 @@ def simulate(
         system, valid_range = _curve(original, compiled, q[0], table_tolerance(tolerance), keep=not stops)
     around = _around(compiled, q, system)
     if len(q):
-        _weigh(compiled, q, system, around)
+        _check_moved_mass(compiled, q, system, around)
     word = None if stops or separable_cams else _rest(compiled, q, v, system, around)
     if word is not None:
         still = Solution([Window(0.0, duration, q, v, np.zeros((2, len(q))))])
@@ -288,7 +288,7 @@ def _around(compiled: Compiled, q: Real, system: Chart | CurveEquations) -> tupl
     return program.reduced(places, np.zeros_like(places), np.zeros(len(places)))
 
 
-def _weigh(compiled: Compiled, q: Real, system: Chart | CurveEquations, around: tuple[Real, Real] | None) -> None:
+def _check_moved_mass(compiled: Compiled, q: Real, system: Chart | CurveEquations, around: tuple[Real, Real] | None) -> None:
     """Refuse a start (f,) at which a free coordinate moves no mass."""
     if isinstance(system, CurveEquations):
         inertia = system.table(q)[:1, :1]

@@ -150,12 +150,12 @@ class Viewer:
             run,
             present=lambda view_model: self.inspector.present(view_model),
             report=lambda status: self.inspector.show_status(status),
-            contributed=lambda contributions: self.inspector.weighed(contributions),
+            contributed=lambda contributions: self.inspector.show_contributions(contributions),
             settled=lambda: self.inspector.settle(),
             failed=lambda error: report(self.server, "Editing", error),
         )
         self._build(self._session.view_model, note, None)
-        self._session.weigh()
+        self._session.find_contributions()
 
     def _build(self, view_model: ViewModel, note: str, edit: Callable[[], None] | None) -> None:
         server = self.server

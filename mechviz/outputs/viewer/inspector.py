@@ -285,11 +285,11 @@ class Inspector:
         if self._player.playing:
             self._player.refresh()
 
-    def weighed(self, contributions: tuple[Contribution, ...]) -> None:
+    def show_contributions(self, contributions: tuple[Contribution, ...]) -> None:
         """Show what each effect contributes."""
         if self.effects is not None:
             with self._lock:
-                self.effects.weighed(contributions)
+                self.effects.show_contributions(contributions)
 
     def close(self) -> None:
         """Something else is to be shown to the browsers."""

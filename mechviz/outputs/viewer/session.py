@@ -123,7 +123,7 @@ class EditSession:
         """Back to the scene as opened; that can be undone."""
         self._ask("", "reset")
 
-    def weigh(self, asked: bool = False) -> None:
+    def find_contributions(self, asked: bool = False) -> None:
         """Find out what each effect and load contributes; if it was not ``asked`` for, only where that is quickly done."""
         self._patient = asked
         self._builder.submit(self.run)
@@ -242,12 +242,12 @@ class EditSession:
                 self._present(self.view_model)
         draft = self.history.present
         if run is self.run:
-            shares = self._weigh(draft, run)
+            shares = self._contributions(draft, run)
             if shares is not None and run is self.run:
                 self._contributed(shares)
         give_back_memory()
 
-    def _weigh(self, draft: Draft, run: Run) -> tuple[Contribution, ...] | None:
+    def _contributions(self, draft: Draft, run: Run) -> tuple[Contribution, ...] | None:
         """Contributions of each effect and load: the run with it and without it."""
         spent = sum(stage.seconds for stage in run.stages)
         quick = spent < QUICK_RUN or self._patient

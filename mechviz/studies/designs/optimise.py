@@ -266,7 +266,7 @@ def optimise(search: Search, *, points: int = 9) -> Optimum:
     if objectives == 1:
         return Optimum(search, design, design[None])
     front = _front(search, points)
-    middle = len(front) // 2 if objectives == 2 else int(_regrets(search.problem.judged(front).objectives).max(axis=1).argmin())
+    middle = len(front) // 2 if objectives == 2 else int(_shortfalls(search.problem.judged(front).objectives).max(axis=1).argmin())
     return Optimum(search, front[middle], front)
 
 
@@ -307,15 +307,15 @@ def _front(search: Search, points: int) -> Real:
     known = search.all
     if len(search.problem.terms) == 2:
         chosen = [k for level in _levels(known, points) if (k := _below(known, level)) is not None]
-        unbeaten = [k for k in dict.fromkeys(chosen) if not _beaten(known.objectives[chosen], known.objectives[k])]
-        return np.asarray(known.designs[unbeaten])
+        undominated = [k for k in dict.fromkeys(chosen) if not _is_dominated(known.objectives[chosen], known.objectives[k])]
+        return np.asarray(known.designs[undominated])
     some = np.flatnonzero(known.feasible)
     some = some[np.lexsort(known.objectives[some].T[::-1])]  # nobody is beaten by one that comes later
     front: list[int] = []
     for one in some.tolist():
-        if not _beaten(known.objectives[front], known.objectives[one]):
+        if not _is_dominated(known.objectives[front], known.objectives[one]):
             front.append(one)
-    scaled = _regrets(known.objectives[front])
+    scaled = _shortfalls(known.objectives[front])
     kept: list[int] = list(dict.fromkeys(scaled.argmin(axis=0).tolist()))
     while len(kept) < min(points, len(front)):
         apart = np.linalg.norm(scaled[:, None] - scaled[kept], axis=-1).min(axis=1)
@@ -323,12 +323,12 @@ def _front(search: Search, points: int) -> Real:
     return np.asarray(known.designs[[front[k] for k in sorted(kept)]])
 
 
-def _beaten(others: Real, own: Real) -> bool:
+def _is_dominated(others: Real, own: Real) -> bool:
     """Whether one of some objectives (K, m) is nowhere worse than others (m,), and somewhere better."""
     return bool(np.any(np.all(others <= own, axis=1) & np.any(others < own, axis=1)))
 
 
-def _regrets(objectives: Real) -> Real:
+def _shortfalls(objectives: Real) -> Real:
     """How far objectives (K, m) are from the least of each, in parts of their ranges."""
     low, high = objectives.min(axis=0), objectives.max(axis=0)
     return np.asarray((objectives - low) / np.where(high > low, high - low, 1.0))

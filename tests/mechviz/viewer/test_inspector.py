@@ -448,7 +448,7 @@ def test_an_undercut_cam_is_refused_with_the_range_of_its_base_circle():
 
 
 def test_each_effect_is_weighed_by_the_peak_without_it(session):
-    session.weigh(asked=True)
+    session.find_contributions(asked=True)
     end = time.monotonic() + PATIENCE
     while not session.screen.found and time.monotonic() < end:
         time.sleep(0.01)
@@ -467,7 +467,7 @@ def test_of_a_motion_without_drives_effects_are_weighed_by_the_largest_reaction(
     computed: list[tuple[Contribution, ...]] = []
     run = run_scene(scene.load("pendulum-near-the-top"), frames=20)
     made = EditSession(run, lambda _: None, lambda _: None, computed.append, lambda: None, lambda _: None)
-    made.weigh(asked=True)
+    made.find_contributions(asked=True)
     assert made.wait(rested=True)
     made.close()
     gravity = next(c for c in computed[-1] if c.name == "gravity")

@@ -100,7 +100,7 @@ class FollowerSeparation:
         place = np.insert(q, k, at)
         if separated not in self.known:
             self.known[separated] = carried_on(self._compile(held, motion, contact, at), place, t, motion)
-            self._weigh(separated, name, q, v, t, at)
+            self._check_moved_mass(separated, name, q, v, t, at)
         enter(self.known[separated], place, t, motion)
         return self.known[separated], place, np.insert(v, k, rate)
 
@@ -121,7 +121,7 @@ class FollowerSeparation:
         placed = compile_mechanism(replace(loose, drives=start))
         return replace(placed, model=replace(placed.model, mechanism=replace(loose, drives=laws)))
 
-    def _weigh(self, separated: frozenset[str], name: str, q: Real, v: Real, t: float, at: float) -> None:
+    def _check_moved_mass(self, separated: frozenset[str], name: str, q: Real, v: Real, t: float, at: float) -> None:
         k = self.place(name, separated)
         inertia = reduce(self.known[separated], np.insert(q, k, at)[None], np.insert(v, k, 0.0)[None], np.array([t])).inertia[0]
         values = np.linalg.eigvalsh(inertia)

@@ -173,7 +173,7 @@ def _text(x: float, y: float, text: str, more: str = "") -> str:
 
 
 class EffectsTab:
-    """A checkbox for every effect and load; ``weighed`` shows what they contribute, ``update`` takes another run."""
+    """A checkbox for every effect and load; ``show_contributions`` shows what they contribute, ``update`` takes another run."""
 
     def __init__(self, server: viser.ViserServer, tab: viser.GuiTabHandle, session: EditSession, callback: Callback):
         gui = server.gui
@@ -195,7 +195,7 @@ class EffectsTab:
                         self.loads[name] = box
             self.table = gui.add_html(words.hint("What each effect contributes is found when the mechanism rests."))
             weigh = gui.add_button("Weigh the effects", hint="find out what each contributes and costs")
-            weigh.on_click(callback("Weighing the effects", lambda _: session.weigh(asked=True)))
+            weigh.on_click(callback("Weighing the effects", lambda _: session.find_contributions(asked=True)))
             with gui.add_folder("What was computed"):
                 self.diagram = gui.add_html(self._diagram(session.view_model))
                 self.plan = gui.add_html(session.view_model.notes)
@@ -219,7 +219,7 @@ class EffectsTab:
         assert view_model.run is not None
         return plan_svg(view_model.run.motion.mechanism, view_model.run.plan)
 
-    def weighed(self, shares: tuple[Contribution, ...]) -> None:
+    def show_contributions(self, shares: tuple[Contribution, ...]) -> None:
         """Show what each effect contributes."""
         drives = self._session.view_model.drives
         effort = "reaction" if not drives else "drive force" if drives[0].sliding else "drive torque"
