@@ -29,7 +29,7 @@ def digest(data: bytes) -> str:
 
 
 def is_cached(identity: str, ending: str) -> bool:
-    """Whether a sound file is in the cache."""
+    """Whether an intact file is in the cache."""
     folder = cache_folder()
     return _owned(folder) and _is_intact(folder, identity, ending) is not None
 

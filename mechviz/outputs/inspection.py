@@ -89,7 +89,7 @@ class Inspection:
     losses_over: Spans  # start and end of the spans of time with forces, over which the losses are averaged [s]
     health: tuple[Peak, ...]
     events: tuple[Event, ...]
-    units: Units  # in which it is told
+    units: Units  # in which it is stated
 
 
 def inspect(path: Path | str) -> Inspection:

@@ -151,7 +151,7 @@ def drawings_of(run: Run, size: float) -> dict[str, Drawing]:
 
 
 def draw_polygons(name: str, polygons: Sequence[Polygon], size: float, units: Units) -> Drawing:
-    """Polygons side by side in one scale, told in ``units``, all about as large as the mechanism (``size`` [m])."""
+    """Polygons side by side in one scale, labelled in ``units``, all about as large as the mechanism (``size`` [m])."""
     shown = [_worth_drawing(polygon.edges) for polygon in polygons]
     boxes = [_box(edges) for edges in shown]
     widths = [float((high - low).real) for low, high in boxes]

@@ -41,7 +41,7 @@ _NOT_NEGATIVE = ("stiffness", "free_length", "linear", "quadratic", "coefficient
 
 
 def load_faults(mechanism: Mechanism) -> list[Fault]:
-    """Every fault of the loads and effects of a mechanism; its links and joints are known to be sound."""
+    """Every fault of the loads and effects of a mechanism; its links and joints are known to be valid."""
     faults = [
         Fault("effects", f"there is no effect '{name}'.", f"Known: {', '.join(EFFECTS)}.")
         for name in mechanism.effects

@@ -80,7 +80,7 @@ def _solids(header: dict[str, Any], arrays: list[Any], frame: float, shown: Any)
     """Height, colours inside and along the edge, and outline of what is seen of the solids from the front, at a frame."""
     for link in [*header["links"], *header["bodies"]]:
         mesh = link["mesh"]
-        if mesh is None or link.get("group", "riders") not in {*shown, "riders"}:
+        if mesh is None or link.get("group", "surface_marks") not in {*shown, "surface_marks"}:
             continue
         x, y, angle = _at(arrays[link["pose"]].reshape(-1, 3), frame)
         vertices, normals = (arrays[mesh[k]].reshape(-1, 3) for k in ("vertices", "normals"))

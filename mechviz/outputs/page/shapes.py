@@ -58,7 +58,7 @@ def pack_bodies(picture: Picture, frames: ChosenFrames, pack: Pack) -> list[Page
         if poses.scales is not None:
             more |= {"stretch": pack.floats(poses.scales[frames.rows, 0])}
         shape = _mesh(body.mesh, pack, height)
-        group = "springs" if body.group == "springs" else "riders"
+        group = "springs" if body.group == "springs" else "surface_marks"
         shapes.append({"name": body.owner[1], "group": group, "pose": pack.floats(pose), "moves": True, "mesh": shape, **more})
     return shapes
 

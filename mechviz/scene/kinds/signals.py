@@ -95,7 +95,7 @@ class ChirpDocument(DocumentTable):
 
 
 class _Numbers:
-    """The values of one signal in SI; a fault is noted for each that is not sound."""
+    """The values of one signal in SI; a fault is noted for each that is not valid."""
 
     def __init__(self, given: DocumentTable, convert: Converter, path: str):
         self.given, self.convert, self.path = given, convert, path

@@ -1,4 +1,4 @@
-"""From plain data to a scene document, with every fault in words: what is sound of a faulty scene is read part by part."""
+"""From plain data to a scene document, with every fault in words: the valid parts of a faulty scene are read one by one."""
 
 from __future__ import annotations
 

@@ -938,5 +938,5 @@ def test_values_of_arrows_are_told_where_there_are_not_too_many(four_bar, monkey
             np.testing.assert_allclose(
                 tips[frame][np.isfinite(tips[frame, :, 0])], arrows.points("reaction", frame)[:, 1], rtol=1e-5
             )
-        monkeypatch.setattr("mechviz.outputs.viewer.world.marks.MOST_TOLD", 10)
+        monkeypatch.setattr("mechviz.outputs.viewer.world.marks.MOST_HOVER_VALUES", 10)
         assert hover_values(view_model, arrows) == {}

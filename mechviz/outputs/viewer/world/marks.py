@@ -288,7 +288,7 @@ def _joint(view_model: ViewModel, name: str) -> str:
     return f"{KIND_WORDS.get(joint.kind, joint.kind)}, {' and '.join(joint.links)}"
 
 
-MOST_TOLD = 60_000  # arrows times frames of which values are told, some 2 MB
+MOST_HOVER_VALUES = 60_000  # arrows times frames of which pages have the values, some 2 MB
 ROUNDING_SHARE = 1e-9  # of the largest value of a node: rounding
 
 
@@ -298,7 +298,7 @@ def hover_values(view_model: ViewModel, arrows: ArrowNodes) -> dict[str, dict[st
     Nothing of a motion of so many arrows and frames that it would be too much to send.
     """
     arrow_values = list(arrows.values())
-    if sum(each.values.size for each in arrow_values) > MOST_TOLD:
+    if sum(each.values.size for each in arrow_values) > MOST_HOVER_VALUES:
         return {}
     values = {}
     for each in arrow_values:
