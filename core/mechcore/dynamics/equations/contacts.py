@@ -131,7 +131,7 @@ class ContactProgram(EquationsProgram):
         accelerations, rest = self._outputs(q, v, t)
         e = len(self._signs) - 1
         value, limit, rates, second = (rest[:, k * e : (k + 1) * e] for k in range(4))
-        holding, solved = np.split(rest[:, 4 * e : 4 * e + self._rests + 1], [-1], axis=1)
+        holding, solved = rest[:, 4 * e : 4 * e + self._rests], rest[:, 4 * e + self._rests]
         return FrictionValues(accelerations, value, limit, rates, second, holding, bool(solved.all()))
 
 
