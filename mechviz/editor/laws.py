@@ -54,12 +54,6 @@ class _Segment:
         """Whether it goes from rest to rest."""
         return not any([*self.state(0.0, 1)[1:], *self.state(self.over, 1, "left")[1:]])
 
-    @property
-    def leads(self) -> bool:
-        """Whether it ends elsewhere than it begins."""
-        values = self.curve(np.linspace(0.0, self.over, 65), 0)[0]
-        return abs(self.curve.advance) > _SMOOTH * float(np.ptp(values))
-
     def jerk(self) -> float:
         """That of the polynomial of the fifth degree at its end."""
         ends = ((0.0, self.curve(np.zeros(1), 2)), (self.over, self.curve(np.array([self.over]), 2, "left")))
@@ -135,11 +129,7 @@ def _written(option: str, present: _Segment) -> Any:
         at, values = _rows(present.curve, order)
         rows = {"at": [present.place(x) for x in at.tolist()], "values": [present.derivative(v, order) for v in values.tolist()]}
         law: dict[str, Any] = {option.removeprefix("given "): rows}
-        return (
-            {**law, "balanced": True}
-            if order == 2 and present.rests and present.leads and values.min() < 0.0 < values.max()
-            else law
-        )
+        return {**law, "balanced": True} if order == 2 and present.rests and values.min() < 0.0 < values.max() else law
     if option == TABLE:
         at, values = _positions(present.curve, present.over, present.rests)
         table = {"at": [present.place(x) for x in at.tolist()], "values": [present.derivative(v, 0) for v in values]}

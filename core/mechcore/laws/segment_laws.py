@@ -26,6 +26,7 @@ from mechcore.records import dataclass
 
 Goal = Literal["velocity", "acceleration", "jerk", "snap", "force"]
 _SHORT = 1e-9  # of a piece: what is left of it by a sign that rounding changes
+_VANISHING = 1e-9  # factor of a part of a given acceleration: below it there is nothing left of it but rounding
 _LOPSIDED = 1e12  # condition of two equations for two sizes: beyond it they say the same
 _ORDER = {"velocity": 1, "acceleration": 2, "jerk": 3, "snap": 4}
 
@@ -233,7 +234,8 @@ class GivenAcceleration:
 
     The velocity at the start follows from them; with ``scaled`` it is the prescribed one, and the size of the acceleration
     follows. ``balanced``: so is that, and the sizes of the positive and of the negative acceleration follow, each by its own
-    factor, for the law to end at rest. Without a value at the end the law returns to where it starts.
+    factor (of a law that leads back, those of every stretch of one sign), for the law to end at rest. Without a value at the end
+    the law returns to where it starts.
     """
 
     curve: MotionCurve
@@ -332,24 +334,28 @@ def _conditions(
 
 
 def _balanced(curve: MotionCurve, gain: float, travel: float) -> MotionCurve:
-    """A curve whose positive and negative parts are multiplied by a factor each: its integral is then ``gain``, and the integral of
-    that ``travel``."""
+    """A curve whose positive and negative parts are multiplied by a factor each, or, where that does not do (as where it leads
+    back), every stretch of one sign, by factors as near to one as possible: its integral is then ``gain``, and the integral of that
+    ``travel``."""
     pieces = [part for piece in curve.pieces for part in _of_one_sign(piece)]
-    signs = [float(np.sign(p.at(0.5 * p.length, 0)[0])) for p in pieces]
-    sides = [
-        MotionCurve(tuple(p.scaled(1.0, float(sign == side)) for p, sign in zip(pieces, signs, strict=True))) for side in (1, -1)
-    ]
-    firsts = [side.integrated(0.0) for side in sides]
-    table = np.array([[first.advance for first in firsts], [first.integrated(0.0).advance for first in firsts]])
-    sizes = np.abs(table).max(axis=1)
-    factors = np.full(2, np.nan)
-    if sizes.all() and np.linalg.cond(table / sizes[:, None]) < _LOPSIDED:
-        factors = np.linalg.solve(table, [gain, travel])
-    if not np.all(factors > 0.0):
-        why = "no sizes of its positive and its negative part let it end at rest where it shall."
-        raise MechanismError(Fault("law.acceleration", why, "Let it be positive first and negative then, or the other way round."))
-    by_sign = {1.0: float(factors[0]), -1.0: float(factors[1]), 0.0: 1.0}
-    return MotionCurve(tuple(p.scaled(1.0, by_sign[sign]) for p, sign in zip(pieces, signs, strict=True)))
+    signs = np.array([np.sign(p.at(0.5 * p.length, 0)[0]) for p in pieces])
+    stretches = np.cumsum(np.append(False, signs[1:] != signs[:-1]))
+    parts = [[signs == sign for sign in (1.0, -1.0)], [stretches == k for k in np.unique(stretches[signs != 0.0])]]
+    for members in parts:
+        firsts = [
+            MotionCurve(tuple(p.scaled(1.0, float(own)) for p, own in zip(pieces, some, strict=True))).integrated(0.0)
+            for some in members
+        ]
+        table = np.array([[first.advance for first in firsts], [first.integrated(0.0).advance for first in firsts]])
+        sizes = np.abs(table).max(axis=1, initial=0.0)
+        if not sizes.all() or np.linalg.cond(table / sizes[:, None]) > _LOPSIDED:
+            continue
+        factors = 1.0 + np.linalg.pinv(table / sizes[:, None]) @ ((np.array([gain, travel]) - table.sum(axis=1)) / sizes)
+        if np.all(factors > _VANISHING):
+            sized = np.where(signs == 0.0, 1.0, factors @ np.array(members))
+            return MotionCurve(tuple(p.scaled(1.0, float(factor)) for p, factor in zip(pieces, sized, strict=True)))
+    why = "no sizes of its positive and its negative parts let it end at rest where it shall."
+    raise MechanismError(Fault("law.acceleration", why, "Let it be positive first and negative then, or the other way round."))
 
 
 def _of_one_sign(piece: Piece) -> list[Piece]:

@@ -122,6 +122,26 @@ def test_the_size_of_a_given_acceleration_follows_from_rest():
     assert jumps(after, (0, 1), ends=False) == []
 
 
+def test_a_balanced_acceleration_that_leads_back_needs_three_stretches():
+    """Up and down alone can only vanish; lopsided ones as well."""
+    for values in ([1.0, -1.0], [1.0, -0.9]):
+        shape = GivenAcceleration(joined_table([0.0, 0.6, 1.0], [values[0], values[1], 0.0], steps=True), balanced=True)
+        with pytest.raises(MechanismError, match="end at rest"):
+            program([Segment(1.0, 0.0, shape)])
+
+
+def test_a_balanced_acceleration_that_leads_back_ends_at_rest_where_it_begins():
+    """Of x^3 (1 - x)^3 at sixty places: three stretches of one sign, whose sizes meet both conditions with little change."""
+    x = np.linspace(0.0, 1.0, 61)
+    table = joined_table(x, 6.0 * x * (1.0 - x) * (1.0 - 5.0 * x * (1.0 - x)))
+    law = program([Segment(1.0, 0.5, GivenAcceleration(table, balanced=True))], 0.5)
+    ends = law(np.array([0.0, 1.0 - 1e-12]), 1)
+    np.testing.assert_allclose(ends[0], 0.5, rtol=0.0, atol=1e-13)
+    np.testing.assert_allclose(ends[1], 0.0, rtol=0.0, atol=1e-11)
+    between = np.linspace(0.0, 0.999, 200)
+    np.testing.assert_allclose(law(between, 0)[0] - 0.5, (between * (1.0 - between)) ** 3, rtol=0.0, atol=5e-3 * 0.5**6)
+
+
 def test_given_velocity_decides_the_end_or_is_scaled_to_it():
     velocity = GivenVelocity(joined_table([0.0, 1.0, 2.0], [0.0, 3.0, 0.0]))
     assert program([Segment(2.0, None, velocity), Segment(1.0)], 1.0, repeats=False).pieces[-1].poly[0] == pytest.approx(4.0)

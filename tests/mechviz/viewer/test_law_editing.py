@@ -75,6 +75,20 @@ def test_data_of_a_law_reproduce_the_motion_and_are_edited(over, option):
     np.testing.assert_allclose(curve(back, home), curve(before, home), rtol=0.0, atol=1e-7 * np.abs(curve(before, home)).max())
 
 
+def test_a_given_acceleration_of_a_segment_that_leads_back_ends_at_rest_where_it_begins():
+    """From zero up by 4 mm and back in 120 degrees, by a polynomial."""
+    place = (*LIFT, 0, "law")
+    middle = [{"at": 120.0 * f, "to": 64.0 * (f * (1.0 - f)) ** 2} for f in (0.25, 0.5, 0.75)]
+    before = mechviz.load("cam-roller").changed({(*LIFT, 0, "to"): 0.0, place: {"polynomial": middle}})
+    after = other(before, place, ACCELERATION)
+    assert value_at(after.document, place).balanced
+    joined = after.curves[path_text(LIFT)]
+    ends = joined.curve(joined.curve.start + joined.overs[0] * np.array([0.0, 1.0 - 1e-12]), 1)
+    np.testing.assert_allclose(ends, 0.0, rtol=0.0, atol=1e-12)
+    lift = curve(before)[0].max()  # straight lines between sixteen places lack a tenth of so bent an acceleration
+    np.testing.assert_allclose(curve(after)[0], curve(before)[0], rtol=0.0, atol=0.1 * lift)
+
+
 def test_every_law_follows_every_other():
     """What one law states beside itself, such as a velocity at its end, is not left where the next cannot have it."""
     place, scene = (*LIFT, 0, "law"), mechviz.load("cam-roller")
