@@ -20,7 +20,7 @@ from pathlib import Path
 
 from mechviz.outputs.images.browser import ChromiumError
 from mechviz.outputs.images.drawing import write_svg
-from mechviz.outputs.images.pictures import Instant, Look, shot
+from mechviz.outputs.images.pictures import Look, PictureTime, shot
 from mechviz.outputs.page.pack import MOST_FRAMES
 from mechviz.outputs.rerun.reader import Recording
 from mechviz.outputs.rerun.writer import write_recording
@@ -82,7 +82,7 @@ def main(short: bool, forces: bool) -> None:
         drawing = write_svg(read, picture.with_suffix(".svg"))
         tell("drawing (SVG)", drawing)
         try:
-            shot(read, picture, Look(view="front"), Instant())
+            shot(read, picture, Look(view="front"), PictureTime())
             tell("picture (PNG, Chromium without a graphics card)", picture)
         except ChromiumError as error:
             print(error)

@@ -13,7 +13,7 @@ import numpy as np
 
 import mechviz
 from mechviz.outputs.images.browser import Chromium
-from mechviz.outputs.images.pictures import SETTLED_SCRIPT, instant_of
+from mechviz.outputs.images.pictures import SETTLED_SCRIPT, picture_time
 from mechviz.outputs.page.page import make_page
 from mechviz.outputs.presentation import presentation_of
 from mechviz.runs import run_scene
@@ -23,7 +23,7 @@ TO = Path(__file__).parent / "images" / "share.png"
 
 def main(scene: str, degrees: float) -> None:
     shown = presentation_of(run_scene(mechviz.load(scene)))
-    time = instant_of(shown, angle=np.radians(float(degrees))).time
+    time = picture_time(shown, angle=np.radians(float(degrees))).time
     with tempfile.TemporaryDirectory() as folder, Chromium(1400, 820) as browser:
         page = Path(folder) / "page.html"
         page.write_text(make_page(shown)[0], encoding="utf-8")

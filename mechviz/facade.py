@@ -18,7 +18,7 @@ from mechviz.figures import save_chart
 from mechviz.files import OutputError, check_target, replacing
 from mechviz.outputs.exports.tables import plot_figure
 from mechviz.outputs.images.drawing import svg_of, write_svg
-from mechviz.outputs.images.pictures import VIEW_NAMES, Look, instant_of
+from mechviz.outputs.images.pictures import VIEW_NAMES, Look, picture_time
 from mechviz.outputs.images.pictures import shot as take
 from mechviz.outputs.page.page import make_page
 from mechviz.outputs.presentation import Presentation, presentation_in, presentation_of
@@ -211,7 +211,7 @@ class Result:
             offered = "'front'" if drawing else ", ".join(VIEW_NAMES)
             raise OutputError(f"'{path}' cannot be taken from the view '{view}'.", f"There are: {offered}.")
         check_target(target)
-        place = instant_of(self.presentation, at=at, frame=frame, angle=None if angle is None else float(np.radians(angle)))
+        place = picture_time(self.presentation, at=at, frame=frame, angle=None if angle is None else float(np.radians(angle)))
         if drawing:
             return write_svg(self.presentation, target, time=place.time, width=size[0], height=size[1], dark=dark)
         return take(self.presentation, target, Look(*size, view, dark), place)

@@ -33,7 +33,7 @@ from mechviz.outputs.exports.solids import export_3mf, export_kit, export_stl
 from mechviz.outputs.exports.tables import even_times, export_csv, export_parquet
 from mechviz.outputs.images.browser import find_chromium
 from mechviz.outputs.images.drawing import write_svg
-from mechviz.outputs.images.pictures import VIEW_NAMES, Look, find_ffmpeg, instant_of
+from mechviz.outputs.images.pictures import VIEW_NAMES, Look, find_ffmpeg, picture_time
 from mechviz.outputs.images.pictures import film as make
 from mechviz.outputs.images.pictures import shot as take
 from mechviz.outputs.page.pack import MOST_FRAMES
@@ -241,7 +241,7 @@ def shot(
         check_targets(source, output)
         anywhere = at is None and frame is None and angle is None  # else the frames on both sides of it have to be there
         shown = _presentation(source, values, frames, cycles, keep, MOST_FRAMES if anywhere else None)
-        place = instant_of(shown, frame=frame, **when)
+        place = picture_time(shown, frame=frame, **when)
         with interruptible("pyarrow"), progress_bar("drawing") as bar:
             if drawing:
                 sides = {"width": look.width, "height": look.height}

@@ -31,7 +31,7 @@ def friction_in(forces: Forces) -> FrictionResult:
     return forces.friction
 
 
-def with_friction(joint: Any, friction: Friction) -> Any:
+def rubbing_joint(joint: Any, friction: Friction) -> Any:
     """A joint of a kind that can have friction, with it."""
     return replace(joint, friction=friction)
 
@@ -88,7 +88,7 @@ def _self_locking() -> Outcome:
 def _reversal() -> Outcome:
     """A slider-crank through its dead centre: friction of the piston is zero at rest and changes its sign around it."""
     m = slider_crank(0.05, 0.18, loads=(Force(name="F", link="piston", point="C", vector=(-9.0, -2.0)),), effects=("friction",))
-    m = replace(m, joints=(*m.joints[:-1], with_friction(m.joints[-1], Friction(coefficient=0.2))))
+    m = replace(m, joints=(*m.joints[:-1], rubbing_joint(m.joints[-1], Friction(coefficient=0.2))))
     forces = load_at(m, [-1e-4, 0.0, 1e-4], 1.0)
     x = friction_in(forces).wrench("S")[:, 0]
     checks = [
@@ -161,7 +161,7 @@ def _rolling() -> Outcome:
 
 def _hidden_load() -> Outcome:
     m = slider_crank(0.05, 0.2, loads=(Force(name="F", link="piston", point="C", vector=(-50.0, 0.0)),), effects=("friction",))
-    rough = with_friction(m.joints[-1], Friction(coefficient=0.1))
+    rough = rubbing_joint(m.joints[-1], Friction(coefficient=0.1))
     doubled = replace(m, joints=(*m.joints[:-1], rough, Prismatic(name="S2", links=("frame", "piston"), points=("O", "C"))))
     return refused(lambda: load_at(doubled, np.linspace(0.0, 6.0, 31)), "statics does not determine the contact force at S")
 
@@ -172,7 +172,7 @@ def _small_coefficients() -> Outcome:
     plain = slider_crank(0.05, 0.18, loads=(Force(name="F", link="piston", point="C", vector=(-900.0, 0.0)),))
     m = replace(
         plain,
-        joints=tuple(with_friction(p, journal) if isinstance(p, Revolute) else p for p in plain.joints),
+        joints=tuple(rubbing_joint(p, journal) if isinstance(p, Revolute) else p for p in plain.joints),
         effects=("friction",),
     )
     theta = np.linspace(0.1, 6.0, 60)

@@ -122,7 +122,7 @@ class _Builder:
         return Shell(np.vstack(self._vertices), np.vstack(self._faces).astype(np.int64))
 
 
-def plate(
+def plate_mesh(
     outline: Polygon,
     z: tuple[float, float],
     bevel: float,

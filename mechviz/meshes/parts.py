@@ -15,7 +15,7 @@ from shapely.ops import unary_union
 from mechcore.arrays import Vec2
 from mechcore.records import dataclass
 from mechviz.meshes.draft import Neck, PlacedPart, SolidsDraft
-from mechviz.meshes.extrude import Groove, Part, Prism, Profile, Shell, Turned, plate, revolve
+from mechviz.meshes.extrude import Groove, Part, Prism, Profile, Shell, Turned, plate_mesh, revolve
 from mechviz.meshes.kinds.spatial_cams import turrets_reach
 from mechviz.meshes.layers import Levels
 from mechviz.meshes.model import Axle, ScaledMechanism
@@ -54,7 +54,7 @@ def make_parts(model: ScaledMechanism, draft: SolidsDraft, levels: Levels) -> li
     if not any(part.link == model.frame for part in parts):  # nothing stands on the ground: show at least where it is
         low, high = levels.plate(-1)
         foot = pedestal((0.0, 0.0), model.proportions.r, model.segments)
-        shell = plate(foot, (low, high), model.proportions.bevel)
+        shell = plate_mesh(foot, (low, high), model.proportions.bevel)
         parts.append(Part(model.frame, "pedestal", shell, None, (Prism(foot, low, high),)))
     return parts
 
@@ -113,7 +113,7 @@ def _flat_parts(model: ScaledMechanism, draft: SolidsDraft, levels: Levels, piec
         core = flat.intersection(shape.buffer(-piece.groove))
         space = (Prism(flat, low, bottom), Prism(largest(core), bottom, top), Prism(flat, top, high), *bosses)
     bevel = 0.0 if piece.kind == "belt" else size.bevel  # the corners of crossing spans are too sharp for one
-    shell = plate(shape, (low, high), bevel, turned, model.segments, groove)
+    shell = plate_mesh(shape, (low, high), bevel, turned, model.segments, groove)
     color = BELT_COLOR if piece.kind == "belt" else None
     return [Part(piece.link, piece.kind, shell, color, space, piece.mates), *keys]
 
@@ -122,7 +122,7 @@ def _key(axle: Axle, z: tuple[float, float], model: ScaledMechanism) -> Part:
     """The key of a shaft between two heights."""
     assert axle.key is not None
     shape = key_outline(axle.centres[axle.owner], axle.pin, axle.key, model.segments)
-    return Part(axle.owner, "key", plate(shape, z, 0.0), PIN_COLOR, (Prism(shape, *z),))
+    return Part(axle.owner, "key", plate_mesh(shape, z, 0.0), PIN_COLOR, (Prism(shape, *z),))
 
 
 def _block_heights(levels: Levels, layer: int) -> tuple[float, float]:
@@ -149,7 +149,7 @@ def _nut(levels: Levels, piece: PlacedPart, model: ScaledMechanism) -> Part:
     half = 0.5 * (high - low)
     section = box(across.min(), -half, across.max(), half)
     bore = disc((0.0, 0.0), piece.bore, model.segments)
-    shell = plate(section.difference(bore), (float(along.min()), float(along.max())), 0.0)
+    shell = plate_mesh(section.difference(bore), (float(along.min()), float(along.max())), 0.0)
     space = (Prism(piece.outline, low, high),)
     return Part(piece.link, piece.kind, _laid(shell, piece, 0.5 * (low + high)), None, space, piece.mates)
 
@@ -236,7 +236,7 @@ def _necks(model: ScaledMechanism, draft: SolidsDraft, levels: Levels) -> list[P
             if neck.link in axle.centres and neck.outline.distance(Point(axle.centres[neck.link])) < axle.hole_in(neck.link)
         ]
         for shape in polygons(neck.outline.difference(unary_union(holes))):
-            parts.append(Part(neck.link, "neck", plate(shape, (low, high), 0.0), None, (Prism(shape, low, high),)))
+            parts.append(Part(neck.link, "neck", plate_mesh(shape, (low, high), 0.0), None, (Prism(shape, low, high),)))
     return parts
 
 
@@ -364,6 +364,6 @@ def _pedestals(model: ScaledMechanism, draft: SolidsDraft, levels: Levels) -> li
             for column in columns:
                 ends = [z for _, z in (column.top or column.bottom)]
                 space.append(Prism(disc(column.centre, column.rim, model.segments), min(ends), max(ends)))
-            shell = plate(foot, (low, high), size.bevel, columns, model.segments)
+            shell = plate_mesh(foot, (low, high), size.bevel, columns, model.segments)
             parts.append(Part(model.frame, "pedestal", shell, None, tuple(space)))
     return parts

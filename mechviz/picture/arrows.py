@@ -13,7 +13,7 @@ from mechcore.arrays import Flags, Index, Real
 from mechcore.records import dataclass
 from mechviz.picture.nodes import Arrow, MomentArc, Node
 from mechviz.picture.proportions import ARC_RADIUS, ARROW_HEAD_RADIUS
-from mechviz.quantities.items import Source, Table, values_of
+from mechviz.quantities.items import ItemTable, Source, values_of
 from mechviz.quantities.numbers import Numbers
 from mechviz.quantities.vectors import VECTOR_FAMILIES, Moment, Scales, Vector, calm_frames, centre_name, find_scales
 
@@ -215,7 +215,7 @@ def _joint_places(n: Numbers) -> dict[str, Source]:
     return {j: n.tables["data", "joints", j, "position"].part(ALL_COLUMNS) for j in n.joints}
 
 
-def _inertia(n: Numbers, link: str) -> tuple[Table | None, Table | None]:
+def _inertia(n: Numbers, link: str) -> tuple[ItemTable | None, ItemTable | None]:
     """The inertia force of a link and its centre of mass."""
     return n.tables.get(("data", "links", link, "inertia")), n.tables.get(("data", "points", centre_name(link), "position"))
 
@@ -223,7 +223,7 @@ def _inertia(n: Numbers, link: str) -> tuple[Table | None, Table | None]:
 FARTHEST_LINE = 1e9  # lengths of the mechanism: a force whose line of action lies farther away is what rounding left of none
 
 
-def _line_of_inertia(centre: Table, inertia: Table, length: float) -> Real:
+def _line_of_inertia(centre: ItemTable, inertia: ItemTable, length: float) -> Real:
     """Where the inertia force of a link acts (F, 2) [m]: moved from the centre of mass onto its line of action by moment over
     force, in a mechanism of a length [m]."""
     force, moment = inertia.values[:, :2], inertia.values[:, 2]

@@ -16,7 +16,7 @@ from mechcore.dynamics.events import EndStop
 from mechcore.joints.registry import build_joints
 from mechcore.spec.loads import Spring
 from mechcore.spec.mechanism import Mechanism
-from mechviz.meshes.extrude import plate
+from mechviz.meshes.extrude import plate_mesh
 from mechviz.meshes.outline import disc, hatched_bar, largest, pedestal, polygons
 from mechviz.meshes.shading import FRAME_COLOR, PIN_COLOR, SolidColor, crisp, face_normals
 from mechviz.meshes.solids import Solids, shaped
@@ -102,7 +102,7 @@ def _hinges(run: Run) -> set[Vec2]:
 
 
 def _mesh(outline: Polygon, z: tuple[float, float], color: SolidColor) -> Mesh:
-    shell = plate(outline, z, 0.0)
+    shell = plate_mesh(outline, z, 0.0)
     vertices, faces, normals, _ = crisp(shell.vertices, shell.faces, *face_normals(shell.vertices, shell.faces))
     colors = np.tile(np.array(color[:3], np.uint8), (len(vertices), 1))
     return Mesh(vertices.astype(np.float32), faces.astype(np.uint32), normals.astype(np.float32), colors)

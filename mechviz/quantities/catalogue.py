@@ -13,7 +13,7 @@ from mechcore.arrays import Flags, Real
 from mechcore.records import dataclass
 from mechviz.files import OutputError
 from mechviz.quantities.entries import Entry, EntryFacts, entries
-from mechviz.quantities.items import Table
+from mechviz.quantities.items import ItemTable
 from mechviz.quantities.numbers import Numbers
 
 MOST_FIRST = 3
@@ -30,7 +30,7 @@ class Quantity:
     """
 
     entry: Entry
-    table: Table
+    table: ItemTable
 
     @property
     def key(self) -> str:

@@ -29,7 +29,7 @@ ERROR_COLUMNS = ("position", "velocity", "acceleration", "reaction", "between_fr
 
 
 @dataclass(frozen=True, eq=False)
-class Table:
+class ItemTable:
     """Values (F, n) of one item. ``path``: parts of its entity in a recording; ``columns``: name and unit of each component.
 
     ``source`` is the values, or a function that computes them when they are first asked for, or, where they are not ``kept``, each
@@ -59,7 +59,7 @@ class Table:
         return [f"{self.item}.{name} [{unit}]" for name, unit in self.columns]
 
 
-def _part(table: Table, columns: slice | int) -> Real:
+def _part(table: ItemTable, columns: slice | int) -> Real:
     return table.values[:, columns]
 
 

@@ -13,7 +13,7 @@ from mechcore.arrays import Real, Vec2
 from mechcore.records import dataclass
 from mechcore.spec.loads import Actuator, Damper, GasSpring, Spring
 from mechcore.spec.mechanism import Mechanism
-from mechviz.quantities.items import JointInfo, Source, Table, joints_of, links_of
+from mechviz.quantities.items import ItemTable, JointInfo, Source, joints_of, links_of
 from mechviz.quantities.tables import tables
 from mechviz.quantities.vectors import centre_name, point_name
 from mechviz.scene.units import Units
@@ -52,7 +52,7 @@ class Numbers:
     drives: tuple[str, ...]
     loads: Mapping[str, LoadInfo]
     traced: tuple[str, ...]
-    tables: Mapping[tuple[str, ...], Table]
+    tables: Mapping[tuple[str, ...], ItemTable]
     units: Units
     cycle: float
     length_scale: float

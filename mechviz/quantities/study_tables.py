@@ -10,7 +10,7 @@ import numpy as np
 
 from mechcore.arrays import Complex, Real
 from mechcore.forces.section_forces import SectionForces
-from mechviz.quantities.items import ColumnUnits, Table
+from mechviz.quantities.items import ColumnUnits, ItemTable
 
 if TYPE_CHECKING:
     from mechviz.runs import Run
@@ -21,40 +21,40 @@ NEAR_POINT = 100.0
 _FORCE: ColumnUnits = (("Fx", "N"), ("Fy", "N"), ("moment", "N m"))
 
 
-def study_tables(run: Run) -> Iterator[Table]:
+def study_tables(run: Run) -> Iterator[ItemTable]:
     """All tables of what the scene asks for; nothing where it asks for nothing."""
     studies = run.studies
     for name, polygons in studies.polygons.items():
         closing = np.max([polygon.closing for polygon in polygons], axis=0)
-        yield Table(("polygons", name, "closing"), f"{name} polygon", (("closing", "1"),), closing[:, None])
+        yield ItemTable(("polygons", name, "closing"), f"{name} polygon", (("closing", "1"),), closing[:, None])
     for name, system in studies.systems.items():
         line = np.column_stack([system.force, system.moment, system.resultant.point])
         columns: ColumnUnits = (*_FORCE, ("line x", "m"), ("line y", "m"))
-        yield Table(("data", "systems", name, "resultant"), f"{name}.resultant", columns, line)
+        yield ItemTable(("data", "systems", name, "resultant"), f"{name}.resultant", columns, line)
     if studies.systems:
         closing = np.max([s.drawing.closing for s in studies.systems.values()], axis=0)
-        yield Table(("polygons", "funicular", "closing"), "funicular polygon", (("closing", "1"),), closing[:, None])
+        yield ItemTable(("polygons", "funicular", "closing"), "funicular polygon", (("closing", "1"),), closing[:, None])
     for name, centrode in studies.centrodes.items():
         for kind, places in (("fixed", centrode.fixed), ("moving", centrode.moving)):
-            yield Table(("data", "polodes", name, kind), f"{name}.{kind} centrode", (("x", "m"), ("y", "m")), places)
+            yield ItemTable(("data", "polodes", name, kind), f"{name}.{kind} centrode", (("x", "m"), ("y", "m")), places)
     for name, centre in studies.instant_centres.items():
         yield _places(("instant_centres", name), f"{name} of {' and '.join(centre.links)}", ("", centre.place))
     for name, drawn in studies.evolutes.items():
         yield _places(("evolutes", name), f"{name}.evolute", ("", drawn.centre))
         with np.errstate(divide="ignore"):
             radius = 1.0 / np.abs(drawn.curvature)
-        yield Table(("data", "evolutes", name, "radius"), f"{name}.evolute", (("radius", "m"),), radius[:, None])
+        yield ItemTable(("data", "evolutes", name, "radius"), f"{name}.evolute", (("radius", "m"),), radius[:, None])
     for name, circle in studies.inflection.items():
         yield _places(("inflection", name), f"{name}.inflection", ("pole", circle.pole), ("inflection pole", circle.end))
     for name, struck in studies.percussion.items():
         yield _places(("percussion", name), f"{name}.percussion", ("", struck.centre), ("line", struck.through))
         values = np.column_stack([struck.force.real, struck.force.imag, struck.moment])
-        yield Table(("data", "percussion", name, "inertia"), f"{name}.percussion", _FORCE, values)
+        yield ItemTable(("data", "percussion", name, "inertia"), f"{name}.percussion", _FORCE, values)
     for name, masses in studies.equivalents.items():
         for pin, place in masses.pins.items():
             columns = (("x", "m"), ("y", "m"))
             values = np.column_stack([place.real, place.imag])
-            yield Table(("data", "equivalent", name, pin or "block"), f"{name}.{pin or 'block'}", columns, values)
+            yield ItemTable(("data", "equivalent", name, pin or "block"), f"{name}.{pin or 'block'}", columns, values)
     for name, r in studies.reduced.items():
         turning = r.point is None
         columns = (
@@ -64,22 +64,22 @@ def study_tables(run: Run) -> Iterator[Table]:
             ("kinetic energy", "J"),
         )
         values = np.column_stack([r.mass, r.slope, r.force, r.energy])
-        yield Table(("data", "reduced", name), f"{name}.reduced", columns, values)
+        yield ItemTable(("data", "reduced", name), f"{name}.reduced", columns, values)
     for name, s in (("", studies.shaking), ("balanced", studies.balanced)):
         if s is not None:
             path = ("data", "shaking", name) if name else ("data", "shaking")
-            yield Table(path, f"shaking {name}".strip(), _FORCE, np.column_stack([s.force, s.moment]))
+            yield ItemTable(path, f"shaking {name}".strip(), _FORCE, np.column_stack([s.force, s.moment]))
     for name, body in studies.substitutes.items():
         path = ("data", "substitutes", name)
-        yield Table((*path, "inertia"), f"{name}.substitutes", _FORCE, np.column_stack([body.force, body.moment]))
+        yield ItemTable((*path, "inertia"), f"{name}.substitutes", _FORCE, np.column_stack([body.force, body.moment]))
         if body.correction is not None:
             columns = (("couple", "N m"),)
-            yield Table((*path, "correction"), f"{name}.correction", columns, body.correction[:, None])
+            yield ItemTable((*path, "correction"), f"{name}.correction", columns, body.correction[:, None])
         for k in range(len(body.masses)):
             columns = (("x", "m"), ("y", "m"), ("Fx", "N"), ("Fy", "N"), ("mass", "kg"))
             mass = np.full(len(body.places), body.masses[k])
             values = np.column_stack([body.places[:, k], body.forces[:, k], mass])
-            yield Table((*path, str(k + 1)), f"{name}.mass {k + 1}", columns, values)
+            yield ItemTable((*path, str(k + 1)), f"{name}.mass {k + 1}", columns, values)
     for name, along in studies.sections.items():
         columns = (("normal force", "N"), ("shear force", "N"), ("bending moment", "N m"), ("bending moment at", "m"))
         extremes = [along.extreme(along.normal).values, along.extreme(along.shear).values]
@@ -87,13 +87,13 @@ def study_tables(run: Run) -> Iterator[Table]:
         for stress, word in ((along.bending_stress, "bending stress"), (along.stress, "normal stress")):
             if stress is not None:
                 columns, extremes = (*columns, (word, "Pa")), [*extremes, stress]
-        yield Table(("data", "sections", name), name, columns, np.column_stack(extremes))
+        yield ItemTable(("data", "sections", name), name, columns, np.column_stack(extremes))
 
 
-def _places(path: tuple[str, str], label: str, *places: tuple[str, Complex]) -> Table:
+def _places(path: tuple[str, str], label: str, *places: tuple[str, Complex]) -> ItemTable:
     """Places (F,) of the plane, each called by a word, as columns x and y."""
     columns = tuple((f"{word} {axis}".strip(), "m") for word, _ in places for axis in "xy")
-    return Table(("data", *path), label, columns, np.column_stack([part for _, z in places for part in (z.real, z.imag)]))
+    return ItemTable(("data", *path), label, columns, np.column_stack([part for _, z in places for part in (z.real, z.imag)]))
 
 
 def study_lines(run: Run) -> list[str]:

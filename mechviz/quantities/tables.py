@@ -21,8 +21,8 @@ from mechcore.spec.loads import Servo
 from mechviz.quantities.items import (
     ERROR_COLUMNS,
     ColumnUnits,
+    ItemTable,
     JointInfo,
-    Table,
     joint_unit,
     joints_of,
     links_of,
@@ -58,7 +58,7 @@ MOST_KEPT = 2**23
 """Numbers of a run (64 MiB) beyond which those that follow from its motion and forces at once are not kept."""
 
 
-def tables(run: Run) -> list[Table]:
+def tables(run: Run) -> list[ItemTable]:
     """All tables of a run; what the scene does not call for is not there."""
     quick = [*_links(run), *_points(run), *_joints(run), *_loads(run)]
     if run.motion.frames * sum(len(t.columns) for t in quick) > MOST_KEPT and len(run.motion.parts) == 1:
@@ -66,20 +66,20 @@ def tables(run: Run) -> list[Table]:
     return [*quick, *_cams(run), *_drives(run), *_servos(run), *_powers(run), *_metrics(run), *_health(run), *study_tables(run)]
 
 
-def _links(run: Run) -> Iterator[Table]:
+def _links(run: Run) -> Iterator[ItemTable]:
     motion = run.motion
     inertia = run.forces is not None and "inertia" in motion.mechanism.effects
     heavy = links_with_mass(run)
     for name in links_of(motion):
         path = ("data", "links", name)
-        yield Table((*path, "pose"), name, _POSE, partial(motion.pose, name))
-        yield Table((*path, "velocity"), name, _VELOCITY, partial(motion.velocity, name))
-        yield Table((*path, "acceleration"), name, _ACCELERATION, partial(motion.acceleration, name))
+        yield ItemTable((*path, "pose"), name, _POSE, partial(motion.pose, name))
+        yield ItemTable((*path, "velocity"), name, _VELOCITY, partial(motion.velocity, name))
+        yield ItemTable((*path, "acceleration"), name, _ACCELERATION, partial(motion.acceleration, name))
         if inertia and name in heavy and run.forces is not None:
-            yield Table((*path, "inertia"), f"{name}.inertia", _WRENCH, partial(run.forces.inertia, name))
+            yield ItemTable((*path, "inertia"), f"{name}.inertia", _WRENCH, partial(run.forces.inertia, name))
 
 
-def _points(run: Run) -> Iterator[Table]:
+def _points(run: Run) -> Iterator[ItemTable]:
     motion = run.motion
     places: list[tuple[str, Callable[[int], Real]]] = [
         (point_name(*traced), partial(motion.point, *traced)) for traced in motion.mechanism.traced
@@ -88,10 +88,10 @@ def _points(run: Run) -> Iterator[Table]:
     kinds = (("position", _POSE), ("velocity", _VELOCITY), ("acceleration", _ACCELERATION))
     for name, place in places:
         for order, (kind, columns) in enumerate(kinds):
-            yield Table(("data", "points", name, kind), name, columns[:2], partial(place, order))
+            yield ItemTable(("data", "points", name, kind), name, columns[:2], partial(place, order))
 
 
-def _joints(run: Run) -> Iterator[Table]:
+def _joints(run: Run) -> Iterator[ItemTable]:
     motion, forces = run.motion, run.forces
     onto = onto_centres(run, links_with_mass(run))
     guides = {joint.name: joint for joint in bearings(motion.mechanism)}
@@ -99,22 +99,22 @@ def _joints(run: Run) -> Iterator[Table]:
         path, name, unit = ("data", "joints", joint.name), joint.name, joint.unit
         what = "slide" if unit == "m" else "angle"
         rates: ColumnUnits = ((what, unit), (f"{what}_rate", f"{unit}/s"), (f"{what}_acceleration", f"{unit}/s^2"))
-        yield Table((*path, "motion"), f"{name}.motion", rates, partial(motion.coordinate, name))
+        yield ItemTable((*path, "motion"), f"{name}.motion", rates, partial(motion.coordinate, name))
         place = motion.joint_position if forces is None else forces.position
-        yield Table((*path, "position"), f"{name}.position", _POSE[:2], partial(_placed, onto, joint, place))
+        yield ItemTable((*path, "position"), f"{name}.position", _POSE[:2], partial(_placed, onto, joint, place))
         if forces is not None:
             columns: ColumnUnits = (*_WRENCH[:2], ("couple", "N m"))
             reaction = partial(_reaction, forces, name)
-            yield Table((*path, "reaction"), f"{name}.reaction", columns, reaction)
+            yield ItemTable((*path, "reaction"), f"{name}.reaction", columns, reaction)
             if name in guides:
                 both: ColumnUnits = (("bearing force behind", "N"), ("bearing force ahead", "N"))
-                yield Table((*path, "bearing"), f"{name}.bearing", both, partial(bearing_ends, forces, guides[name]))
+                yield ItemTable((*path, "bearing"), f"{name}.bearing", both, partial(bearing_ends, forces, guides[name]))
             if name in journals_of(motion.model.mechanism):
                 yield _journal(run, name)
             if forces.friction is not None and name in forces.friction.joints:
-                yield Table((*path, "friction"), f"{name}.friction", columns, partial(forces.friction.wrench, name))
+                yield ItemTable((*path, "friction"), f"{name}.friction", columns, partial(forces.friction.wrench, name))
                 loss = partial(_column, forces.friction.losses, name)
-                yield Table((*path, "friction_loss"), f"{name}.friction", (("loss", "W"),), loss)
+                yield ItemTable((*path, "friction_loss"), f"{name}.friction", (("loss", "W"),), loss)
 
 
 def _placed(onto: Any, joint: JointInfo, place: Callable[[str], Real]) -> Real:
@@ -135,16 +135,16 @@ def _as_column(values: Callable[[], Real]) -> Real:
     return np.reshape(values(), (-1, 1))
 
 
-def _journal(run: Run, joint: str) -> Table:
+def _journal(run: Run, joint: str) -> ItemTable:
     """Where the journal is in its bearing, in the axes of the bearing's link, and how far they are apart (negative: pressed in)."""
     load = journals_of(run.motion.model.mechanism)[joint]
     x, y = (run.motion.coordinate(name)[:, 0] for name in load.slides)
     columns: ColumnUnits = (("x", "m"), ("y", "m"), ("gap", "m"))
     values = np.column_stack([x, y, load.radial - np.hypot(x, y)])
-    return Table(("data", "joints", joint, "journal"), f"{joint}.journal", columns, values)
+    return ItemTable(("data", "joints", joint, "journal"), f"{joint}.journal", columns, values)
 
 
-def _cams(run: Run) -> Iterator[Table]:
+def _cams(run: Run) -> Iterator[ItemTable]:
     motion = run.motion
     if not any(r.geometry is not None for r in motion.model.relations):
         return
@@ -154,15 +154,15 @@ def _cams(run: Run) -> Iterator[Table]:
         )  # fmt: skip
         rows = cache(partial(_contact, run, cam))
         contact = partial(_some_columns, rows, slice(0, 6))
-        yield Table(("data", "cams", cam.name, "contact"), f"{cam.name}.contact", columns, contact)
+        yield ItemTable(("data", "cams", cam.name, "contact"), f"{cam.name}.contact", columns, contact)
         unit = "m" if cam.arm == 0.0 else "rad"
         per = "m" if cam.bed else "rad"
         lifts: ColumnUnits = (("lift", unit), ("lift_rate", f"{unit}/{per}"), ("lift_acceleration", f"{unit}/{per}^2"))
         if run.simulation is not None and any(each.joint == cam.name for each in run.simulation.separable_cams):
             joined: Any = motion  # of a motion under forces
             gap = run.simulation.gap(cam.name, joined)
-            yield Table(("data", "cams", cam.name, "gap"), cam.name, (("gap", unit),), gap[:, None])
-        yield Table(("data", "cams", cam.name, "lift"), cam.name, lifts, partial(_some_columns, rows, slice(6, 9)))
+            yield ItemTable(("data", "cams", cam.name, "gap"), cam.name, (("gap", unit),), gap[:, None])
+        yield ItemTable(("data", "cams", cam.name, "lift"), cam.name, lifts, partial(_some_columns, rows, slice(6, 9)))
         yield from _rated(run, cam, lifts)
 
 
@@ -179,7 +179,7 @@ def _contact(run: Run, cam: AnyCam) -> Real:
     return np.column_stack([*values, rows.lift, law[1], law[2]])
 
 
-def _rated(run: Run, cam: Any, lifts: ColumnUnits) -> Iterator[Table]:
+def _rated(run: Run, cam: Any, lifts: ColumnUnits) -> Iterator[ItemTable]:
     """Ratings that a scene asks for: Hertz pressure, the drawn lift and its error."""
     joint = joint_of(run.motion, cam)
     if joint.rating is not None and joint.rating.width is not None and run.forces is not None:
@@ -189,17 +189,17 @@ def _rated(run: Run, cam: Any, lifts: ColumnUnits) -> Iterator[Table]:
             hertz = contact_stress(forces, cam, rating)
             return np.column_stack([hertz.pressure, hertz.half_width])
 
-        yield Table(("data", "cams", cam.name, "stress"), f"{cam.name}.stress", columns, stress)
+        yield ItemTable(("data", "cams", cam.name, "stress"), f"{cam.name}.stress", columns, stress)
     if joint.drawn is not None:
         names = (*((f"drawn_{name}", unit) for name, unit in lifts), *((f"{name}_error", unit) for name, unit in lifts))
 
         def drawn(lift: Any = joint.drawn) -> Real:
             return drawn_rows(run.motion, cam, drawn_lift(cam, lift))
 
-        yield Table(("data", "cams", cam.name, "graphical"), f"{cam.name}.graphical", names, drawn)
+        yield ItemTable(("data", "cams", cam.name, "graphical"), f"{cam.name}.graphical", names, drawn)
 
 
-def _drives(run: Run) -> Iterator[Table]:
+def _drives(run: Run) -> Iterator[ItemTable]:
     motion, forces = run.motion, run.forces
     units = {joint.name: joint.unit for joint in joints_of(motion)}
     for drive in motion.mechanism.drives:
@@ -212,10 +212,10 @@ def _drives(run: Run) -> Iterator[Table]:
             effort,
             ("power", "W"),
         )
-        yield Table(("data", "drive", drive.joint), f"{drive.joint}.drive", columns, partial(_driven, run, drive.joint))
+        yield ItemTable(("data", "drive", drive.joint), f"{drive.joint}.drive", columns, partial(_driven, run, drive.joint))
         if forces is not None:
             wrench = partial(forces.wrench, drive.joint)
-            yield Table(("data", "drive", drive.joint, "wrench"), f"{drive.joint}.drive_wrench", _WRENCH, wrench)
+            yield ItemTable(("data", "drive", drive.joint, "wrench"), f"{drive.joint}.drive_wrench", _WRENCH, wrench)
 
 
 def _driven(run: Run, joint: str) -> Real:
@@ -225,7 +225,7 @@ def _driven(run: Run, joint: str) -> Real:
     return np.column_stack([run.motion.coordinate(joint), *efforts])
 
 
-def _metrics(run: Run) -> Iterator[Table]:
+def _metrics(run: Run) -> Iterator[ItemTable]:
     """The metrics that the scene asks for, under ``/data/answers``."""
     motion = run.motion
     computed: dict[str, tuple[tuple[str, str], Callable[[], Any]]] = {
@@ -240,7 +240,7 @@ def _metrics(run: Run) -> Iterator[Table]:
             item = key if isinstance(key, str) else point_name(*key) if name == "curvature" else " ".join(key)
             columns = _POSE[:2] if name == "instant_centre" else (column,)
             label = "instant centre" if name == "instant_centre" else name
-            yield Table(("data", "answers", name, item), f"{label} {item}", columns, partial(_metric, compute, key))
+            yield ItemTable(("data", "answers", name, item), f"{label} {item}", columns, partial(_metric, compute, key))
 
 
 def _metric(compute: Callable[[], Any], key: Any) -> Real:
@@ -255,35 +255,35 @@ def _servo_track(motion: Motion, servo: Servo, chosen: slice) -> Real:
     return np.column_stack([target, reached, target - reached])[:, chosen]
 
 
-def _loads(run: Run) -> Iterator[Table]:
+def _loads(run: Run) -> Iterator[ItemTable]:
     if run.forces is None:
         return
     columns: ColumnUnits = (*_WRENCH, *_POSE[:2])
     onto = onto_centres(run, links_with_mass(run))
     for name, load in run.forces.loads.items():
         parts = ("gravity", load.link) if load.kind == "gravity" else (name,)
-        yield Table(("data", "loads", *parts), f"{name}.load", columns, partial(_load, onto, load))
+        yield ItemTable(("data", "loads", *parts), f"{name}.load", columns, partial(_load, onto, load))
 
 
-def _servos(run: Run) -> Iterator[Table]:
+def _servos(run: Run) -> Iterator[ItemTable]:
     for servo in () if run.forces is None else run.motion.mechanism.loads:
         if isinstance(servo, Servo):
             path, unit = ("data", "servos", servo.name), joint_unit(run.motion, servo.joint)
             both: ColumnUnits = (("target", unit), ("reached", unit))
-            yield Table((*path, "position"), servo.name, both, partial(_servo_track, run.motion, servo, slice(0, 2)))
-            yield Table((*path, "error"), servo.name, (("error", unit),), partial(_servo_track, run.motion, servo, slice(2, 3)))
+            yield ItemTable((*path, "position"), servo.name, both, partial(_servo_track, run.motion, servo, slice(0, 2)))
+            yield ItemTable((*path, "error"), servo.name, (("error", unit),), partial(_servo_track, run.motion, servo, slice(2, 3)))
 
 
-def _powers(run: Run) -> Iterator[Table]:
+def _powers(run: Run) -> Iterator[ItemTable]:
     if run.forces is None:
         return
     forces = run.forces
     labels = power_labels(forces)
     if labels:
         names: ColumnUnits = tuple((label, "W") for label in labels)
-        yield Table(("data", "power"), "power", names, lambda: np.column_stack([i.power for i in power_table(forces).items]))
+        yield ItemTable(("data", "power"), "power", names, lambda: np.column_stack([i.power for i in power_table(forces).items]))
     energies: ColumnUnits = tuple((k, "J") for k in ("kinetic", "potential", "work", "dissipated"))
-    yield Table(("data", "energy"), "energy", energies, lambda: forces.energy)
+    yield ItemTable(("data", "energy"), "energy", energies, lambda: forces.energy)
 
 
 def _load(onto: Any, load: LoadResult) -> Real:
@@ -293,7 +293,7 @@ def _load(onto: Any, load: LoadResult) -> Real:
     return values if at is place else np.column_stack([values[:, :3], at])
 
 
-def _health(run: Run) -> Iterator[Table]:
+def _health(run: Run) -> Iterator[ItemTable]:
     motion, forces, simulation = run.motion, run.forces, run.simulation
     values: dict[tuple[str, str], Callable[[], Real]] = {
         ("closure", "m"): lambda: motion.closure,
@@ -305,9 +305,11 @@ def _health(run: Run) -> Iterator[Table]:
         values["power_balance", "1"] = lambda: forces.power_balance
     if simulation is not None:
         values["energy_drift", "1"] = lambda: simulation.drift(motion.time)
-    yield Table(("health", "error_estimate"), "error_estimate", tuple((c, "1") for c in ERROR_COLUMNS), lambda: run.errors.table())
+    yield ItemTable(
+        ("health", "error_estimate"), "error_estimate", tuple((c, "1") for c in ERROR_COLUMNS), lambda: run.errors.table()
+    )
     for column, value in values.items():
-        yield Table(("health", column[0]), "health", (column,), partial(_as_column, value))
+        yield ItemTable(("health", column[0]), "health", (column,), partial(_as_column, value))
 
 
 ROUNDING_DISTANCE = 1e-13  # relative to coordinates and sizes

@@ -17,7 +17,7 @@ from mechcore.records import dataclass
 from mechcore.spec.mechanism import Mechanism
 from mechviz.files import replacing
 from mechviz.scene.annotations import Place, stated_value
-from mechviz.scene.assembly.assemble import assemble
+from mechviz.scene.assembly.assemble import assemble_scene
 from mechviz.scene.assembly.simulation import SimulationSpec
 from mechviz.scene.convert import Converter, JoinedSegments
 from mechviz.scene.document import FORMER, FORMER_INNER, SceneDocument, value_at, with_values
@@ -262,7 +262,7 @@ def _assembled(
     reading: Reading, name: str, folder: SceneFolder, former: Mapping[str, str], source: str | None = None, file: str | None = None
 ) -> Scene:
     with np.errstate(all="ignore" if reading.faults else None):  # what stands where a value was wrong may be anything
-        assembly, faults = assemble(reading, name, folder)
+        assembly, faults = assemble_scene(reading, name, folder)
     if assembly is None:
         ordered = reading.in_file_order([*reading.faults, *faults])
         formulas = {path_text(place): text for place, text in reading.document.formulas.items()}

@@ -13,7 +13,7 @@ import pyarrow as pa
 from rerun.chunk import Chunk, LazyChunkStream, RrdReader
 
 from mechviz.outputs.images.drawing import write_svg
-from mechviz.outputs.images.pictures import instant_of
+from mechviz.outputs.images.pictures import picture_time
 from mechviz.outputs.inspection import format_inspection, inspect
 from mechviz.outputs.page.page import make_page
 from mechviz.outputs.presentation import presentation_in
@@ -213,7 +213,7 @@ def read_all(path: Path) -> tuple[Callable[[], Any], ...]:
 
     def draw() -> None:
         shown = presentation_in(Recording(path, most=1000))
-        write_svg(shown, path.with_suffix(".svg"), time=instant_of(shown).time, width=640, height=400, dark=False)
+        write_svg(shown, path.with_suffix(".svg"), time=picture_time(shown).time, width=640, height=400, dark=False)
 
     return (
         lambda: format_inspection(inspect(path)),

@@ -192,13 +192,13 @@ def _residual(task: Task, angle: Real, c: Complex, t: Real, q: Real, fixed: bool
         turn = follower.guide.turning(q)
         turn = np.concatenate([np.zeros_like(turn[:1]), turn[1:]])
         d = jets.exponential(1j * turn) * follower.face_direction(q[0])
-        first = jets.cross(d, distance)
+        first = jets.jet_cross(d, distance)
         if fixed:
             return [first]
         tangent = jets.compose(c[1 : k + 1], t)
         if not task.wedge:
-            tangent = jets.product((1j * task.turn) ** np.arange(k)[:, None] * np.exp(1j * task.turn * angle), tangent)
-        return [first, jets.cross(d, tangent)]
+            tangent = jets.jet_product((1j * task.turn) ** np.arange(k)[:, None] * np.exp(1j * task.turn * angle), tangent)
+        return [first, jets.jet_cross(d, tangent)]
     if fixed:  # constant distance from the corner
         return [jets.dot(distance, distance)]
     return [distance.real, distance.imag]

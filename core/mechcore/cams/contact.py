@@ -46,7 +46,7 @@ class Task:
                 out[1] -= 1.0
             return out
         frame = (1j * self.turn) ** np.arange(len(c))[:, None] * np.exp(1j * self.turn * angle)
-        return jets.product(frame, c)
+        return jets.jet_product(frame, c)
 
     # -- the coordinate that a point asks for -------------------------------------------------------------------------
 

@@ -94,7 +94,7 @@ class PolarPiece(_Offset):
         inside = np.clip(phi, self.phi0 + 1e-15, self.phi0 + self.span)  # the piece's own limits at both ends
         r = self.law(inside, order, "left")
         turn = (1j ** np.arange(order + 1))[:, None] * np.exp(1j * phi)
-        return np.asarray(jets.product(r, turn) * (self.span ** np.arange(order + 1))[:, None])
+        return np.asarray(jets.jet_product(r, turn) * (self.span ** np.arange(order + 1))[:, None])
 
 
 @dataclass(frozen=True, eq=False)

@@ -340,7 +340,7 @@ class InverseCam:
         """Centre line of the slot in the driven link's axes with derivatives (order + 1, n)."""
         theta = numbers(angle)
         t, q = self.pin(theta, order), self.law(theta, order)
-        return jets.product(jets.exponential(-1j * q), t) if self.turns else t - 1j * q
+        return jets.jet_product(jets.exponential(-1j * q), t) if self.turns else t - 1j * q
 
     def normal(self, angle: ArrayLike) -> Complex:
         """Unit normal of the slot to the left of the pin's travel, in the driven link's axes (n)."""

@@ -264,7 +264,7 @@ class Cam:
             if len(out) > 1:
                 out[1] += 1.0
             return out
-        return jets.product(self._frame(angle, len(t)), t)
+        return jets.jet_product(self._frame(angle, len(t)), t)
 
     def _frame(self, angle: Real, n: int) -> Complex:
         if self.wedge:
@@ -294,8 +294,8 @@ class Cam:
         d1 = t[1:] - (0.0 if self.wedge else 1j * self.turn * t[:-1])
         if self.wedge:
             d1[0] += 1.0
-        along = jets.quotient(jets.cross(d[:-1], d1), rate)
-        return self._into_cam(t[: order + 1] + jets.product(along, d), angle)
+        along = jets.quotient(jets.jet_cross(d[:-1], d1), rate)
+        return self._into_cam(t[: order + 1] + jets.jet_product(along, d), angle)
 
     def raised(self, base: float) -> Cam:
         """The same cam with all coordinates larger by ``base``."""

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from mechcore.arrays import Complex, Flags, Index, Plane, Real
+from mechcore.kinematics.dyads import cross
 from mechcore.records import dataclass
 
 TURN = 2.0 * np.pi
@@ -207,11 +208,6 @@ def grashof_cranks(rng: np.random.Generator, count: int, most: float) -> Real:
         longest = tried.max(1)
         ratios = np.concatenate([ratios, tried[1.0 + longest < tried.sum(1) - longest]])
     return ratios[:count]
-
-
-def cross(first: Plane, second: Plane) -> Any:
-    """Cross products of plane vectors."""
-    return np.imag(np.conj(first) * second)
 
 
 def acute(first: Plane, second: Plane) -> Any:

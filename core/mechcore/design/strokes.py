@@ -10,8 +10,9 @@ import numpy as np
 from scipy.optimize import minimize, minimize_scalar
 
 from mechcore.arrays import Real
-from mechcore.design.four_bars import FourBar, Grashof, cross
+from mechcore.design.four_bars import FourBar, Grashof
 from mechcore.errors import Fault, MechanismError
+from mechcore.kinematics.dyads import cross
 from mechcore.records import dataclass
 
 PIVOT_PLACES = 1440  # places of the crank's pivot on a circle that are tried before the best is refined

@@ -13,7 +13,7 @@ from mechcore.effects.resistance import spans
 from mechcore.forces.kinetostatics import Forces, solve_forces
 from mechcore.laws.timed import Table
 from mechcore.motion.events import Event, at_drive, runs
-from mechcore.motion.metrics import peak
+from mechcore.motion.metrics import largest_maximum
 from mechcore.motion.motion import Motion
 from mechcore.records import dataclass
 from mechcore.spec.loads import Actuator, BeltTension, Factor, Force, Load, Spring, Torque
@@ -112,7 +112,7 @@ def _squeezed(motion: Motion, load: Spring, solid: float) -> Iterator[Event]:
 
     own = -closeness(motion)
     spans = runs(own < solid)
-    t, most = peak(motion, closeness)
+    t, most = largest_maximum(motion, closeness)
     if not spans and -most < solid * (1.0 - 1e-9):  # between two frames
         spans = [(int(np.argmin(np.abs(motion.time - t))),) * 2]
     for first, last in spans:

@@ -13,7 +13,7 @@ from mechcore.arrays import Flags, Real
 from mechcore.constants import REST, SINGULAR
 from mechcore.laws.timed import Table, TableLaw, moves
 from mechcore.motion.at_once import indeterminate
-from mechcore.motion.metrics import curvature, peak, per_unit_drive_speed, transmission_angles, velocity_ratios, zeros
+from mechcore.motion.metrics import curvature, largest_maximum, per_unit_drive_speed, transmission_angles, velocity_ratios, zeros
 from mechcore.motion.motion import Motion
 from mechcore.numerics.interpolation import between
 from mechcore.records import dataclass
@@ -263,7 +263,7 @@ def _extremes(motion: Motion) -> Iterator[Event]:
     asked = motion.mechanism.metrics
     if "transmission_angle" in asked:
         for joint in transmission_angles(motion):
-            t, flat = peak(motion, partial(_squared_cosine, joint))
+            t, flat = largest_maximum(motion, partial(_squared_cosine, joint))
             if np.isfinite(t):
                 angle = float(_there(motion, partial(_transmission_angle, joint), t))
                 level: Literal["INFO", "WARN"] = "WARN" if flat > np.cos(np.radians(POOR_TRANSMISSION)) ** 2 else "INFO"
@@ -273,7 +273,7 @@ def _extremes(motion: Motion) -> Iterator[Event]:
         yield from _ratios(motion, asked)
     if "curvature" in asked:
         for link, point in motion.mechanism.traced:
-            t, value = peak(motion, partial(_curvature, link, point))
+            t, value = largest_maximum(motion, partial(_curvature, link, point))
             if np.isfinite(t) and value > 0.0:
                 text = f"sharpest bend of the path of {link}.{point}, radius {as_length(1.0 / value, 5)}"
                 yield Event(t, "INFO", f"{link}.{point}", text, value)
@@ -289,7 +289,7 @@ def _ratios(motion: Motion, asked: Sequence[str]) -> Iterator[Event]:
         finite = ratio[np.isfinite(ratio)]
         if not len(finite) or np.ptp(finite) <= REST * motion.model.length_scale:
             continue
-        t, _ = peak(motion, partial(_squared_ratio, joint))
+        t, _ = largest_maximum(motion, partial(_squared_ratio, joint))
         near = dead[np.abs(dead - t) <= 2.0 * step] if np.isfinite(t) else dead
         if len(near):
             t, value = float(near[0]), np.inf

@@ -1,8 +1,8 @@
 """Kinematic metrics: instant centres, transmission angles, velocity ratios, mechanical advantage, Grashof type, curvature.
 
 All of them are about geometry, not speed: they use the motion per unit of the first drive's coordinate, so that they exist while a
-drive stands still. Everything is vectorised over the frames. `peak` and `zeros` find where a quantity becomes extreme or zero
-between the frames, by solving the mechanism again at times close to it.
+drive stands still. Everything is vectorised over the frames. `largest_maximum` and `zeros` find where a quantity becomes extreme
+or zero between the frames, by solving the mechanism again at times close to it.
 """
 
 from __future__ import annotations
@@ -220,7 +220,7 @@ def grashof_type(crank: float, coupler: float, rocker: float, frame: float) -> s
     return "crank-rocker" if s == crank else "rocker-crank"
 
 
-def peak(motion: Motion, metric: Metric) -> tuple[float, float]:
+def largest_maximum(motion: Motion, metric: Metric) -> tuple[float, float]:
     """Time [s] and value of the largest maximum of a run, to about 1e-9 of the distance of the frames; NaN where there is none.
 
     Between frames only a motion that laws lead can be solved again; else, and where the quantity is not finite next to the

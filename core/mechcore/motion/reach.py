@@ -26,7 +26,7 @@ from mechcore.kinematics.positions import dead_point_margin, equations, group_cl
 from mechcore.kinematics.program import Block
 from mechcore.kinematics.state import State, initial_state
 from mechcore.motion.compiled import Compiled, follow
-from mechcore.motion.metrics import peak
+from mechcore.motion.metrics import largest_maximum
 from mechcore.motion.motion import Motion
 from mechcore.numerics.newton import Residual, least_squares
 from mechcore.records import dataclass
@@ -213,7 +213,7 @@ def slot_overruns(motion: Motion) -> list[SlotOverrun]:
         time, beyond = float(motion.time[farthest]), float(values.flat[farthest])
         step = float(np.max(np.abs(np.diff(values)), initial=0.0))
         if not outside.any() and beyond > -step:  # perhaps between two frames
-            time, beyond = peak(motion, excess)
+            time, beyond = largest_maximum(motion, excess)
         if beyond > slack:
             beyond_ends.append(SlotOverrun(joint, end, beyond, outside, time))
     return beyond_ends
@@ -234,7 +234,7 @@ def greatest_closure_error(assembly: Assembly, block: Block, motion: Motion, fai
 
     if block.kind != "general":
         at_frames = float(np.fmax.reduce(np.where(failed, errors(motion), 0.0), initial=0.0))
-        return float(np.fmax(at_frames, peak(motion, errors)[1])) if at_frames else 0.0
+        return float(np.fmax(at_frames, largest_maximum(motion, errors)[1])) if at_frames else 0.0
     frames = np.flatnonzero(failed)
     first, last, greatest = 0, len(frames) - 1, 0.0
     while True:

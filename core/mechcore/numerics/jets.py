@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 Jet = NDArray[Any]  # real or complex (order + 1, ...)
 
 
-def product(a: Jet, b: Jet) -> Jet:
+def jet_product(a: Jet, b: Jet) -> Jet:
     """Leibniz' rule, to the lower of both orders."""
     n = min(len(a), len(b))
     out = np.zeros((n, *np.broadcast_shapes(a.shape[1:], b.shape[1:])), np.result_type(a, b))
@@ -52,12 +52,12 @@ def exponential(a: Jet) -> Jet:
 
 def dot(a: Jet, b: Jet) -> Jet:
     """Scalar product of plane vectors written as complex numbers."""
-    return np.real(product(np.conj(a), b))
+    return np.real(jet_product(np.conj(a), b))
 
 
-def cross(a: Jet, b: Jet) -> Jet:
+def jet_cross(a: Jet, b: Jet) -> Jet:
     """a x b of plane vectors written as complex numbers."""
-    return np.imag(product(np.conj(a), b))
+    return np.imag(jet_product(np.conj(a), b))
 
 
 def size(a: Jet) -> Jet:

@@ -19,7 +19,7 @@ from mechcore.errors import Fault, MechanismError
 from mechcore.kinematics.dyads import cross
 from mechcore.motion.motion import Motion
 from mechcore.records import dataclass
-from mechcore.reduction.bodies import Body, combine
+from mechcore.reduction.bodies import RigidBody, combine
 from mechcore.spec.mechanism import Link, Mechanism, Prismatic, Revolute
 from mechcore.texts import as_length
 
@@ -205,7 +205,10 @@ def with_counterweights(m: Mechanism, weights: tuple[Counterweight, ...]) -> Mec
     """The mechanism with point masses fixed to its links: their masses, centres and moments of inertia follow."""
     links = []
     for link in m.links:
-        parts = [Body(link.mass, link.centre, link.inertia), *(Body(w.mass, w.at) for w in weights if w.link == link.name)]
+        parts = [
+            RigidBody(link.mass, link.centre, link.inertia),
+            *(RigidBody(w.mass, w.at) for w in weights if w.link == link.name),
+        ]
         body = combine(parts) if len(parts) > 1 else parts[0]
         links.append(replace(link, mass=body.mass, centre=body.centre, inertia=body.inertia))
     return replace(m, links=tuple(links))

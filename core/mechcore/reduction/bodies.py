@@ -21,7 +21,7 @@ from mechcore.texts import as_length
 
 
 @dataclass(frozen=True)
-class Body:
+class RigidBody:
     """``mass`` [kg], ``centre`` of mass [m], ``inertia`` J_S about it [kg m^2] (axis normal to the plane of motion)."""
 
     mass: float
@@ -38,17 +38,17 @@ class Body:
         return math.sqrt(self.inertia / self.mass)
 
 
-def combine(parts: Iterable[Body]) -> Body:
+def combine(parts: Iterable[RigidBody]) -> RigidBody:
     """Several bodies as one. Holes are bodies of negative mass and inertia. The total mass must not be zero, unless all are."""
     parts = [p for p in parts if p.mass or p.inertia]
     mass = math.fsum(p.mass for p in parts)
     if not parts:
-        return Body(0.0)
+        return RigidBody(0.0)
     if abs(mass) <= 1e-14 * math.fsum(abs(p.mass) for p in parts):
         raise MechanismError(Fault("mass", "the parts' masses cancel: there is no centre of mass.", "Check the masses."))
     x = math.fsum(p.mass * p.centre[0] for p in parts) / mass
     y = math.fsum(p.mass * p.centre[1] for p in parts) / mass
-    return Body(mass, (x, y), math.fsum(p.about(x, y) for p in parts))
+    return RigidBody(mass, (x, y), math.fsum(p.about(x, y) for p in parts))
 
 
 @dataclass(frozen=True)
@@ -113,7 +113,9 @@ SOLIDS: Mapping[str, StandardSolid] = {
 NEEDED_FOR_INERTIA = {name: tuple(inspect.signature(s.square).parameters) for name, s in SOLIDS.items()}
 
 
-def solid(kind: str, *, mass: float | None = None, density: float | None = None, centre: Vec2 = (0.0, 0.0), **sizes: float) -> Body:
+def solid(
+    kind: str, *, mass: float | None = None, density: float | None = None, centre: Vec2 = (0.0, 0.0), **sizes: float
+) -> RigidBody:
     """A standard solid [m, kg or kg/m^3, rad] with its centre at ``centre``: ``solid("rod", mass=2, length=0.4)``.
 
     Of density or mass one is given. The moment of inertia is about the axis that the table names, which is taken to be normal to
@@ -145,7 +147,7 @@ def solid(kind: str, *, mass: float | None = None, density: float | None = None,
         mass = density * entry.volume(**{k: sizes[k] for k in inspect.signature(entry.volume).parameters})
     assert mass is not None
     square = entry.square(**{k: sizes[k] for k in NEEDED_FOR_INERTIA[kind]})
-    return Body(mass, centre, mass * square)
+    return RigidBody(mass, centre, mass * square)
 
 
 def single_resultant(force: ArrayLike, moment: ArrayLike, at: ArrayLike = (0.0, 0.0)) -> tuple[Real, Real]:
@@ -193,9 +195,9 @@ class Area:
     centre: Vec2
     polar: float
 
-    def body(self, surface_density: float) -> Body:
+    def body(self, surface_density: float) -> RigidBody:
         """A plate of this shape; ``surface_density`` [kg/m^2] is density times thickness, negative for a hole."""
-        return Body(surface_density * self.area, self.centre, surface_density * self.polar)
+        return RigidBody(surface_density * self.area, self.centre, surface_density * self.polar)
 
 
 def area_of(vertices: ArrayLike, bulges: Sequence[float] | None = None) -> Area:
@@ -246,7 +248,9 @@ def circle(centre: Vec2, radius: float) -> Area:
     return Area(math.pi * radius**2, centre, 0.5 * math.pi * radius**4)
 
 
-def plate(outer: Area, surface_density: float, *, holes: Iterable[Area] = (), bosses: Iterable[tuple[Area, float]] = ()) -> Body:
+def plate(
+    outer: Area, surface_density: float, *, holes: Iterable[Area] = (), bosses: Iterable[tuple[Area, float]] = ()
+) -> RigidBody:
     """A plate with holes through it, and bosses on it, each with a surface density of its own [kg/m^2]."""
     parts = [outer.body(surface_density), *(h.body(-surface_density) for h in holes)]
     return combine([*parts, *(area.body(extra) for area, extra in bosses)])

@@ -18,7 +18,7 @@ from mechviz.commands.synthesis.tasks import (
     OutputOpt,
     PlotOpt,
     angle_option,
-    check_targets,
+    check_scene_targets,
     function_of,
     give,
     length_of,
@@ -67,7 +67,7 @@ def function(
     Try: mechviz synthesise function "1/x" --from 1 --to 2 --crank 90 --rocker -90 --points 4 --crank-start 30
     """
     with clear_errors("function"):
-        check_targets(output, plot)
+        check_scene_targets(output, plot)
         task = FunctionTask(
             *function_of(expression, start, end), angle_option(input_range, "crank"), angle_option(output_range, "rocker")
         )
@@ -107,7 +107,7 @@ def slider(
     Try: mechviz synthesise slider "x^2" --from 0 --to 1 --crank 60 --travel -40 --crank-start 20 --slider-start 150
     """
     with clear_errors("slider"):
-        check_targets(output, None)
+        check_scene_targets(output, None)
         task = FunctionTask(
             *function_of(expression, start, end), angle_option(input_range, "crank"), quantity_in(travel, "travel", "length")
         )
@@ -143,7 +143,7 @@ def motion(
     Try: mechviz synthesise motion 0,0,0 30,15,20 60,20,45 75,10,70 --plot curves.svg -o found
     """
     with clear_errors("positions"):
-        check_targets(output, plot)
+        check_scene_targets(output, plot)
         rows = option_rows(positions, 3, "position")
         poses = BodyPositions(rows[:, 0] + 1j * rows[:, 1], rows[:, 2])
         pivots = [pairs_of(given) for given in (moving, fixed)]
@@ -187,7 +187,7 @@ def path(
     Try: mechviz synthesise path 20,20 20,25 20,30 20,35 20,40 20,45 --shortest 5 --longest 60 --plot path.svg
     """
     with clear_errors("points"):
-        check_targets(output, plot)
+        check_scene_targets(output, plot)
         rows = option_rows(points, 2, "point")
         if step is not None and angles is not None:
             fail("--step and --angles both say when the points are passed. Give one of them.")
@@ -225,6 +225,6 @@ def cognates(
     Try: mechviz synthesise cognates crank-rocker -o found
     """
     with clear_errors(scene):
-        check_targets(output, None)
+        check_scene_targets(output, None)
         run = run_scene(load_scene(scene, values), outputs=("positions",))
         give(cognate_solutions(*traced_four_bar(run)), output, None, None)

@@ -18,7 +18,7 @@ from mechviz.commands.synthesis.tasks import (
     OutputOpt,
     PlotOpt,
     angle_option,
-    check_targets,
+    check_scene_targets,
     give,
     length_of,
     quantity_in,
@@ -55,7 +55,7 @@ def stroke(
     Try: mechviz synthesise stroke 200 --ratio 1.2 -o press.toml
     """
     with clear_errors("stroke"):
-        check_targets(output, None)
+        check_scene_targets(output, None)
         travel = length_of(length, "STROKE")
         if sum(given is not None for given in (offset, frame, whitworth)) > 1:
             fail("--offset is for slider-cranks, --frame for slotted levers, --whitworth for its quick return. Give one of them.")
@@ -82,7 +82,7 @@ def swing(
     Try: mechviz synthesise swing 40 --ratio 1.1176
     """
     with clear_errors("swing"):
-        check_targets(output, None)
+        check_scene_targets(output, None)
         wanted = angle_option(angle, "SWING")
         give(
             [crank_rocker_solution(best_crank_rocker(wanted, ratio, length_of(rocker, "rocker")), wanted, ratio)],
@@ -105,7 +105,7 @@ def line(
     Try: mechviz synthesise line hoecken --range 140 --travel 80 -o hoecken.toml
     """
     with clear_errors("line"):
-        check_targets(output, None)
+        check_scene_targets(output, None)
         wanted = None if straight is None else angle_option(straight, "range")
         give(straight_line_solutions(list(names or ()), length_of(travel, "travel"), wanted), output, None, None)
 
@@ -126,7 +126,7 @@ def dwell(
     Try: mechviz synthesise dwell 90 --swing 30 --plot dwell.svg -o dwell.toml
     """
     with clear_errors("dwell"):
-        check_targets(output, plot)
+        check_scene_targets(output, plot)
         with interruptible():
             linkages = dwell_linkages(angle_option(rest, "DWELL"), angle_option(swing, "swing"), seed, most)
         solutions = dwell_solutions(linkages, length_of(crank, "crank"), angle_option(rest, "DWELL"))
@@ -154,7 +154,7 @@ def lid(
     Try: mechviz synthesise lid 12kg --arm 300 --hand 550 --box 250 --plot lid.svg -o lid.toml
     """
     with clear_errors("lid"):
-        check_targets(output, plot)
+        check_scene_targets(output, plot)
         task = LidTask(
             quantity_in(mass, "MASS", "mass"), length_of(arm, "arm"), length_of(hand, "hand"), angle_option(start, "from"),
             angle_option(end, "to"), length_of(box, "box"), quantity_in(effort, "effort", "force"), pushes,
@@ -177,7 +177,7 @@ def chains(
     Try: mechviz synthesise chains 6 --plot chains.svg -o chains
     """
     with clear_errors("chains"):
-        check_targets(output, plot)
+        check_scene_targets(output, plot)
         if output is not None and freedom != 1:
             fail("--output is for chains of one degree of freedom: others need a drive for each. Leave it out, and take --plot.")
         drawn = kinematic_chains(links, freedom)

@@ -48,7 +48,7 @@ def tell_written(paths: list[Path]) -> None:
     say(f"{paths[0]} written." if len(paths) == 1 else f"{len(paths)} scenes written to {paths[0].parent}.")
 
 
-def check_targets(output: Path | None, plot: Path | None) -> None:
+def check_scene_targets(output: Path | None, plot: Path | None) -> None:
     """Refuse targets that cannot be written before anything is computed. Raises `OutputError`."""
     if output is not None:
         check_folder(output)

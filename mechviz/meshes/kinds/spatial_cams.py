@@ -17,7 +17,7 @@ from mechcore.arrays import Real, Vec2
 from mechcore.joints.base import Builder, point_of
 from mechcore.records import dataclass
 from mechcore.spec.mechanism import CamJoint, Mechanism
-from mechviz.meshes.extrude import Part, Prism, Shell, bored, plate, revolve
+from mechviz.meshes.extrude import Part, Prism, Shell, bored, plate_mesh, revolve
 from mechviz.meshes.outline import disc, key_outline, keyed_bore, keyway_reach
 from mechviz.meshes.shading import PIN_COLOR, SolidColor
 
@@ -228,11 +228,11 @@ def _cam_parts(model: ScaledMechanism, drawing: SpatialDrawing, height: float) -
     if placed.blank.rollers:
         parts.append(part(drawing.cam, "wheel", rib(placed)))
     if keyed:
-        key = plate(key_outline(axis, radius, (1.0, 0.0), _BORE_SIDES), (ends[0], ends[1]), 0.0)
+        key = plate_mesh(key_outline(axis, radius, (1.0, 0.0), _BORE_SIDES), (ends[0], ends[1]), 0.0)
         parts.append(part(drawing.cam, "key", key, PIN_COLOR))
     block, bed = _bearing(shaft, 1.06 * float(np.hypot(*np.concatenate(rings)[:, :2].T).max()), -1j if drawing.flat else 1.0)
     for shape, (a, b) in ((block, (low, low + long)), (block, (high - long, high)), (bed, (low - over, high + over))):
-        parts.append(part(placed.carrier, "pedestal", plate(shape, (a, b), 0.05 * long)))
+        parts.append(part(placed.carrier, "pedestal", plate_mesh(shape, (a, b), 0.05 * long)))
     return parts
 
 
@@ -319,7 +319,7 @@ def _turret(model: ScaledMechanism, levels: Levels, drawing: SpatialDrawing, sha
     low, high = levels.plate(levels.of(drawing.follower))
     low, high = low + 0.1 * (high - low), high - 0.1 * (high - low)  # the link itself shows on it
     outline = shape.difference(disc(drawing.hinge, 1.02 * model.proportions.r, 48))
-    shell = plate(outline, (low, high), 0.0)
+    shell = plate_mesh(outline, (low, high), 0.0)
     return [Part(drawing.follower, "wheel", shell, None, (Prism(outline, low, high),), frozenset([drawing.joint]))]
 
 

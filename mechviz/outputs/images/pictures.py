@@ -43,19 +43,21 @@ class Look:
 
 
 @dataclass(frozen=True)
-class Instant:
+class PictureTime:
     """A moment of a run [s]: where nothing else is said, that at which a page opens."""
 
     time: float | None = None
 
 
-def instant_of(shown: Presentation, *, at: float | None = None, frame: int | None = None, angle: float | None = None) -> Instant:
+def picture_time(
+    shown: Presentation, *, at: float | None = None, frame: int | None = None, angle: float | None = None
+) -> PictureTime:
     """The moment at a time [s], at a frame, or where the drive first reaches an angle [rad], see `time_at`."""
-    return Instant(time_at(shown.catalogue, at=at, frame=frame, angle=angle))
+    return PictureTime(time_at(shown.catalogue, at=at, frame=frame, angle=angle))
 
 
 def shot(
-    shown: Presentation, path: Path, look: Look, when: Instant, *, progress: PackProgress = quiet, begin: Begin = lambda _: None
+    shown: Presentation, path: Path, look: Look, when: PictureTime, *, progress: PackProgress = quiet, begin: Begin = lambda _: None
 ) -> Path:
     """Write a picture (PNG) of the mechanism at a moment. ``progress`` gets the share that is read, ``begin`` what is done next."""
     check_target(path)

@@ -24,7 +24,7 @@ from mechviz.picture.constructions import Drawing
 from mechviz.picture.nodes import Picture
 from mechviz.picture.overlays import overlay_box
 from mechviz.quantities.catalogue import Catalogue
-from mechviz.quantities.items import Table, links_of, links_with_mass
+from mechviz.quantities.items import ItemTable, links_of, links_with_mass
 from mechviz.quantities.power_table import power_markdown, steady_lines
 from mechviz.quantities.study_tables import study_lines
 from mechviz.quantities.vectors import Scales
@@ -45,7 +45,7 @@ class Content:
 
     run: Run
     solids: Solids
-    tables: list[Table]
+    tables: list[ItemTable]
     picture: Picture
     drawings: dict[str, Drawing]  # graphical constructions
     every: int  # pictures are drawn at every so many frames

@@ -14,7 +14,7 @@ from mechcore.records import dataclass
 from mechviz.accuracy.fit import plain_stride
 from mechviz.files import OutputError
 from mechviz.picture.proportions import about_z, in_space
-from mechviz.quantities.items import Table, joint_unit
+from mechviz.quantities.items import ItemTable, joint_unit
 
 if TYPE_CHECKING:
     from mechviz.runs import Run
@@ -182,13 +182,13 @@ def picture_stride(run: Run) -> int:
     return run.kept.pictures or plain_stride(run.motion)
 
 
-def table_streams(all_tables: list[Table], numbers: str | None = None) -> Iterator[Stream]:
+def table_streams(all_tables: list[ItemTable], numbers: str | None = None) -> Iterator[Stream]:
     """The float64 numbers; with ``numbers`` "float32" they keep the digits of those only, which takes less room."""
     for table in all_tables:
         yield Stream(entity(*table.path), partial(_rows_of_table, table, numbers))
 
 
-def _rows_of_table(table: Table, numbers: str | None, frames: slice) -> Any:
+def _rows_of_table(table: ItemTable, numbers: str | None, frames: slice) -> Any:
     values = table.values[frames]
     return scalar_rows(values.astype(np.float32).astype(float) if numbers == "float32" else values, slice(None))
 

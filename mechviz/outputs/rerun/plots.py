@@ -15,7 +15,7 @@ from mechcore.spec.clearance import journals_of, made_joints
 from mechcore.spec.mechanism import CamJoint
 from mechviz.outputs.rerun.entities import Static, Stream, Timelines, entity, packed_colors, scalar_rows
 from mechviz.quantities.events import LaneState, lanes_of
-from mechviz.quantities.items import JointInfo, Table, joint_unit, joints_of
+from mechviz.quantities.items import ItemTable, JointInfo, joint_unit, joints_of
 from mechviz.quantities.tables import rounding_of_efforts
 from mechviz.quantities.vectors import point_name
 
@@ -329,7 +329,7 @@ def _gathered(run: Run) -> list[Gathered]:
     return [g for g in every if not g.data]
 
 
-def plot_styles(run: Run, all_tables: list[Table]) -> Iterator[Static]:
+def plot_styles(run: Run, all_tables: list[ItemTable]) -> Iterator[Static]:
     """Names, units and colours of all series, so that any of them can be dragged into a plot; spikes survive zooming out."""
     import rerun as rr
 

@@ -22,7 +22,7 @@ from mechviz.picture.constructions import Drawing, DrawnArrow, NamedPoint
 from mechviz.picture.nodes import ArrowSet, Body, Color, Lines, Mesh, Node, Picture, Points, PoseTrack
 from mechviz.picture.overlays import INVERSION_GROUP
 from mechviz.picture.surface_marks import MARK_KINDS
-from mechviz.quantities.items import JointInfo, Table
+from mechviz.quantities.items import ItemTable, JointInfo
 from mechviz.quantities.numbers import TOLERANCE, LoadInfo, Numbers
 from mechviz.quantities.vectors import Scales
 
@@ -62,14 +62,14 @@ def recorded_numbers(recording: Recording) -> Numbers:
     )
 
 
-def _table(recording: Recording, path: str) -> Table | None:
+def _table(recording: Recording, path: str) -> ItemTable | None:
     """A table, whose values are read when they are asked for; None of what is none."""
     parts = parts_of(path)
     names = recording.static(path, component="SeriesLines:names")
     if parts[0] not in TABLE_ROOTS or names is None or not recording.has(path):
         return None
     columns = tuple(_column(str(name), parts) for name in names)
-    return Table(parts, "", columns, lambda: recording.scalars(path)[1])
+    return ItemTable(parts, "", columns, lambda: recording.scalars(path)[1])
 
 
 def _column(header: str, parts: tuple[str, ...]) -> tuple[str, str]:

@@ -28,7 +28,7 @@ PLAYBACK_SCRIPT = Path(__file__).with_name("playback.js").read_text(encoding="ut
 
 
 @dataclass(frozen=True, eq=False)
-class PoseTrack:
+class SentPoses:
     """A node of the scene: its places (F, 3) [m] and its turns (F, 4) as quaternions, None if it does not turn."""
 
     name: str
@@ -81,7 +81,7 @@ class Tracks:
 
     time: Real
     slider: str
-    poses: tuple[PoseTrack, ...] = ()
+    poses: tuple[SentPoses, ...] = ()
     points: tuple[PointTrack, ...] = ()
     numbers: tuple[NumberTrack, ...] = ()
     plots: tuple[PlotTrack, ...] = ()

@@ -10,7 +10,7 @@ from mechcore.errors import Fault, MechanismError
 from mechcore.forces.cam_rating import Solved, prescribed, with_least_sizes
 from mechcore.laws.timed import Free, Law, moves
 from mechcore.records import dataclass
-from mechcore.reduction.bodies import Body
+from mechcore.reduction.bodies import RigidBody
 from mechcore.spec.clearance import Clearance, with_clearances
 from mechcore.spec.mechanism import CamJoint, Drive, Link, Mechanism, Planar, coordinates_of, friction_of
 from mechcore.texts import as_length
@@ -69,8 +69,8 @@ class AssembledScene:
     curves: Mapping[str, JoinedSegments]  # by paths such as joints.K.profile.lift
 
 
-def assemble(
-    reading: Reading, name: str, folder: SceneFolder, outlines: Mapping[str, Body] | None = None
+def assemble_scene(
+    reading: Reading, name: str, folder: SceneFolder, outlines: Mapping[str, RigidBody] | None = None
 ) -> tuple[AssembledScene | None, list[Fault]]:
     """The mechanism and what else is known of it, or None, and every fault that is left beside those of form in ``reading.faults``.
 
@@ -202,7 +202,7 @@ def assemble(
     if faults:
         return None, faults
     if outlines is None and drawn_links(document):
-        return assemble(reading, name, folder, drawn_bodies(mechanism, document))
+        return assemble_scene(reading, name, folder, drawn_bodies(mechanism, document))
     if faults := _least_roller_faults(document):
         return None, faults
     mechanism, faults = _sized(mechanism, document, simulation, clearances)

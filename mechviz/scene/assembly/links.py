@@ -19,7 +19,7 @@ from mechcore.errors import MechanismError
 from mechcore.laws.timed import Free
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
 from mechcore.records import dataclass
-from mechcore.reduction.bodies import Body, area_of, combine
+from mechcore.reduction.bodies import RigidBody, area_of, combine
 from mechcore.spec.clearance import as_drawn
 from mechcore.spec.mechanism import Mechanism
 from mechcore.texts import as_length
@@ -212,7 +212,7 @@ def mass_properties(
     convert: Converter,
     *,
     can_turn: bool,
-    drawn: Body | None = None,
+    drawn: RigidBody | None = None,
 ) -> tuple[float, Vec2, float]:
     """Mass [kg], centre of mass in the link's frame [m], moment of inertia about it [kg m^2].
 
@@ -226,11 +226,11 @@ def mass_properties(
         body = body_of(link.mass, points, stated, convert, f"{path}.mass", drawn)
         return _with_point_masses(body, link, points, convert, path)
     if link.lumps and link.mass is None:
-        return _with_point_masses(Body(0.0), link, points, convert, path)
+        return _with_point_masses(RigidBody(0.0), link, points, convert, path)
     if link.lumps:
         bare = link.model_copy(update={"lumps": []})
         return _with_point_masses(
-            Body(*mass_properties(name, bare, points, effects, convert, can_turn=can_turn)), link, points, convert, path
+            RigidBody(*mass_properties(name, bare, points, effects, convert, can_turn=can_turn)), link, points, convert, path
         )
     mass = 0.0 if link.mass is None else convert.si(link.mass, "mass", f"{path}.mass")
     inertia = 0.0 if link.inertia is None else convert.si(link.inertia, "inertia", f"{path}.inertia")
@@ -285,7 +285,7 @@ def _stated_centre(name: str, link: LinkDocument, points: Mapping[str, Vec2], co
 
 
 def _with_point_masses(
-    body: Body, link: LinkDocument, points: Mapping[str, Vec2], convert: Converter, path: str
+    body: RigidBody, link: LinkDocument, points: Mapping[str, Vec2], convert: Converter, path: str
 ) -> tuple[float, Vec2, float]:
     """A body with the link's point masses."""
     whole = combine([body, *point_masses_of(link.lumps, points, convert, f"{path}.lumps")]) if link.lumps else body
@@ -297,7 +297,7 @@ def drawn_links(document: SceneDocument) -> list[str]:
     return [key for key, link in document.links.items() if isinstance(link.mass, MassDocument) and link.mass.drawn]
 
 
-def drawn_bodies(mechanism: Mechanism, document: SceneDocument) -> dict[str, Body]:
+def drawn_bodies(mechanism: Mechanism, document: SceneDocument) -> dict[str, RigidBody]:
     """Plates of unit density and thickness [m^2, m, m^4] with the drawn outlines of these links.
 
     The outlines are those of the scene's own run: slots are as long as it needs. A mechanism that cannot be moved, which is
@@ -317,7 +317,7 @@ def drawn_bodies(mechanism: Mechanism, document: SceneDocument) -> dict[str, Bod
     return {name: combine(_body(p) for p in outlines) for name, outlines in drawn.items()}
 
 
-def _body(outline: Polygon) -> Body:
+def _body(outline: Polygon) -> RigidBody:
     """Integrals over a polygon with holes."""
     outer = area_of(np.asarray(outline.exterior.coords)[:-1])
     holes = [area_of(np.asarray(ring.coords)[:-1]) for ring in outline.interiors]

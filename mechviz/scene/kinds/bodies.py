@@ -14,7 +14,7 @@ from pydantic import Discriminator, Field, Tag, model_validator
 
 from mechcore.arrays import Vec2
 from mechcore.errors import MechanismError
-from mechcore.reduction.bodies import SOLIDS, Area, Body, area_of, circle, plate, rounded_hull, solid
+from mechcore.reduction.bodies import SOLIDS, Area, RigidBody, area_of, circle, plate, rounded_hull, solid
 from mechviz.scene.faults import did_you_mean
 from mechviz.scene.fields import (
     Angle,
@@ -166,12 +166,12 @@ class PointMassDocument(DocumentTable):
     """A point of the link, or coordinates in its frame."""
 
 
-def point_masses_of(masses: list[PointMassDocument], points: Mapping[str, Vec2], convert: Converter, path: str) -> list[Body]:
+def point_masses_of(masses: list[PointMassDocument], points: Mapping[str, Vec2], convert: Converter, path: str) -> list[RigidBody]:
     """Point masses in SI."""
     out = []
     for k, mass in enumerate(masses):
         at = _place(mass.at, points, convert, f"{path}[{k}].at")
-        out.append(Body(convert.si(mass.mass, "mass", f"{path}[{k}].mass"), at))
+        out.append(RigidBody(convert.si(mass.mass, "mass", f"{path}[{k}].mass"), at))
     return out
 
 
@@ -184,15 +184,15 @@ def _place(at: Any, points: Mapping[str, Vec2], convert: Converter, path: str) -
 
 
 def body_of(
-    m: MassDocument, points: Mapping[str, Vec2], centre: Vec2 | None, convert: Converter, path: str, drawn: Body | None = None
-) -> Body:
+    m: MassDocument, points: Mapping[str, Vec2], centre: Vec2 | None, convert: Converter, path: str, drawn: RigidBody | None = None
+) -> RigidBody:
     """Mass, centre and moment of inertia of a shape.
 
     ``centre``: of a solid, where the scene states it. ``drawn``: the link's drawn outline as a plate of unit surface density; a
     unit mass until that is known.
     """
     if m.problems() or m.plate == []:  # reported already
-        return Body(1.0)
+        return RigidBody(1.0)
     density = None if m.density is None else convert.si(m.density, "density", f"{path}.density")
     mass = None if m.mass is None else convert.si(m.mass, "mass", f"{path}.mass")
     before = len(convert.faults)
@@ -207,7 +207,7 @@ def body_of(
         if len(convert.faults) == before and is_whole(m):
             for f in error.faults:
                 convert.note(path, f.message, f.remedy)
-        return Body(1.0)
+        return RigidBody(1.0)
     if (
         len(convert.faults) == before
         and is_whole(m)
@@ -225,7 +225,7 @@ def _solid(
     mass: float | None,
     convert: Converter,
     path: str,
-) -> Body:
+) -> RigidBody:
     sizes = {}
     for key in SOLIDS[str(m.solid)].sizes:
         value = getattr(m, key, None)
@@ -254,18 +254,18 @@ def _rod_from_end(
     density: float | None,
     convert: Converter,
     path: str,
-) -> Body:
+) -> RigidBody:
     """A thin rod that starts at the first point of its link, towards the second; inclined: it leaves the plane of motion."""
     if len(places) < 2:
         convert.note(path, f"a {kind} lies from the link's first point towards the second: the link has one point.", "Add a point.")
-        return Body(1.0)
+        return RigidBody(1.0)
     start, to = complex(*places[0]), complex(*places[1])
     if kind == "rod end":
         sizes.setdefault("length", abs(to - start))
     missing = [k for k in SOLIDS[kind].sizes if k not in sizes]
     if missing:
         convert.note(path, f"a {kind} needs its {' and '.join(missing)}.", f"Its sizes: {', '.join(SOLIDS[kind].sizes)}.")
-        return Body(1.0)
+        return RigidBody(1.0)
     reach = sizes["length"] * abs(math.sin(sizes.get("angle", 0.5 * math.pi)))  # seen along the axis of rotation
     along = 0.5 * reach * (to - start) / abs(to - start) if to != start else 0j
     return solid("rod", mass=mass, density=density, centre=((start + along).real, (start + along).imag), length=reach)
@@ -278,8 +278,8 @@ def _flat(
     mass: float | None,
     convert: Converter,
     path: str,
-    drawn: Body | None,
-) -> Body:
+    drawn: RigidBody | None,
+) -> RigidBody:
     def size(key: str) -> float:
         value = getattr(m, key)
         return 1.0 if value is None else convert.si(value, "length", f"{path}.{key}")
@@ -293,7 +293,7 @@ def _flat(
                 convert.note(
                     f"{path}.polygon", "the outline crosses itself or has no area.", "Give the corners in order around it."
                 )
-                return Body(1.0)
+                return RigidBody(1.0)
         outer = area_of(corners, m.bulges)
     elif m.drawn:
         outer = Area(1.0, (0.0, 0.0), 0.0)
@@ -316,29 +316,29 @@ def _flat(
         bosses.append((_circle(boss, points, convert, f"{path}.bosses[{k}]"), height))
     body = plate(outer, thickness, holes=holes, bosses=bosses)  # a volume, of density 1
     factor = density if density is not None else (mass or 0.0) / body.mass
-    return Body(body.mass * factor, body.centre, body.inertia * factor)
+    return RigidBody(body.mass * factor, body.centre, body.inertia * factor)
 
 
 def _circle(h: Any, points: Mapping[str, Vec2], convert: Converter, path: str) -> Area:
     return circle(_place(h.at, points, convert, f"{path}.at"), convert.si(h.radius, "length", f"{path}.radius"))
 
 
-def _mesh(m: MassDocument, density: float | None, mass: float | None, convert: Converter, path: str) -> Body:
+def _mesh(m: MassDocument, density: float | None, mass: float | None, convert: Converter, path: str) -> RigidBody:
     """Volume integrals over a closed mesh."""
     import trimesh
 
     data = convert.file(str(m.mesh), f"{path}.mesh")
     if data is None:
-        return Body(1.0)
+        return RigidBody(1.0)
     try:
         mesh: Any = trimesh.load(BytesIO(data), file_type=PurePath(str(m.mesh)).suffix[1:], force="mesh")
     except Exception as error:  # readers of half a dozen formats raise errors of their own
         words = str(error).splitlines()[0][:80] if str(error) else type(error).__name__
         convert.note(f"{path}.mesh", f"'{m.mesh}' cannot be read: {words}.", "Give the path of an STL, OBJ, PLY, OFF or GLB file.")
-        return Body(1.0)
+        return RigidBody(1.0)
     if not len(getattr(mesh, "faces", ())) or not mesh.is_watertight or not abs(mesh.volume) > 0.0:
         convert.note(f"{path}.mesh", f"'{m.mesh}' is not closed: it has no volume.", "Repair the mesh.")
-        return Body(1.0)
+        return RigidBody(1.0)
     if mesh.volume < 0.0:
         mesh.invert()
     unit = convert.si(m.mesh_unit, "length", f"{path}.mesh_unit")
@@ -346,7 +346,7 @@ def _mesh(m: MassDocument, density: float | None, mass: float | None, convert: C
     volume = float(mesh.volume) * unit**3
     factor = density if density is not None else (mass or 0.0) / volume
     x, y, _ = (float(v) * unit for v in mesh.center_mass)
-    return Body(volume * factor, (x, y), float(mesh.moment_inertia[2, 2]) * unit**5 * factor)
+    return RigidBody(volume * factor, (x, y), float(mesh.moment_inertia[2, 2]) * unit**5 * factor)
 
 
 def polygon_of(corners: Sequence[Vec2], bulges: Sequence[float] | None) -> shapely.Polygon | None:

@@ -15,7 +15,7 @@ from mechcore.laws.timed import ConstantSpeed, Law, Oscillation, Rest, TableLaw,
 from mechviz.scene.convert import SMALLEST_VALUE, Converter
 from mechviz.scene.fields import UnknownName
 from mechviz.scene.kinds.drives import DriveDocument
-from mechviz.scene.kinds.segment_curves import Axes, segments_curve, stands_still
+from mechviz.scene.kinds.segment_curves import Axes, is_at_rest, segments_curve
 from mechviz.scene.kinds.segments import ProgramDocument
 from mechviz.scene.kinds.signals import signal_of
 from mechviz.scene.units import magnitude
@@ -205,7 +205,7 @@ def _segments(drive: DriveDocument, coordinate: _Coordinate, drawn: float, cycle
             f"{cycles} cycles would make the speed jump between them.",
             f"Write cycles = 1, or end {path} with the speed that it starts with.",
         )
-    if stands_still(drive.segments, curve):
+    if is_at_rest(drive.segments, curve):
         return Rest(float(right[0, 0]), lasts=sum(durations))
     return over_time(curve)
 
@@ -281,7 +281,7 @@ def _program(
     if len(convert.faults) > before or master is None or curve is None or not valid:
         return None
     law = over_time(curve) if source is None else CurveOverMaster(curve=curve, master=master, phase=phase)
-    if moves(master) and not stands_still(given.segments, curve):
+    if moves(master) and not is_at_rest(given.segments, curve):
         return law
     return Rest(float(law(0.0)[0]), lasts=law.duration if moves(master) else 0.0)
 

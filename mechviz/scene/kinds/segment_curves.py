@@ -133,7 +133,7 @@ def note_corners(
             axes.convert.note(f"{path}[{k}].law.position", why, remedy)
 
 
-def stands_still(segments: Sequence[SegmentTable], curve: MotionCurve) -> bool:
+def is_at_rest(segments: Sequence[SegmentTable], curve: MotionCurve) -> bool:
     """Whether nothing moves: dwells, and ends where the motion starts, without any velocity."""
     if any(isinstance(s.law, LawDocument) for s in segments):
         return False

@@ -150,7 +150,7 @@ def arrow_table(study: Study, numbers: Index, designs: Real, results: DesignResu
     return pa.table(columns)
 
 
-def read_study(study: Study, table: pa.Table) -> DesignTable:
+def read_designs(study: Study, table: pa.Table) -> DesignTable:
     """A study's rows from its file."""
     designs = np.column_stack([table[v.title].to_numpy() for v in study.variations])
     values = []
@@ -225,7 +225,7 @@ def run_study(
         flush()
     import pyarrow as pa
 
-    return read_study(study, store.finish() if store is not None else pa.concat_tables(kept).sort_by("design"))
+    return read_designs(study, store.finish() if store is not None else pa.concat_tables(kept).sort_by("design"))
 
 
 def _computed(

@@ -8,9 +8,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from mechcore.arrays import Complex
-from mechcore.design.four_bars import FourBar, cross, from_pins
+from mechcore.design.four_bars import FourBar, from_pins
 from mechcore.design.paths import PathDesign, PathTask, path_designs, relative_difference
 from mechcore.errors import Fault, MechanismError
+from mechcore.kinematics.dyads import cross
 from mechcore.motion.metrics import grashof
 from mechcore.spec.mechanism import Revolute
 from mechviz.runs import Run

@@ -13,7 +13,7 @@ from mechanisms import case
 from mechcore.errors import MechanismError
 from mechcore.reduction.bodies import (
     SOLIDS,
-    Body,
+    RigidBody,
     acceleration_field,
     area_of,
     circle,
@@ -188,7 +188,7 @@ def test_solids_by_density_and_clear_words():
 @settings(max_examples=50)
 @given(st.lists(st.tuples(st.floats(0.1, 5), vector, st.floats(0, 2)), min_size=1, max_size=6))
 def test_putting_bodies_together_keeps_mass_moment_and_polar_moment(parts):
-    bodies = [Body(m, c, j) for m, c, j in parts]
+    bodies = [RigidBody(m, c, j) for m, c, j in parts]
     whole = combine(bodies)
     assert whole.mass == pytest.approx(sum(b.mass for b in bodies))
     for x, y in ((0.0, 0.0), (1.0, -2.0)):

@@ -27,7 +27,7 @@ from mechviz.accuracy.estimate import estimate_errors
 from mechviz.commands.main import app
 from mechviz.files import OutputError
 from mechviz.outputs.images.drawing import svg_of, turned
-from mechviz.outputs.images.pictures import Look, film, instant_of
+from mechviz.outputs.images.pictures import Look, film, picture_time
 from mechviz.outputs.page.pack import Pack, unpack
 from mechviz.outputs.page.page import make_page
 from mechviz.outputs.presentation import presentation_in, presentation_of
@@ -389,11 +389,11 @@ def test_a_result_shows_itself_in_a_notebook():
 
 def test_moments_by_time_frame_and_angle():
     recording, time = recorded().shown, recorded().time
-    assert instant_of(recording, frame=7).time == pytest.approx(time[7])
-    assert instant_of(recording, at=float(time[9])).time == pytest.approx(time[9])
-    assert instant_of(recording, angle=np.radians(90.0)).time == pytest.approx(time[90], abs=1e-6)
-    assert instant_of(recording, angle=np.radians(90.5)).time == pytest.approx(0.5 * (time[90] + time[91]), abs=1e-6)
-    assert instant_of(recording).time is None
+    assert picture_time(recording, frame=7).time == pytest.approx(time[7])
+    assert picture_time(recording, at=float(time[9])).time == pytest.approx(time[9])
+    assert picture_time(recording, angle=np.radians(90.0)).time == pytest.approx(time[90], abs=1e-6)
+    assert picture_time(recording, angle=np.radians(90.5)).time == pytest.approx(0.5 * (time[90] + time[91]), abs=1e-6)
+    assert picture_time(recording).time is None
     for wrong, words in (
         ({"frame": 361}, "0 to 360"),
         ({"frame": -1}, "0 to 360"),
@@ -401,9 +401,9 @@ def test_moments_by_time_frame_and_angle():
         ({"angle": -1.0}, "outside"),
     ):
         with pytest.raises(OutputError, match=words):
-            instant_of(recording, **wrong)
+            picture_time(recording, **wrong)
     with pytest.raises(OutputError, match="no drive of this mechanism turns"):
-        instant_of(made("excavator-arm", 24).shown, angle=1.0)
+        picture_time(made("excavator-arm", 24).shown, angle=1.0)
 
 
 # --- the commands -----------------------------------------------------------------------------------------------------

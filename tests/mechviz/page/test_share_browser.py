@@ -14,7 +14,7 @@ from browsers import ONE_SAMPLE, REQUESTING, STILL, browser, chromium_or_skip, e
 from pixels import same
 
 from mechviz.facade import Result
-from mechviz.outputs.images.pictures import Instant, Look, film, shot
+from mechviz.outputs.images.pictures import Look, PictureTime, film, shot
 from mechviz.outputs.page.page import make_page
 from mechviz.outputs.presentation import presentation_of
 from recordings import Made, made, ran
@@ -515,7 +515,7 @@ def test_a_picture_is_what_was_asked_for(tmp_path):
 
     chromium_or_skip()
     time = float(recorded().time[60])
-    path = shot(recorded().shown, tmp_path / "a.png", Look(400, 300, "front", shown=("reaction",)), Instant(time))
+    path = shot(recorded().shown, tmp_path / "a.png", Look(400, 300, "front", shown=("reaction",)), PictureTime(time))
     with Image.open(path) as image:
         assert image.size == (400, 300)
         colors = np.asarray(image.convert("RGB")).astype(int)

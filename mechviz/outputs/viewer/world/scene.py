@@ -11,7 +11,7 @@ import numpy as np
 import viser
 
 from mechcore.arrays import Real
-from mechviz.outputs.viewer.playback import PointTrack, PoseTrack
+from mechviz.outputs.viewer.playback import PointTrack, SentPoses
 from mechviz.outputs.viewer.view_model import ViewModel
 from mechviz.outputs.viewer.viser_adapter import Posed, send_poses
 from mechviz.outputs.viewer.world.arrows import ArrowNodes
@@ -121,13 +121,13 @@ class Scene3D:
         self._bodies.show(frame)
         self.polygons.show(frame)
 
-    def tracks(self) -> tuple[tuple[PoseTrack, ...], tuple[PointTrack, ...]] | None:
+    def tracks(self) -> tuple[tuple[SentPoses, ...], tuple[PointTrack, ...]] | None:
         """How everything moves over the run; None where something changes in another way than by poses and points."""
         if self.polygons.moves:
             return None
         poses = {name: track for nodes in self._posed for name, track in nodes.tracks().items()}
         frames = self.current.frames
-        moving = tuple(PoseTrack(name, *track) for name, track in poses.items() if len(track[0]) == frames)
+        moving = tuple(SentPoses(name, *track) for name, track in poses.items() if len(track[0]) == frames)
         return moving, (*self.arrows.tracks(), *self._lines.tracks(frames), *self._bodies.stretches())
 
     def switch_family(self, family: str, on: bool) -> None:

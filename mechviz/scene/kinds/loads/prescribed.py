@@ -63,7 +63,7 @@ class PrescribedKeys(DocumentTable):
 def _force(m: LoadMaker) -> Load | None:
     load = m.load
     assert load.force is not None
-    factor = factor_of(m)
+    factor = stated_factor(m)
     vector = m.convert.vector(load.force, "force", f"{m.path}.force")
     point = load.at
     if load.on is None:  # noted where the load was read
@@ -75,7 +75,7 @@ def _force(m: LoadMaker) -> Load | None:
 
 
 def _torque(m: LoadMaker) -> Load | None:
-    factor, moment = factor_of(m), m.si("torque", "torque")
+    factor, moment = stated_factor(m), m.si("torque", "torque")
     if m.load.on is None:  # noted where the load was read
         return None
     return Torque(**m.common, link=m.load.on, moment=moment, factor=factor, against=m.load.against)
@@ -85,7 +85,7 @@ def _actuator(m: LoadMaker) -> Load | None:
     on = m.load.actuator
     assert on is not None
     place: dict[str, Any] | None = {"joint": on} if isinstance(on, str) else m.ends(on)
-    factor, force = factor_of(m), m.si("thrust", "force")
+    factor, force = stated_factor(m), m.si("thrust", "force")
     return None if place is None else Actuator(**m.common, **place, force=force, factor=factor)
 
 
@@ -101,7 +101,7 @@ _ARGUMENT_KINDS = {
 _RATES = {"angle": "angular speed", "length": "linear speed"}
 
 
-def factor_of(m: LoadMaker) -> Factor | None:
+def stated_factor(m: LoadMaker) -> Factor | None:
     """The factor of a load, None where there is none or a fault was noted."""
     for key in SIGNALS:
         if (signal := getattr(m.load, key)) is not None:
