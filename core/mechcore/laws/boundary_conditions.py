@@ -18,6 +18,8 @@ from mechcore.texts import Text, as_angle
 if TYPE_CHECKING:
     from scipy.interpolate import PPoly
 
+REFINEMENTS = 4  # times that coefficients are corrected by what their conditions, summed with more digits, lack
+
 
 @dataclass(frozen=True)
 class BoundaryCondition:
@@ -65,19 +67,21 @@ def polynomial_law(conditions: Sequence[BoundaryCondition], powers: Sequence[int
     length = x[-1] - x[0]
     if length <= 0.0:
         raise MechanismError(Fault("law.conditions", "all conditions are at one angle.", "Give one at another angle."))
-    u = (x - x[0]) / length
+    u = (x - x[0]) / np.longdouble(length)
     matrix = np.array(
         [[factorial(p) // factorial(p - d) * ui ** (p - d) if p >= d else 0.0 for p in exponents.tolist()]
-         for ui, d in zip(u.tolist(), k.tolist(), strict=True)]
+         for ui, d in zip(u, k.tolist(), strict=True)], np.longdouble
     )  # fmt: skip
     scale = np.abs(matrix).max(axis=1)
-    if np.any(scale == 0.0) or np.linalg.matrix_rank(matrix / scale[:, None], 1e-13) < len(x):
+    a = matrix / np.where(scale == 0.0, 1.0, scale)[:, None]
+    rounded = a.astype(float)
+    if np.any(scale == 0.0) or np.linalg.matrix_rank(rounded, 1e-13) < len(x):
         raise MechanismError(
             Fault("law.conditions", "they do not fix one polynomial.", "Add or move a condition, or state powers = [...].")
         )
-    a, b = matrix / scale[:, None], y * length**k / scale
-    c = np.linalg.solve(a, b)
-    c += np.linalg.solve(a, b - a @ c)  # one step of refinement: high degrees lose digits otherwise
+    b, c = y * np.longdouble(length) ** k / scale, np.zeros(len(x), np.longdouble)
+    for _ in range(REFINEMENTS):
+        c += np.linalg.solve(rounded, (b - a @ c).astype(float))
     poly = np.zeros(exponents.max() + 1)
     poly[exponents] = c
     return MotionCurve((Piece(1.0, poly, np.zeros((0, 3))),)).scaled(float(x[0]), float(length), float(poly[0]), 1.0)

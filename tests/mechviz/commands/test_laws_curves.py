@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+from fractions import Fraction
+from math import perm
 
 import numpy as np
 import pytest
@@ -202,6 +204,23 @@ def test_polynomials_and_splines_meet_any_conditions_at_any_angles(data):
                 assert law(c.angle, c.order, "left" if c.angle == law.end else "right")[c.order] == pytest.approx(
                     c.value, abs=1e-8 * size
                 )
+
+
+def test_coefficients_of_a_high_degree_are_rounded_once():
+    """Fourteen conditions, coefficients up to 4e4: those of elimination in fractions, whatever BLAS solves."""
+    orders = {-1.0: (0, 0, 0), -0.5: (0, 1, 0), 0.0: (0, 0, 1), 0.5: (0, 0), 1.0: (0, 0, 0)}
+    law = polynomial_law([BoundaryCondition(a, v, k) for a, values in orders.items() for k, v in enumerate(values)])
+    rows = [
+        [perm(p, k) * Fraction(a + 1.0) ** (p - k) if p >= k else Fraction(0) for p in range(14)] + [Fraction(v)]
+        for a, values in orders.items()
+        for k, v in enumerate(values)
+    ]
+    for p in range(14):
+        pivot = next(k for k in range(p, 14) if rows[k][p])
+        rows[p], rows[pivot] = rows[pivot], rows[p]
+        rows[p] = [x / rows[p][p] for x in rows[p]]
+        rows = [row if k == p else [x - row[p] * y for x, y in zip(row, rows[p], strict=True)] for k, row in enumerate(rows)]
+    np.testing.assert_allclose(law.pieces[0].poly, [float(row[-1]) for row in rows], rtol=1e-12, atol=1e-12)
 
 
 def test_conditions_that_fix_nothing_are_refused():
