@@ -94,6 +94,8 @@ class Derivatives:
                 for k, number in enumerate(motion.drives[d]):
                     if ("drive", d, k) not in self.leaves:
                         self.leaves["drive", d, k] = self._leaf(number, [None] * len(self.parameters))
+        for name, number in motion.states.items():
+            self.leaves["state", name] = self._leaf(number, [None] * len(self.parameters))
         self._refused(self._motion)
 
     # -- results ------------------------------------------------------------------------------------------------------
@@ -388,6 +390,8 @@ class _TracedMotion(Motion):
         angles = _TracedAngles(derivatives)
         super().__init__(model, time, derivatives._drives, state, angles, accuracy=nominal.accuracy)
         self._frames = nominal.frames
+        own: dict[str, Any] = {name: derivatives.leaves["state", name] for name in nominal.states}
+        self.states = own
 
     @property
     def frames(self) -> int:

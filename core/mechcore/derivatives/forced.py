@@ -15,8 +15,16 @@ from mechcore.arrays import Index, Real
 from mechcore.derivatives.exact import Derivatives
 from mechcore.derivatives.jumps import Jumps
 from mechcore.derivatives.model_numbers import Parameter, refusal, slopes
-from mechcore.derivatives.phases import SWEEP_INSTEAD, Changes, PhaseDerivatives, SmoothPhase, changes_in, parameters_in_chart
-from mechcore.dynamics.equations.reduced import integrating
+from mechcore.derivatives.phases import (
+    SWEEP_INSTEAD,
+    Changes,
+    PhaseDerivatives,
+    SmoothPhase,
+    changes_in,
+    parameters_in_chart,
+    with_state_rows,
+)
+from mechcore.dynamics.equations.reduced import free_of, integrating
 from mechcore.dynamics.integration.windows import Solution
 from mechcore.dynamics.segments import Breakpoints, MotionSegment
 from mechcore.dynamics.simulation import Simulation
@@ -63,15 +71,18 @@ def derivatives_under_forces(
     the times, with the numbers of those. Raises `MechanismError` where there are none, with the reason."""
     compiled = simulation.compiled
     parameters = [replace(p, mechanism=cache(p.mechanism)) for p in parameters]  # every phase asks for the same ones
-    if integrating(compiled):
-        raise refusal("a load keeps a state of its own over the time.", SWEEP_INSTEAD)
+    kept = {e.name for e in integrating(compiled)}
     stated = _stated(compiled, simulation.duration)
     for p in parameters:
-        beside = _stated(compile_mechanism(p.mechanism(p.value + 0.5 * p.width), compiled.accuracy), simulation.duration)
+        other = compile_mechanism(p.mechanism(p.value + 0.5 * p.width), compiled.accuracy)
+        if {e.name for e in integrating(other)} != kept:
+            raise refusal(f"a servo has an integral part only beside the stated value of {p.name}.", SWEEP_INSTEAD)
+        beside = _stated(other, simulation.duration)
         if len(beside) != len(stated) or not np.allclose(beside, stated, rtol=1e-12, atol=0.0):
             raise refusal(f"instants at which forces change depend on {p.name}.", "Vary something else, or sweep it.")
-    largest = max((float(np.abs(w.a[0]).max(initial=0.0)) for s in simulation.segments for w in _windows(s)), default=0.0)
-    speeds = simulation(np.linspace(simulation.start, simulation.duration, START_SAMPLES))[1]
+    every = [w.a[0, : len(s.independent)] for s in simulation.segments for w in _windows(s)]  # states of effects come after those
+    largest = max((float(np.abs(a).max(initial=0.0)) for a in every), default=0.0)
+    speeds = simulation(np.linspace(simulation.start, simulation.duration, START_SAMPLES))[1][:, : len(free_of(compiled))]
     largest = max(largest, EVEN * float(np.abs(speeds).max(initial=0.0)) / simulation.duration)
     jumps = Jumps(simulation, parameters, stated, largest)
     phases = [p for s in simulation.segments for p in _phases(s, simulation, tuple(parameters), jumps)]
@@ -79,6 +90,7 @@ def derivatives_under_forces(
     parts: list[tuple[Index, Derivatives]] = []
     before: list[tuple[Changes, Real]] = []
     states = jumps.begin(phases[0], start_derivatives(compiled, parameters))
+    states = with_state_rows(states, np.zeros((len(kept), len(parameters))))
     needed = int(places.max(initial=0))
     for k, phase in enumerate(phases[: needed + 1]):
         changes = changes_in(phase, states)
@@ -102,10 +114,10 @@ def _phases(segment: MotionSegment, simulation: Simulation, parameters: tuple[Pa
     least = 1e-14 * simulation.duration
     edges = np.append(edges[:-1][np.diff(edges) > least], edges[-1])
     cuts = [0]
-    windows = _windows(segment)
+    windows, free = _windows(segment), len(segment.independent)
     for before, after in pairwise(windows):
         last, first = before.a.sum(axis=0), (after.a * (-1.0) ** np.arange(len(after.a))[:, None]).sum(axis=0)
-        if after.start < segment.end and jumps.jumps(last, first) and not jumps.is_stated(after.start):
+        if after.start < segment.end and jumps.jumps(last[:free], first[:free]) and not jumps.is_stated(after.start):
             cuts.append(int(np.argmin(np.abs(edges - after.start))))
     own = parameters_in_chart(segment.compiled, simulation.compiled, parameters)
     return [SmoothPhase(segment, edges[a : b + 1], own) for a, b in pairwise([*dict.fromkeys(cuts), len(edges) - 1]) if b > a]

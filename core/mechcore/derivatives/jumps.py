@@ -18,7 +18,7 @@ from numpy.polynomial import chebyshev
 from mechcore.arrays import Real
 from mechcore.derivatives.exact import Derivatives
 from mechcore.derivatives.model_numbers import ModelNumbers, Parameter, refusal, slopes
-from mechcore.derivatives.phases import SWEEP_INSTEAD, PhaseDerivatives, SmoothPhase, parameters_in_chart
+from mechcore.derivatives.phases import SWEEP_INSTEAD, PhaseDerivatives, SmoothPhase, parameters_in_chart, with_state_rows
 from mechcore.dynamics.contact.dry_friction import DrySystem
 from mechcore.dynamics.contact.separation import FollowerSeparation
 from mechcore.dynamics.equations.reduced import forms_of, free_of, motion_at, reduce
@@ -161,12 +161,17 @@ class _Crossing:
     def __init__(self, jumps: Jumps, before: SmoothPhase, after: SmoothPhase, states: Real):
         self.jumps, self.before, self.after, self.states = jumps, before, after, states
         self.t = before.end
-        self.q, self.v, self.a = before.edge(last=True)
+        f, every = len(before.free), before.edge(last=True)
+        self.q, self.v, self.a = (x[:f] for x in every)
+        self.integrated, self.rates_of_states = (x[f:] for x in every[1:])  # states of effects that integrate
         self.flow = np.concatenate([self.v, self.a])
         self.count = states.shape[1]
-        f = len(self.q)
+        self.whole_states, self.states_of_effects = states, states[len(every[0]) + f :]
+        self.states = np.concatenate([states[:f], states[len(every[0]) :][:f]])
         units = np.concatenate([np.zeros((1, f)), np.eye(f)])
-        self.new = after.edge(last=False)
+        entered = after.edge(last=False)
+        self.new = tuple(x[: len(after.free)] for x in entered)
+        self.new_rates_of_states = entered[2][len(after.free) :]
         self.struck = jumps.struck(self.t)
         full = len(after.free) == f and after.free == before.free
         self.rebound = self.new[1] if full else self.v  # of what is struck for good the rates after it are solved for
@@ -174,12 +179,18 @@ class _Crossing:
         accelerations = np.zeros_like(rows)
         accelerations[0] = self.a
         self.rows = rows
-        self.at = Instant(before.compiled, before.parameters, self.t, self.q, rows, accelerations)
+        self.at = self._instant(rows, accelerations)
+
+    def _instant(self, rows: Real, accelerations: Real) -> Instant:
+        """The mechanism before the instant, with rates and accelerations (n, f)."""
+        states = np.tile(self.integrated, (len(rows), 1))
+        return Instant(
+            self.before.compiled, self.before.parameters, self.t, self.q, np.concatenate([rows, states], axis=1), accelerations
+        )
 
     def result(self) -> tuple[Real, Real]:
         v, a = self._mapped()
         states, flow = self._asked([x for j in self.after.free for x in self.at.coordinate(j)])
-        f = len(self.after.free)
         lost = np.zeros((self.count, 2))
         if self.struck:
             moved, speeds, lost = self._impact()
@@ -197,7 +208,9 @@ class _Crossing:
                 )
             moved = self._moved(a)
             positions, rates = states[0::2] + flow[0::2, None] * moved, states[1::2] + flow[1::2, None] * moved
-        after = np.concatenate([positions - self.new[1][:f, None] * moved, rates - self.new[2][:f, None] * moved])
+        after = np.concatenate([positions - self.new[1][:, None] * moved, rates - self.new[2][:, None] * moved])
+        kept = self.states_of_effects + np.subtract(self.rates_of_states, self.new_rates_of_states)[:, None] * moved
+        after = with_state_rows(after, kept)
         return after, lost + moved[:, None] * self._powers()
 
     # -- the state on both sides ----------------------------------------------------------------------------------------
@@ -216,7 +229,8 @@ class _Crossing:
 
     def _settles(self, v: Real) -> bool:
         """Whether what stops moving had next to no speed left: friction holds it."""
-        scale = max(float(np.abs(w.v).max(initial=0.0)) for w in getattr(self.before.segment.solution, "windows", ()))
+        windows = getattr(self.before.segment.solution, "windows", ())
+        scale = max(float(np.abs(w.v[: len(self.v)]).max(initial=0.0)) for w in windows)
         return float(np.abs(v - self.new[1]).max()) <= SAME_SPEED * scale
 
     # -- when -----------------------------------------------------------------------------------------------------------
@@ -269,7 +283,7 @@ class _Crossing:
         fit = np.linalg.solve(chebyshev.chebvander(x, END_NODES - 1), excess[:-1, i])
         pace = float(chebyshev.chebval(1.0, chebyshev.chebder(fit))) * 2.0 / width
         exact = PhaseDerivatives(self.before, np.array([self.t]))
-        exact.set_states(self.states[None])
+        exact.set_states(self.whole_states[None])
         if exact.undetermined:
             raise refusal(f"at t = {self.t:.6g} s one of several joints that stick comes loose.", SWEEP_INSTEAD)
         (slope,) = exact.of(abs(exact.rubbing[i]) - exact.limit(i))
@@ -337,7 +351,7 @@ class _Crossing:
             raise refusal(f"the impact at t = {self.t:.6g} s goes together with other changes.", SWEEP_INSTEAD)
         self.rows[2], accelerations = rates, np.zeros_like(self.rows)
         accelerations[1] = jump[:f]
-        self.at = Instant(self.before.compiled, self.before.parameters, self.t, self.q, self.rows, accelerations)
+        self.at = self._instant(self.rows, accelerations)
         contacts = [self._contact(name), *(self._stop(s) for s in resting)]
         moved = -contacts[0].gap[: self.count] / contacts[0].gap[self.count]
         efforts = [self.at.forces.effort(joint) for joint in self.before.free]
@@ -414,7 +428,7 @@ class _Crossing:
             return np.zeros(self.count)
         f = len(self.q)
         rows = np.array([self.v, rates])
-        at = Instant(self.before.compiled, self.before.parameters, self.t, self.q, rows, np.zeros((2, f)))
+        at = self._instant(rows, np.zeros((2, f)))
         energy = [kinetic_energy(at.motion)]
         (one,) = at.along(energy, self.states, self.flow, (0,))
         (other,) = at.along(energy, np.concatenate([self.states[:f], changes]), np.append(self.flow[:f], np.zeros(f)), (1,))

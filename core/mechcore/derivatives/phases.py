@@ -22,12 +22,12 @@ from mechcore.derivatives.model_numbers import Parameter, refusal
 from mechcore.dynamics.contact.dry_friction import Dry, DrySystem
 from mechcore.dynamics.equations.charts import Chart, named
 from mechcore.dynamics.equations.curve import CurveEquations
-from mechcore.dynamics.equations.reduced import coordinate_scales, free_of, motion_at
+from mechcore.dynamics.equations.reduced import coordinate_scales, free_of, integrating, motion_at
 from mechcore.dynamics.integration.collocation import gauss, integrals
 from mechcore.dynamics.integration.windows import Solution
 from mechcore.dynamics.segments import STOP_CAUSE, MotionSegment, stop_load
 from mechcore.effects.base import joint_wrench, sum_up
-from mechcore.effects.registry import totals
+from mechcore.effects.registry import applied_effects, totals
 from mechcore.forces.equilibrium import joint_forces
 from mechcore.forces.friction.elements import Element, elements_of, relative_rate
 from mechcore.forces.kinetostatics import LOSSES, Forces
@@ -72,8 +72,13 @@ class SmoothPhase:
         """Joints of its free coordinates."""
         return self.segment.independent
 
+    @property
+    def scales(self) -> Real:
+        """Scales (f + s,) of the free coordinates; of states of effects that integrate, which nobody knows, 1."""
+        return np.append(coordinate_scales(self.compiled), np.ones(len(integrating(self.compiled))))
+
     def state(self, t: Real) -> tuple[Real, Real, Real]:
-        """Positions, speeds, accelerations (n, f) of the free coordinates at times (n,)."""
+        """Positions, speeds, accelerations (n, f + s) of the free coordinates at times (n,), states as in `with_states`."""
         q, v, _ = self.segment.solution(t)
         system = self.segment.system
         return q, v, (Chart(self.compiled) if isinstance(system, CurveEquations) else system)(q, v, t)
@@ -97,6 +102,13 @@ class SmoothPhase:
             own = next(w for w in reversed(solution.windows) if w.start <= self.start)
             q, v = (own.q[None], own.v[None]) if own.start == self.start else (q, v)
         return q[0], v[0], self.at_edge(self.state(self.nodes(last=last))[2], last=last)
+
+
+def with_state_rows(states: Real, rows: Real) -> Real:
+    """Changes (2 (f + s), P) from those (2 f, P) of the free coordinates and those (s, P) of the states of effects that integrate,
+    which are among the speeds: on what would be their positions nothing depends."""
+    f = len(states) // 2
+    return np.concatenate([states[:f], np.zeros_like(rows), states[f:], rows])
 
 
 def parameters_in_chart(compiled: Compiled, original: Compiled, parameters: Sequence[Parameter]) -> tuple[Parameter, ...]:
@@ -126,13 +138,17 @@ def parameters_in_chart(compiled: Compiled, original: Compiled, parameters: Sequ
 
 
 class PhaseDerivatives(Derivatives):
-    """Derivatives within a phase at times (n,), whose free coordinates move with the parameters as given to `set_states`."""
+    """Derivatives within a phase at times (n,), whose free coordinates move with the parameters as given to `set_states`; after
+    them come the states of effects that integrate."""
 
     def __init__(self, phase: SmoothPhase, times: Real):
         self.phase = phase
         q, v, a = phase.state(times)
         super().__init__(motion_at(phase.compiled, q, v, times, a), phase.parameters, under_forces=True)
         system, nothing = phase.segment.system, [None] * len(self.parameters)
+        f = len(phase.free)
+        self._integrals = [self._leaf(x, nothing) for x in q[:, f:].T]  # of states over time: what would be their positions
+        self._state_rates = [self._leaf(x, nothing) for x in a[:, f:].T]
         self._dry: Dry | None = system.solve(q, v, times) if isinstance(system, DrySystem) else None
         self.efforts: list[Any] = []
         if phase.segment.resting:
@@ -182,6 +198,8 @@ class PhaseDerivatives(Derivatives):
         """Residuals (n,) that vanish in the phase, one for each unknown: accelerations, efforts of stops, friction."""
         motion, forces = self.motion, self.forces
         left: list[Any] = [forces.effort(joint) for joint in self.phase.free]
+        states = [e for e in motion.model.once(applied_effects) if e.integrates]
+        left += [rate - e.state_rate(motion) for e, rate in zip(states, self._state_rates, strict=True)]
         left += [motion.coordinate(stop.joint)[:, 2] for stop in self.phase.segment.resting]
         for i, load in enumerate(self.rubbing):
             e = self._elements[i]
@@ -205,12 +223,14 @@ class PhaseDerivatives(Derivatives):
     @property
     def states(self) -> list[Any]:
         """Positions, then speeds of the free coordinates on the tape."""
-        return [self.leaves["drive", d, k] for k in (0, 1) for d in free_of(self.nominal)]
+        positions, speeds = ([self.leaves["drive", d, k] for d in free_of(self.nominal)] for k in (0, 1))
+        return [*positions, *self._integrals, *speeds, *(self.leaves["state", name] for name in self.nominal.states)]
 
     @property
     def unknowns(self) -> list[Any]:
-        """Accelerations of the free coordinates, efforts of stops and friction on the tape."""
-        return [*(self.leaves["drive", d, 2] for d in free_of(self.nominal)), *self.efforts, *self.rubbing]
+        """Accelerations of the free coordinates, rates of states, efforts of stops and friction on the tape."""
+        accelerations = [self.leaves["drive", d, 2] for d in free_of(self.nominal)]
+        return [*accelerations, *self._state_rates, *self.efforts, *self.rubbing]
 
     undetermined = False  # whether statics leaves open how joints that stick share what holds them: forces then have no derivatives
 
@@ -258,8 +278,9 @@ class PhaseDerivatives(Derivatives):
         for k, x in enumerate(self.states):
             self.state_slopes(x, list(states[:, k].T))
         changes = np.einsum("nab,nbp->nap", by_state, states) + by_parameter
+        determined = len(self.phase.free) + len(self._state_rates)
         for k, x in enumerate(self.unknowns):
-            share = np.nan if self.undetermined and k >= len(self.phase.free) else 1.0
+            share = np.nan if self.undetermined and k >= determined else 1.0
             self.state_slopes(x, list(share * changes[:, k].T))
 
 
@@ -328,7 +349,7 @@ class Changes:
             once, twice = np.tensordot(first, own, 1), np.tensordot(second, own, 1)
             self.states[w + 1] = np.concatenate([known[:f] + width * known[f:] + width**2 * twice, known[f:] + width * once])
         _, v, _ = phase.segment.solution(nodes)
-        scales = coordinate_scales(phase.compiled)
+        scales = phase.scales
         pace = np.concatenate([scales, np.maximum(np.abs(v).max(axis=0), scales / phase.end)])
         nothing = NO_CHANGE * pace[:, None] / np.array([p.width for p in phase.parameters])
         size = np.maximum(np.abs(self.states).max(axis=0), np.maximum(nothing, 1e-300))
