@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import field
+from enum import StrEnum
 from functools import cached_property
-from typing import TypeVar
+from typing import ClassVar, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,6 +52,17 @@ class PoseTrack:
     scales: Single | None = None
 
 
+class NodeKind(StrEnum):
+    """Kinds of nodes, as recordings name them, whatever the classes are called."""
+
+    BODY = "body"
+    LINES = "lines"
+    POINTS = "points"
+    ARROWS = "arrowset"
+    ARROW = "arrow"
+    ARC = "arc"
+
+
 @dataclass(frozen=True, eq=False)
 class Node:
     """Something that is drawn. ``key`` is unique in its picture; ``owner``: a kind (link, joint, load, point) and a name;
@@ -62,10 +74,14 @@ class Node:
     entity: tuple[str, ...]
     height: float
 
+    KIND: ClassVar[NodeKind]
+
 
 @dataclass(frozen=True, eq=False)
 class Body(Node):
     """A solid in the axes of the link ``parent``, or in the world where that is empty; at rest there without ``poses``."""
+
+    KIND = NodeKind.BODY
 
     parent: str
     mesh: Mesh
@@ -87,6 +103,8 @@ class Lines(Node):
     ``colors`` and ``radii`` [m]: one of each strip, or one of all; ``shown`` (F,): at which frames.
     """
 
+    KIND = NodeKind.LINES
+
     strips: tuple[Single, ...]
     colors: tuple[Color, ...]
     radii: tuple[float, ...]
@@ -104,6 +122,8 @@ class Points(Node):
     """Points (F, n, 3) [m] in the world at every frame, or (1, n, 3) at rest in the axes of the link ``parent``; at frames where
     they are not there all are NaN. ``colors``: one of each point, or one of all."""
 
+    KIND = NodeKind.POINTS
+
     parent: str
     places: Single
     colors: tuple[Color, ...]
@@ -115,6 +135,8 @@ class Points(Node):
 class ArrowSet(Node):
     """Arrows of a construction from ``origins`` along ``vectors`` (F, n, 3) [m]; ``colors``: one of each, or one of all."""
 
+    KIND = NodeKind.ARROWS
+
     origins: Single
     vectors: Single
     colors: tuple[Color, ...]
@@ -125,6 +147,8 @@ class ArrowSet(Node):
 @dataclass(frozen=True, eq=False)
 class Arrow(Node):
     """A vector over the frames, drawn ``aside`` [m] of its line, to its left, where another one lies on that."""
+
+    KIND = NodeKind.ARROW
 
     vector: Vector
     aside: float = 0.0
@@ -148,6 +172,8 @@ class Arrow(Node):
 @dataclass(frozen=True, eq=False)
 class MomentArc(Node):
     """A moment over the frames, drawn as an arc of a ``radius`` [m]: moments at one place have circles of their own."""
+
+    KIND = NodeKind.ARC
 
     moment: Moment
     radius: float

@@ -84,7 +84,7 @@ def listed(picture: Picture) -> str:
 def _entry(node: Node) -> dict[str, Any]:
     entry: dict[str, Any] = {
         "key": node.key,
-        "kind": type(node).__name__.lower(),
+        "kind": node.KIND.value,
         "entity": entity(*node.entity),
         "owner": list(node.owner),
         "group": node.group,

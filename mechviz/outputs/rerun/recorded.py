@@ -19,7 +19,7 @@ from mechviz.outputs.rerun.reader import Recording
 from mechviz.picture.arrows import with_scales
 from mechviz.picture.centres import CENTRE_GROUPS
 from mechviz.picture.constructions import Drawing, DrawnArrow, NamedPoint
-from mechviz.picture.nodes import ArrowSet, Body, Color, Lines, Mesh, Node, Picture, Points, PoseTrack
+from mechviz.picture.nodes import ArrowSet, Body, Color, Lines, Mesh, Node, NodeKind, Picture, Points, PoseTrack
 from mechviz.picture.overlays import INVERSION_GROUP
 from mechviz.picture.surface_marks import MARK_KINDS
 from mechviz.quantities.items import ItemTable, JointInfo
@@ -172,14 +172,14 @@ class _Reader:
             "height": entry.height,
         }
         match entry.kind:
-            case "body":
+            case NodeKind.BODY:
                 mesh = self._mesh(path)
                 return None if mesh is None else Body(**common, parent=entry.parent, mesh=mesh, poses=self._poses(path))
-            case "lines":
+            case NodeKind.LINES:
                 return self._lines(path, {**common, "parent": entry.parent})
-            case "points":
+            case NodeKind.POINTS:
                 return self._points(path, common, entry.parent)
-            case "arrowset":
+            case NodeKind.ARROWS:
                 return self._arrows(path, common)
         return None
 
