@@ -59,7 +59,7 @@ def run_phases(
     """Phases from a ``start`` (time [s], position, speed (f,)) on, until something happens that the program does not decide.
 
     ``friction``: scales and signs (e,) of the elements, which free coordinates move; ``stops`` (k, 5) as `EndStops.known` has them;
-    ``soon`` [s] as in `friction_state.Phases`.
+    ``soon`` [s] as in `friction_state.FrictionPhases`.
     """
     t, q, v = start
     rule, f = by.rule(), len(q)

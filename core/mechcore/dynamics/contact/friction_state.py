@@ -73,17 +73,17 @@ class FrictionState:
         return phases.system()
 
     def slip_ends(self) -> tuple[list[tuple[EventFunction, bool]], list[EventFunction]]:
-        """Event functions that end the slip of elements, and that of prescribed ones: as `Phases.slip_ends` and
-        `Phases.independent_event_functions` say it."""
+        """Event functions that end the slip of elements, and that of prescribed ones: as `FrictionPhases.slip_ends` and
+        `FrictionPhases.independent_event_functions` say it."""
         return ([], []) if self._phases is None else (self._phases.slip_ends(), self._phases.independent_event_functions())
 
     def stick_ends(self, q: Real, v: Real, t: float) -> list[tuple[EventFunction, float, tuple[int, float]]]:
-        """Event functions that end the sticking of elements, as in `Phases.stick_ends`."""
+        """Event functions that end the sticking of elements, as in `FrictionPhases.stick_ends`."""
         return [] if self._phases is None else self._phases.stick_ends(q, v, t)
 
     def settle(self, t: float, q: Real, v: Real, rests: tuple[str, ...], loose: tuple[int, float] | None = None) -> Real:
-        """Decide what slides and what sticks from now on, joints ``rests`` resting on stops, ``loose`` as in `Phases.decide`;
-        speeds (f,) after it: nothing is left of what sticks."""
+        """Decide what slides and what sticks from now on, joints ``rests`` resting on stops, ``loose`` as in
+        `FrictionPhases.decide`; speeds (f,) after it: nothing is left of what sticks."""
         if self._phases is None:
             return v
         before = self._phases.signs
