@@ -10,10 +10,10 @@ from mechcore.records import dataclass
 PointPlace = tuple[str, str]  # link, point
 
 POLYGONS: Mapping[str, str] = {
-    "velocity": "velocity polygon: images of the points, joined by omega x r and sliding velocities",
-    "acceleration": "acceleration polygon with centripetal, tangential, Coriolis and sliding parts",
-    "force": "force polygons of every group, in the order of the hand method",
-    "graph": "contour graph: links as vertices, joints as edges, loops numbered",
+    "velocity": "images of the points, joined by omega x r and sliding velocities",
+    "acceleration": "centripetal, tangential, Coriolis and sliding parts",
+    "force": "of every group, in the order of the hand method",
+    "graph": "links as vertices, joints as edges, loops numbered",
 }
 """Graphical constructions that a scene can ask for; see `mechcore.constructions`."""
 
