@@ -31,6 +31,7 @@ from mechcore.derivatives.model_numbers import (
     slopes,
     turning_vectors,
 )
+from mechcore.derivatives.time_pieces import TracedTarget
 from mechcore.effects.registry import totals
 from mechcore.forces.equilibrium import joint_forces
 from mechcore.forces.kinetostatics import Forces
@@ -72,7 +73,7 @@ class Derivatives:
     ):
         _check(motion, under_forces)
         self.nominal = motion
-        self.parameters = tuple(with_nominal_knots(p, motion.mechanism) for p in parameters)
+        self.parameters = tuple(with_nominal_knots(p, motion.mechanism, same_times=under_forces) for p in parameters)
         self.times = times or (lambda _: motion.time)
         self.tape = new_tape()
         self.leaves: dict[NumberPlace, Traced] = {}
@@ -236,7 +237,11 @@ class Derivatives:
         loops = vector_loops(model.ends, joints, model.tree)
         sums = [loop_sum(c, model.angles, turn) for c in loops]
         kept = [tuple(arm for arm in total.arms if (c, arm[0]) in self._arms) for c, total in enumerate(sums)]
-        mechanism = with_numbers(model.mechanism, {p[1:]: x for p, x in self.leaves.items() if p[0] == "mechanism"})
+        numbers: ModelNumbers = {p[1:]: x for p, x in self.leaves.items() if p[0] == "mechanism"}
+        for i in {p[1] for p in self.leaves if p[0] == "target"}:
+            law, time = model.mechanism.loads[i].target, self.nominal.time
+            numbers["loads", i, "target"] = TracedTarget(law, time, *(get(("target", i, k), law(time)[k]) for k in range(2)))
+        mechanism = with_numbers(model.mechanism, numbers)
         masses = {}
         for k, (mass, centre, inertia) in zip(model.links, model.masses, strict=True):
             masses[k] = get(("mass", k), mass), get(("centre", k), centre), get(("inertia", k), inertia)

@@ -28,6 +28,7 @@ from mechcore.dynamics.equations.reduced import free_of, integrating
 from mechcore.dynamics.integration.windows import Solution
 from mechcore.dynamics.segments import Breakpoints, MotionSegment
 from mechcore.dynamics.simulation import Simulation
+from mechcore.errors import MechanismError
 from mechcore.laws.timed import Free
 from mechcore.motion.compiled import Compiled
 from mechcore.motion.solve import compile_mechanism
@@ -72,19 +73,19 @@ def derivatives_under_forces(
     compiled = simulation.compiled
     parameters = [replace(p, mechanism=cache(p.mechanism)) for p in parameters]  # every phase asks for the same ones
     kept = {e.name for e in integrating(compiled)}
-    stated = _stated(compiled, simulation.duration)
+    stated, moving = _stated(compiled, simulation.duration), []
+    last = float(stated[-1]) if len(stated) else 0.0
+    horizon = 0.5 * (last + Breakpoints(compiled).stated(max(last, 0.999999 * simulation.duration)))
     for p in parameters:
         other = compile_mechanism(p.mechanism(p.value + 0.5 * p.width), compiled.accuracy)
         if {e.name for e in integrating(other)} != kept:
             raise refusal(f"a servo has an integral part only beside the stated value of {p.name}.", SWEEP_INSTEAD)
-        beside = _stated(other, simulation.duration)
-        if len(beside) != len(stated) or not np.allclose(beside, stated, rtol=1e-12, atol=0.0):
-            raise refusal(f"instants at which forces change depend on {p.name}.", "Vary something else, or sweep it.")
+        moving.append(_moving(p, compiled, stated, horizon, _stated(other, horizon)))
     every = [w.a[0, : len(s.independent)] for s in simulation.segments for w in _windows(s)]  # states of effects come after those
     largest = max((float(np.abs(a).max(initial=0.0)) for a in every), default=0.0)
     speeds = simulation(np.linspace(simulation.start, simulation.duration, START_SAMPLES))[1][:, : len(free_of(compiled))]
     largest = max(largest, EVEN * float(np.abs(speeds).max(initial=0.0)) / simulation.duration)
-    jumps = Jumps(simulation, parameters, stated, largest)
+    jumps = Jumps(simulation, parameters, (stated, np.array(moving).reshape(len(parameters), len(stated)).T), largest)
     phases = [p for s in simulation.segments for p in _phases(s, simulation, tuple(parameters), jumps)]
     places = np.searchsorted(np.array([p.end for p in phases[:-1]]), times, side="left")
     parts: list[tuple[Index, Derivatives]] = []
@@ -108,7 +109,8 @@ def _windows(segment: MotionSegment) -> list[Any]:
 
 
 def _phases(segment: MotionSegment, simulation: Simulation, parameters: tuple[Parameter, ...], jumps: Jumps) -> list[SmoothPhase]:
-    """The phases of a segment: parts of it between jumps of forces at instants that no law states."""
+    """The phases of a segment: parts of it between jumps of forces at instants that no law states, or that move with a
+    parameter."""
     inner = simulation.boundaries()
     edges = np.unique(np.concatenate([inner[(inner > segment.start) & (inner < segment.end)], [segment.start, segment.end]]))
     least = 1e-14 * simulation.duration
@@ -117,7 +119,10 @@ def _phases(segment: MotionSegment, simulation: Simulation, parameters: tuple[Pa
     windows, free = _windows(segment), len(segment.independent)
     for before, after in pairwise(windows):
         last, first = before.a.sum(axis=0), (after.a * (-1.0) ** np.arange(len(after.a))[:, None]).sum(axis=0)
-        if after.start < segment.end and jumps.jumps(last[:free], first[:free]) and not jumps.is_stated(after.start):
+        shift = jumps.stated_shift(after.start)
+        stays = shift is not None and not shift.any()
+        jumps_there = (shift is not None and not stays) or jumps.jumps(last[:free], first[:free])
+        if after.start < segment.end and jumps_there and not stays:
             cuts.append(int(np.argmin(np.abs(edges - after.start))))
     own = parameters_in_chart(segment.compiled, simulation.compiled, parameters)
     return [SmoothPhase(segment, edges[a : b + 1], own) for a, b in pairwise([*dict.fromkeys(cuts), len(edges) - 1]) if b > a]
@@ -129,6 +134,25 @@ def _stated(compiled: Compiled, until: float) -> Real:
     while (t := breaks.stated(times[-1])) < until:
         times.append(np.nextafter(t, np.inf) + 4.0 * float(np.spacing(t)))
     return np.array(times[1:])
+
+
+def _moving(parameter: Parameter, compiled: Compiled, stated: Real, until: float, beside: Real) -> Real:
+    """Derivatives (n,) by a parameter of the instants (n,) that laws state; ``beside``: those beside the parameter's value."""
+    if len(beside) == len(stated) and np.allclose(beside, stated, rtol=1e-12, atol=0.0):
+        return np.zeros(len(stated))
+
+    reason = refusal(f"forces change at other instants beside the stated value of {parameter.name}.", SWEEP_INSTEAD)
+
+    def at(x: float) -> dict[tuple[object, ...], Any]:
+        found = _stated(compile_mechanism(parameter.mechanism(x), compiled.accuracy), until)
+        if len(found) != len(stated):
+            raise reason
+        return {(): found}
+
+    try:
+        return np.asarray(slopes(at, {(): stated}, parameter).get((), np.zeros(len(stated))))
+    except MechanismError:
+        raise reason from None
 
 
 def start_derivatives(compiled: Compiled, parameters: Sequence[Parameter]) -> Real:

@@ -45,9 +45,10 @@ def contact_numbers(stops: Sequence[EndStop], cams: Sequence[SeparableCam]) -> M
 
 
 class Jumps:
-    """Jumps of the changes of a motion at the instants between its phases. ``largest``: the size of its accelerations."""
+    """Jumps of the changes of a motion at the instants between its phases. ``stated``: instants (n,) at which laws say that they
+    change their form, and the derivatives (n, P) of these; ``largest``: the size of its accelerations."""
 
-    def __init__(self, simulation: Simulation, parameters: Sequence[Parameter], stated: Real, largest: float):
+    def __init__(self, simulation: Simulation, parameters: Sequence[Parameter], stated: tuple[Real, Real], largest: float):
         self.simulation, self.parameters = simulation, tuple(parameters)
         self._stated, self._largest = stated, largest
         self._soon = 1e-12 * simulation.duration
@@ -90,9 +91,15 @@ class Jumps:
             raise refusal(f"at t = {t:.6g} s one of several followers lands while others are away.", SWEEP_INSTEAD)
         return known[0], parameters_in_chart(known[0], original, self.parameters)
 
-    def is_stated(self, t: float) -> bool:
-        """Whether a law says by itself that it changes its form at an instant."""
-        return bool(len(self._stated)) and float(np.abs(self._stated - t).min()) <= 1e-9 * self.simulation.duration
+    def stated_shift(self, t: float) -> Real | None:
+        """How an instant moves (P,) at which a law says by itself that it changes its form; None where none does."""
+        times, slopes = self._stated
+        near = np.flatnonzero(np.abs(times - t) <= 1e-9 * self.simulation.duration)
+        if not len(near):
+            return None
+        if not np.allclose(slopes[near], slopes[near[0]], rtol=1e-9):
+            raise refusal(f"instants at t = {t:.6g} s at which forces change move apart.", SWEEP_INSTEAD)
+        return np.asarray(slopes[near[0]])
 
     def jumps(self, before: Real, after: Real) -> bool:
         return float(np.abs(after - before).max(initial=0.0)) > LEAST_JUMP * self._largest
@@ -237,7 +244,10 @@ class _Crossing:
     def _moved(self, a: Real) -> Real:
         """How the instant moves (P,), zero where nothing jumps there."""
         still = np.zeros(self.count)
-        if not self.jumps.jumps(a, self.new[2]) or self.jumps.is_stated(self.t):
+        stated = self.jumps.stated_shift(self.t)
+        if stated is not None:
+            return stated
+        if not self.jumps.jumps(a, self.new[2]):
             return still
         shift = self._turned()
         shift = self._loose() if shift is None else shift

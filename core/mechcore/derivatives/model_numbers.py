@@ -14,17 +14,18 @@ import numpy as np
 from numpy.polynomial import chebyshev
 
 from mechcore.arrays import Real
+from mechcore.derivatives.time_pieces import law_on_pieces_of, on_pieces_of
 from mechcore.effects.prescribed import factor_of
 from mechcore.errors import Fault, MechanismError
 from mechcore.kinematics.model import Model
 from mechcore.kinematics.program import LinearConstraint
 from mechcore.kinematics.state import State
-from mechcore.laws.timed import Free
+from mechcore.laws.timed import Free, Rest
 from mechcore.motion.compiled import drive_values
 from mechcore.motion.motion import Motion
 from mechcore.motion.solve import compile_mechanism
 from mechcore.records import NumberPlace, dataclass, kept_numbers, numbers_in
-from mechcore.spec.loads import Prescribed
+from mechcore.spec.loads import Factor, Prescribed, Servo
 from mechcore.spec.mechanism import Mechanism
 
 ModelNumbers = dict[NumberPlace, Any]  # of a compiled mechanism, by where they are
@@ -104,15 +105,29 @@ def numbers_of_model(model: Model, at: Motion, time: Real) -> ModelNumbers:
     for i, load in enumerate(m.loads):
         known = load
         if isinstance(load, Prescribed) and load.factor is not None:  # whatever its function is made of, what counts is its values
-            factors = np.asarray(factor_of(at, load.factor, load.name))
+            factors = np.asarray(factor_of(at, _on_nominal_pieces(load.factor, at.model.mechanism, i), load.name))
             numbers["mechanism", "loads", i, "factor", "values"] = np.broadcast_to(factors, at.shape)
             known = replace(load, factor=None)
+        elif isinstance(load, Servo):
+            target = law_on_pieces_of(getattr(_load(at.model.mechanism, i), "target", None), load.target)(at.time)
+            numbers |= {("target", i, k): np.broadcast_to(target[k], at.shape) for k in range(2)}
+            known = replace(load, target=Rest(0.0))
         numbers |= {("mechanism", *place): x for place, x in numbers_in(known, ("loads", i))}
         numbers |= {("kept", *place): x for place, x in kept_numbers(known, ("loads", i))}
     for i, stated in enumerate(m.joints):
         rubbing = numbers_in(getattr(stated, "friction", None), ("joints", i, "friction"))
         numbers |= {("mechanism", *place): x for place, x in rubbing}
     return numbers
+
+
+def _load(mechanism: Mechanism, i: int) -> Any:
+    return mechanism.loads[i] if i < len(mechanism.loads) else None
+
+
+def _on_nominal_pieces(factor: Factor, nominal: Mechanism, i: int) -> Factor:
+    """A factor on the pieces of that of load ``i`` of the nominal mechanism."""
+    there = getattr(_load(nominal, i), "factor", None)
+    return factor if there is None else replace(factor, function=on_pieces_of(there.function, factor.function))
 
 
 def curve_argument(constraint: LinearConstraint, state: State) -> Any:

@@ -169,19 +169,25 @@ class Piecewise:
 
     def __call__(self, t: ArrayLike) -> Triple:
         t = np.asarray(t, float)
-        first = self.knots[0]
-        cycle = np.ceil((t - first) / self.duration) - 1.0  # half-open on the left: the end of a cycle belongs to it
+        cycle, piece = self.place(t)
+        q, v, a = self.on_piece(piece, t - cycle * self.duration - np.asarray(self.knots)[piece])
+        return q + cycle * self.advance, v, a
+
+    def place(self, t: Real) -> tuple[Real, NDArray[np.intp]]:
+        """The cycle and the piece in which times (...) are."""
+        cycle = np.ceil((t - self.knots[0]) / self.duration) - 1.0  # half-open on the left: the end of a cycle belongs to it
         cycle = np.maximum(cycle, 0.0)
-        local = t - cycle * self.duration
-        piece = np.clip(np.searchsorted(self.knots, local, side="left") - 1, 0, len(self.coefficients) - 1)
-        u = local - np.asarray(self.knots)[piece]
-        c = self._table[:, piece]
+        piece = np.searchsorted(self.knots, t - cycle * self.duration, side="left") - 1
+        return cycle, np.clip(piece, 0, len(self.coefficients) - 1)
+
+    def on_piece(self, piece: NDArray[np.intp], u: Real) -> Triple:
+        """Position, velocity and acceleration on pieces (...) at times ``u`` (...) after their beginnings, or beyond their ends."""
         q, v, a = np.zeros_like(u), np.zeros_like(u), np.zeros_like(u)
-        for ck in c[::-1]:  # Horner, value and two derivatives at once
+        for ck in self._table[:, piece][::-1]:  # Horner, value and two derivatives at once
             a = a * u + 2.0 * v
             v = v * u + q
             q = q * u + ck
-        return q + cycle * self.advance, v, a
+        return q, v, a
 
 
 def zones(*, start: float, speed: float, run_up: float, steady: float, braking: float) -> Piecewise:
