@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import ctypes
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from copy import copy
 from functools import cache, reduce
 from itertools import pairwise
 from operator import or_
+from pathlib import Path
+from struct import Struct
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from mechcore.arrays import Complex, Real
 from mechcore.compiled.operands import ExpressionNode, Operand, OperandNames
-from mechcore.compiled.symbols import Code, Symbol
+from mechcore.compiled.symbols import HELPERS, Code, Symbol
 
 if TYPE_CHECKING:
     from concurrent.futures import ThreadPoolExecutor
@@ -92,15 +94,18 @@ def staged(code: Code, outputs: Sequence[tuple[str, Operand]], parameters: list[
     )
 
 
-BLOCK_LANES = 64  # lanes
+BLOCK_LANES = 64  # LANES of lanes.c
 LEAST_A_THREAD = 256 * BLOCK_LANES  # numbers of a row that are worth a thread of their own
+KERNEL_HELPERS = HELPERS + Path(__file__).with_name("lanes.c").read_text(encoding="utf-8")
+"""Functions of these programs."""
 FUNCTION_TEMPLATE = """
-{clones}
-int {name}(long from, long to, long n, long frames, const double *p, const double *const *in, const long *step, double *result) {{
-    double (*restrict x)[{block}] = calloc({given} + 1, sizeof *x), (*restrict y)[{block}] = calloc({rows} + 1, sizeof *y);
-    double (*restrict z)[{block}] = calloc({kept} + 1, sizeof *z), (*restrict c)[{block}] = calloc({carries} + 1, sizeof *c);
-    for (long first = from; x && y && z && c && first < to; first += {block}) {{
-        const long count = to - first < {block} ? to - first : {block};
+CLONES int {name}(
+    long from, long to, long n, long frames, const double *p, const double *const *in, const long *step, double *result
+) {{
+    double (*restrict x)[LANES] = calloc({given} + 1, sizeof *x), (*restrict y)[LANES] = calloc({rows} + 1, sizeof *y);
+    double (*restrict z)[LANES] = calloc({kept} + 1, sizeof *z), (*restrict c)[LANES] = calloc({carries} + 1, sizeof *c);
+    for (long first = from; x && y && z && c && first < to; first += LANES) {{
+        const long count = to - first < LANES ? to - first : LANES;
         memset(c, 0, ({carries} + 1) * sizeof *c);
         {fetched}
         {plain}
@@ -117,13 +122,6 @@ int {name}(long from, long to, long n, long frames, const double *p, const doubl
 }}
 """
 """Blocks of lanes, each computed whole, number by number in rows of its own: so the compiler makes vectors of them."""
-CLONES_ATTRIBUTE = """\
-#include <stdlib.h>
-#include <string.h>
-#if defined(__x86_64__) && defined(__gnu_linux__) && defined(__GNUC__) && !defined(__clang__)
-__attribute__((target_clones("avx512f", "avx2", "default")))
-#endif"""
-"""The same operations on as many lanes at once as the processor can; without contraction their results are the same."""
 
 
 class _KernelCode(Code):
@@ -147,18 +145,19 @@ class Kernel:
     def __init__(self, name: str, of_time: Callable[[Kernel, str], Symbol] | None = None):
         self.of_time = of_time or Kernel.real_of_frame  # what a function of the time is given for
         self.code = _KernelCode(self)
-        self._given: list[str] = []
-        self._fetched: dict[tuple[int, int], int] = {}  # (input, part of a plane vector): row of x
+        self.keys: list[str] = []  # of what it is given
+        self.inputs: dict[tuple[Operand, Operand], str] = {}  # keys of what is given for each lane
+        self._fetched: dict[int, list[str]] = {}  # of inputs that differ with the lanes: rows of x
         self._depends: dict[int, int] = {}  # inputs: LANE or FRAME
         self.carries = 0  # of real numbers
         self._begin(name)
 
     def _begin(self, name: str) -> None:
         self.name = name
-        self._outputs: list[tuple[str, Operand]] = []
-        self._stored: list[str] = []
+        self._next: list[tuple[str, Operand]] = []  # what is carried to the next frame
+        self._planes: list[tuple[Operand, Operand]] = []
+        self._reals: list[Operand] = []
         self.parameters: list[float] = []
-        self.rows = 0  # of real numbers
 
     def beside(self, name: str) -> Kernel:
         """Another program of the same code and inputs, with rows of its own."""
@@ -167,17 +166,31 @@ class Kernel:
         return other
 
     @property
+    def rows(self) -> int:
+        """How many rows of real numbers it has."""
+        return len(self._reals)
+
+    @property
     def lines(self) -> int:
         """How many numbers it computes."""
         return len(self.code.written(self._outputs, []))
 
+    @property
+    def _outputs(self) -> list[tuple[str, Operand]]:
+        rows = [part for parts in self._planes for part in parts] + self._reals
+        return [*self._next, *((f"y[{row}][k]", x) for row, x in enumerate(rows))]
+
     def real(self, key: str) -> Symbol:
         """A number that is given for each lane, by a key."""
-        return self._input(self.code.input(self._row(key, 0)), LANE)
+        return self._given_by(key, self.code.input(*self._rows(key, 1)))
 
     def plane(self, key: str) -> Symbol:
         """A plane vector that is given for each lane."""
-        return self._input(self.code.plane_input(self._row(key, 0), self._row(key, 1)), LANE)
+        return self._given_by(key, self.code.plane_input(*self._rows(key, 2)))
+
+    def _given_by(self, key: str, symbol: Symbol) -> Symbol:
+        self.inputs[symbol.re, symbol.im] = key
+        return self._input(symbol, LANE)
 
     def real_of_frame(self, key: str) -> Symbol:
         """A number that is given for each frame, the same for all designs."""
@@ -191,7 +204,7 @@ class Kernel:
         """A number that each design carries from frame to frame, zero before the first one: ``of`` what it was before."""
         row, self.carries = self.carries, self.carries + 1
         value = of(self._input(self.code.input(f"{CARRIED_NAME}{row}][k]"), BOTH))
-        self._outputs.append((f"{CARRIED_NAME}{row}][k]", value.re if isinstance(value, Symbol) else float(value)))
+        self._next.append((f"{CARRIED_NAME}{row}][k]", value.re if isinstance(value, Symbol) else float(value)))
         return value
 
     def _input(self, symbol: Symbol, depends: int) -> Symbol:
@@ -199,99 +212,120 @@ class Kernel:
         return symbol
 
     def _number(self, key: str) -> int:
-        if key not in self._given:
-            self._given.append(key)
-        return self._given.index(key)
+        if key not in self.keys:
+            self.keys.append(key)
+        return self.keys.index(key)
 
-    def _row(self, key: str, part: int) -> str:
-        row = self._fetched.setdefault((self._number(key), part), len(self._fetched))
-        return f"x[{row}][k]"
+    def _rows(self, key: str, width: int) -> list[str]:
+        count = self._fetched_rows
+        rows = self._fetched.setdefault(self._number(key), [f"x[{count + k}]" for k in range(width)])
+        return [f"{row}[k]" for row in rows]
+
+    @property
+    def _fetched_rows(self) -> int:
+        return sum(map(len, self._fetched.values()))
 
     def _at_frame(self, key: str, part: int) -> str:
         place = self._number(key)
         return f"in[{place}][frame * step[{place}] + {part}]"
 
-    def put(self, value: Any) -> None:
-        """A row of real numbers."""
-        self._outputs.append((f"y[{self.rows}][k]", value.re if isinstance(value, Symbol) else float(value)))
-        self._stored.append(f"for (long k = 0; k < count; k++) out[{self.rows} * n + first + k] = y[{self.rows}][k];")
-        self.rows += 1
+    def put(self, value: Any) -> int:
+        """The number of a new row of real numbers."""
+        self._reals.append(value.re if isinstance(value, Symbol) else float(value))
+        return len(self._reals) - 1
 
-    def put_plane(self, value: Any) -> None:
-        """A row of plane vectors, as wide as two."""
-        row, places = self.rows, []
-        for part, x in enumerate((value.re, value.im) if isinstance(value, Symbol) else (value.real, value.imag)):
-            self._outputs.append((f"y[{row + part}][k]", x))
-            places.append(f"out[{row} * n + 2 * (first + k) + {part}] = y[{row + part}][k];")
-        self._stored.append(f"for (long k = 0; k < count; k++) {{ {' '.join(places)} }}")
-        self.rows += 2
+    def put_plane(self, value: Any) -> int:
+        """The number of a new row of plane vectors; these come before the real numbers."""
+        self._planes.append((value.re, value.im) if isinstance(value, Symbol) else (value.real, value.imag))
+        return len(self._planes) - 1
 
     def source(self) -> str:
         """The program in C."""
         fetched = [
-            f"for (long k = 0; k < count; k++) x[{row}][k] = in[{place}][(first + k) * step[{place}] + {part}];"
-            for (place, part), row in self._fetched.items()
+            f"fetch{'_plane' * (len(rows) > 1)}({', '.join(rows)}, in[{place}] + first * step[{place}], step[{place}], count);"
+            for place, rows in self._fetched.items()
         ]
+        planes, reals = len(self._planes), len(self._reals)
+        stored = [f"store_plane(out + 2 * ({k} * n + first), y[{2 * k}], y[{2 * k + 1}], count);" for k in range(planes)]
+        stored += [f"memcpy(out + {k} * n + first, y[{k}], count * sizeof *out);" for k in range(2 * planes, 2 * planes + reals)]
         stages = staged(self.code, self._outputs, self.parameters, self._depends)
 
         def loop(lines: list[str]) -> str:
-            return "\n                ".join([f"for (long k = 0; k < {BLOCK_LANES}; k++) {{", *lines]) + "\n            }"
+            return "\n                ".join(["for (long k = 0; k < LANES; k++) {", *lines]) + "\n            }"
 
         return FUNCTION_TEMPLATE.format(
-            clones=CLONES_ATTRIBUTE,
             name=self.name,
-            given=len(self._fetched),
-            rows=self.rows,
+            given=self._fetched_rows,
+            rows=2 * planes + reals,
             kept=stages.kept,
             carries=self.carries,
-            block=BLOCK_LANES,
             fetched="\n        ".join(fetched),
             once=loop(stages.of_lanes) if stages.of_lanes else "",
             plain="\n        ".join(stages.of_none),
             each="\n            ".join(stages.of_frames),
             loops="\n            ".join(map(loop, stages.of_both)),
-            stored="\n            ".join(self._stored),
+            stored="\n            ".join(stored),
         )
 
     def load(self, loaded: ctypes.CDLL) -> None:
         """Take the compiled program."""
         self._function = getattr(loaded, self.name)
         self._function.restype = ctypes.c_int
+        self._function.argtypes = [*[ctypes.c_long] * 4, *[ctypes.c_void_p] * 4]
         self._own = np.array(self.parameters or [0.0])
+        self._layout = Struct(f"{len(self.keys)}P"), Struct(f"{len(self.keys)}l")
 
-    def __call__(self, n: int, given: Mapping[str, Any], frames: int = 1) -> Real:
-        """Rows (frames, rows, n) at n lanes, for given numbers, (n,) or (frames,) as they were asked for, or one for all.
+    def __call__(self, n: int, given: Mapping[str, Any], frames: int = 1) -> tuple[Complex, Real]:
+        """Rows of plane vectors (frames, rows, n) and of real numbers at n lanes, for given numbers, (n,) or (frames,) as they were
+        asked for, or one for all.
 
         Many lanes are shared out to the processor's cores. Raises `MemoryError`.
         """
         kept, pointers, steps = [], [], []
-        for key in self._given:
+        for key in self.keys:
             x = given[key]
-            if not (isinstance(x, np.ndarray) and x.ndim == 1 and x.dtype in (float, complex)):
-                x = np.atleast_1d(np.asarray(x, complex if np.iscomplexobj(x) else float))
+            if not (type(x) is np.ndarray and x.ndim == 1 and x.dtype in PLAIN_TYPES):
+                x = np.array(x, ndmin=1)
+                x = x if x.dtype in PLAIN_TYPES else x.astype(float)
             kept.append(x)
-            pointers.append(x.__array_interface__["data"][0])
+            pointers.append(_address(x))
             steps.append(x.strides[0] // 8 if len(x) > 1 else 0)
-        out = np.empty((frames, self.rows, n))
-        count = len(kept)
+        planes, reals = len(self._planes), len(self._reals)
+        out = np.empty((frames, 2 * planes + reals, n))
         arguments = (
-            ctypes.c_long(n),
-            ctypes.c_long(frames),
-            ctypes.c_void_p(self._own.__array_interface__["data"][0]),
-            (ctypes.c_void_p * count)(*pointers),
-            (ctypes.c_long * count)(*steps),
-            ctypes.c_void_p(out.__array_interface__["data"][0]),
+            n,
+            frames,
+            _address(self._own),
+            self._layout[0].pack(*pointers),
+            self._layout[1].pack(*steps),
+            _address(out),
         )
 
         def part(ends: tuple[int, int]) -> bool:
-            return bool(self._function(*map(ctypes.c_long, ends), *arguments))
+            return bool(self._function(*ends, *arguments))
 
-        shares = max(1, min(cores(), n * frames // LEAST_A_THREAD, n // BLOCK_LANES))
+        shares = min(cores(), n * frames // LEAST_A_THREAD, n // BLOCK_LANES)
         bounds = [BLOCK_LANES * (n * k // (shares * BLOCK_LANES)) for k in range(shares)] + [n]
-        ends = list(pairwise(bounds))
-        if not all(_threads().map(part, ends) if shares > 1 else map(part, ends)):
+        if not (all(_threads().map(part, pairwise(bounds))) if shares > 1 else part((0, n))):
             raise MemoryError
-        return out
+        step = out.strides[0]
+        return (
+            np.ndarray((frames, planes, n), complex, out, 0, (step, 16 * n, 16)),
+            np.ndarray((frames, reals, n), float, out, 16 * planes * n, (step, 8 * n, 8)),
+        )
+
+
+PLAIN_TYPES = (np.dtype(float), np.dtype(complex))
+_from_buffer = ctypes.c_char.from_buffer
+
+
+def _address(array: Any) -> int:
+    """Where the numbers of an array are in memory; `numpy` says it for every array, in four times the time."""
+    try:
+        return ctypes.addressof(_from_buffer(array))
+    except (TypeError, ValueError, BufferError):  # read only, not contiguous, or empty
+        place: int = array.__array_interface__["data"][0]
+        return place
 
 
 @cache
@@ -309,24 +343,36 @@ def _threads() -> ThreadPoolExecutor:
     return ThreadPoolExecutor(cores(), "mechviz")
 
 
-class NumberRows:
-    """Rows of numbers (rows, n), taken one after the other in the order in which they were put."""
+class Results:
+    """What a program gives over frames, value by value. Rows of their own have only values that it computes, each of them once:
+    others are plain, or as they are given."""
 
-    def __init__(self, rows: Real):
-        self._rows, self._next = rows, 0
+    def __init__(self, kernel: Kernel):
+        self._kernel = kernel
+        self._plain: list[Any] = []
+        self._sources: dict[tuple[bool, Operand, Operand], tuple[int, Any]] = {}
+        self._values: list[tuple[int, Any]] = []  # of each: whether plain, given, a plane vector or real; its key or number there
 
-    def real(self) -> Real:
-        """The next row of real numbers (n,)."""
-        self._next += 1
-        row: Real = self._rows[self._next - 1]
-        return row
+    def put(self, value: Any, plane: bool = False) -> None:
+        """A real number, or a plane vector."""
+        re, im = (value.re, value.im) if isinstance(value, Symbol) else (value.real, value.imag)
+        place = plane, re, im
+        if place not in self._sources:
+            self._sources[place] = self._source(value, plane, re, im)
+        self._values.append(self._sources[place])
 
-    def reals(self, count: int) -> Real:
-        """The next rows of real numbers (count, n)."""
-        self._next += count
-        return self._rows[self._next - count : self._next]
+    def _source(self, value: Any, plane: bool, re: Operand, im: Operand) -> tuple[int, Any]:
+        if not isinstance(re, ExpressionNode) and not isinstance(im, ExpressionNode):
+            self._plain.append(complex(re, im) if plane else float(re))
+            return 0, len(self._plain) - 1
+        if plane is isinstance(im, ExpressionNode) and (re, im) in self._kernel.inputs:
+            return 1, self._kernel.inputs[re, im]
+        return (2, self._kernel.put_plane(value)) if plane else (3, self._kernel.put(value))
 
-    def plane(self) -> Complex:
-        """The next row of plane vectors (n,)."""
-        self._next += 2
-        return self._rows[self._next - 2 : self._next].reshape(-1).view(complex)
+    def __call__(self, n: int, known: Mapping[str, Any] | Sequence[Any]) -> Iterator[Any]:
+        """The values at n frames in the order in which they were put, (n,) or one for all. What the program is given is known by
+        its keys, or in the order in which it asked for it."""
+        given = known if isinstance(known, Mapping) else dict(zip(self._kernel.keys, known, strict=True))
+        planes, reals = self._kernel(n, given)
+        tables = self._plain, given, planes[0], reals[0]
+        return iter([tables[k][key] for k, key in self._values])

@@ -10,10 +10,10 @@ import numpy as np
 
 from mechcore.arrays import Plane, Real, Values
 from mechcore.branches.unwrapped import AngleRange, GivenLinkAngles, LinkAngles, StartPose
-from mechcore.compiled.kernels import Kernel, NumberRows
+from mechcore.compiled.kernels import KERNEL_HELPERS, Kernel, Results
 from mechcore.compiled.motion import MOST_LINES
 from mechcore.compiled.steps import check_forces_traceable
-from mechcore.compiled.symbols import HELPERS, Symbol, Untraceable, on_symbols
+from mechcore.compiled.symbols import Symbol, Untraceable, on_symbols
 from mechcore.compiled.toolchain import library
 from mechcore.effects.registry import totals
 from mechcore.forces.equilibrium import joint_forces
@@ -88,6 +88,7 @@ class ForcesProgram:
             Any
         ] = []  # normal loads, error of their equations, steps, whether they are found so; with friction only
         self._loaded, self._kernel = False, (kernel := Kernel("forces", of_time=Kernel.real))
+        self._results = results = Results(kernel)
         rot: list[Any] = [kernel.plane(f"rot {s}") if s else 1 + 0j for s in range(len(model.angles.class_group))]
         slide: Any = {j: kernel.real(f"slide {j}") for j, joint in enumerate(model.joints) if joint.slide is not None}
         drives: Any = [tuple(kernel.real(f"drive {d} {k}") for k in range(3)) for d in range(len(model.mechanism.drives))]
@@ -106,28 +107,22 @@ class ForcesProgram:
                 transmitted, contacts, self._solution = with_friction(motion, force, moment, signs, kernel.real("tolerance"))
             else:
                 transmitted, contacts, _ = joint_forces(motion, force, moment)
-        self._transmitted, self._contacts = transmitted, contacts
+        self._transmitted, self._contacts = len(transmitted), list(contacts)
         for f, couple in transmitted:
-            self._put(f, couple)
+            results.put(f, plane=True)
+            results.put(couple)
         for place, f in contacts.values():
-            self._put(place)
-            self._put(f)
+            results.put(place, plane=True)
+            results.put(f, plane=True)
         for x in self._solution:
-            kernel.put(x)
+            results.put(x)
         self.lines = kernel.lines
-        self.source = HELPERS + kernel.source()
+        self.source = KERNEL_HELPERS + kernel.source()
 
     @property
     def rubs(self) -> bool:
         """Whether dry friction is in it."""
         return bool(self._solution)
-
-    def _put(self, vector: object, number: object = 0.0) -> None:
-        """Rows of what is not plain."""
-        if isinstance(vector, Symbol):
-            self._kernel.put_plane(vector)
-        if isinstance(number, Symbol):
-            self._kernel.put(number)
 
     def __call__(self, motion: Motion) -> tuple[TransmittedSymbols, Contacts, FrictionResult | None] | None:
         """As `joint_forces` under the loads and effects of a motion, and the friction; None where numpy has to solve that.
@@ -147,20 +142,14 @@ class ForcesProgram:
             check_friction(motion)
             elements = elements_of(motion)
             given |= {f"sign {i}": e.sign for i, e in enumerate(elements)} | {"tolerance": motion.accuracy.friction}
-        rows = NumberRows(self._kernel(motion.frames, given)[0])
-
-        def plane(value: object) -> Any:
-            return rows.plane() if isinstance(value, Symbol) else value
-
-        def real(value: object) -> Any:
-            return rows.real() if isinstance(value, Symbol) else value
-
-        transmitted = [(plane(f), real(couple)) for f, couple in self._transmitted]
-        contacts = {name: (plane(place), plane(f)) for name, (place, f) in self._contacts.items()}
+        n = motion.frames
+        values = self._results(n, given)
+        transmitted = [(next(values), next(values)) for _ in range(self._transmitted)]
+        contacts = {name: (next(values), next(values)) for name in self._contacts}
         if not self._solution:
             return transmitted, contacts, None
-        n = motion.frames
-        loads, residual, steps, converged = rows.reals(len(elements)).T, rows.real(), rows.real(), rows.real()
+        *of_elements, residual, steps, converged = (np.broadcast_to(x, n) for x in values)
+        loads = np.stack(of_elements, axis=-1)
         if not converged.all():
             return None
         solution = NormalLoads(loads, np.zeros(n, bool), np.ones(n), np.zeros(loads.shape), residual, int(steps.max(initial=0)))

@@ -13,7 +13,7 @@ from mechcore.arrays import Plane, Real, Values
 from mechcore.kinematics.columns import Columns, LoopVectors, rates
 from mechcore.kinematics.model import Model
 from mechcore.kinematics.program import Block, LoopEquation, NonlinearTerm
-from mechcore.numerics.frames import imaginary, nothing, purely_imaginary, summed
+from mechcore.numerics.frames import imaginary, lazy, nothing, purely_imaginary, summed
 
 
 class RateReplacement(Protocol):
@@ -115,6 +115,28 @@ class Rates:
         """Rate of a curve's argument."""
         rate: Values = curve.argument(self.drives, self.group.__getitem__, self.slide)
         return rate
+
+
+class SolvedRates(Rates):
+    """Rates of all rotation classes, sliding joints and groups that have been solved elsewhere."""
+
+    def __init__(
+        self,
+        drives: Sequence[Values],
+        curve_values: Mapping[int, Real],
+        before: Rates | None,
+        angular: list[Values],
+        slide: dict[int, Values],
+        group: dict[int, Values],
+    ):
+        self.drives, self.curve_values, self.before = drives, curve_values, before
+        self.angular, self.slide, self.group = angular, slide, group
+
+    @lazy
+    def factor(self) -> list[Plane]:
+        """Derivatives of the rotations over these, worked out when first asked for."""
+        turns = list(map(imaginary, self.angular))
+        return turns if self.before is None else [turn - w * w for turn, w in zip(turns, self.before.angular, strict=True)]
 
 
 def velocities(

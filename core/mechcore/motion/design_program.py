@@ -11,10 +11,10 @@ import numpy as np
 
 from mechcore.arrays import Complex, Flags, Real
 from mechcore.branches.unwrapped import LARGEST_TURN, GivenLinkAngles, times_of_designs
-from mechcore.compiled.kernels import Kernel
+from mechcore.compiled.kernels import KERNEL_HELPERS, Kernel
 from mechcore.compiled.motion import MOST_LINES
 from mechcore.compiled.steps import check_traceable, placed_state
-from mechcore.compiled.symbols import HELPERS, Symbol, SymbolRows, Untraceable, on_symbols, rotation
+from mechcore.compiled.symbols import Symbol, SymbolRows, Untraceable, on_symbols, rotation
 from mechcore.compiled.toolchain import cached, library
 from mechcore.constants import TURN
 from mechcore.errors import MechanismError
@@ -117,7 +117,7 @@ class DesignProgram:
         self.lines = kernel.lines + (first.lines if self._peaks else 0)
         if self.lines > MOST_LINES:
             raise Untraceable(f"the program would have {self.lines:,} lines")
-        self.source = HELPERS + kernel.source() + (first.source() if self._peaks else "")
+        self.source = KERNEL_HELPERS + kernel.source() + (first.source() if self._peaks else "")
 
     def _motion(self, model: Model, values: DriveValues) -> Motion:
         kernel, pace = self._kernel, self._pace
@@ -194,8 +194,8 @@ class DesignProgram:
         count = len(next(iter(points.values())))
         if self._first is not None:
             given |= {f"peak {k}": np.zeros(1) for k in range(len(self._peaks))}
-            given |= {f"peak {k}": x for k, x in enumerate(self._first(count, given, len(time))[-1])}
-        rows = self._kernel(count, given, len(time))
+            given |= {f"peak {k}": x for k, x in enumerate(self._first(count, given, len(time))[1][-1])}
+        _, rows = self._kernel(count, given, len(time))
         far = np.asarray((rows[:, -2] > LARGEST_TURN).any(axis=0))
         if len(own) < len(time):
             rows = rows[own]

@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from mechcore.accuracy import DEFAULT, Accuracy
-from mechcore.arrays import Complex, Index, Plane, Real, Values
+from mechcore.arrays import Index, Plane, Real, Values
 from mechcore.branches.singular_points import SingularPoint
 from mechcore.branches.unwrapped import LinkAngles
 from mechcore.compiled.motion import CompiledRates, MotionProgram
@@ -50,7 +50,7 @@ class Motion:
         singular_points: Sequence[SingularPoint] = (),
         again: Callable[[Real], Motion] | None = None,
         accuracy: Accuracy = DEFAULT,
-        by_c: tuple[MotionProgram, Sequence[Complex]] | None = None,
+        by_c: tuple[MotionProgram, Sequence[Plane]] | None = None,
     ):
         self.model = model
         self.time = time
@@ -194,19 +194,18 @@ class Motion:
         """First rates of all rotation classes and slides."""
         if self.accuracy.differentiation != "exact":
             return _numerical_rates(self, 1)
-        if self._program is not None:
-            return self._rates.speeds
+        if self.compiled:
+            return self._rates[0].rates
         rates = [d[1] for d in self._drives]
         return velocities(self.model, self.loop_vectors, self.columns, rates, self.interpolants, self.state.curve_values)
 
     @lazy
-    def _rates(self) -> CompiledRates:
+    def _rates(self) -> tuple[CompiledRates, CompiledRates]:
         """First and second rates by the compiled program."""
         assert self._program is not None
         first, second = ([d[k] for d in self._drives] for k in (1, 2))
         computed = self._program.rates(self.state, first, second, self.frames)
-        self._origins |= {(k, 1): rate for k, rate in enumerate(computed.origin_velocities, 1)}
-        self._origins |= {(k, 2): rate for k, rate in enumerate(computed.origin_accelerations, 1)}
+        self._origins |= {(k, d): z for d, solved in enumerate(computed, 1) for k, z in enumerate(solved.origins, 1)}
         return computed
 
     @lazy
@@ -214,8 +213,8 @@ class Motion:
         """Second rates of all rotation classes and slides."""
         if self.accuracy.differentiation != "exact":
             return _numerical_rates(self, 2)
-        if self._program is not None:
-            return self._rates.accelerations
+        if self.compiled:
+            return self._rates[1].rates
         rates = [d[2] for d in self._drives]
         return accelerations(self.model, self.loop_vectors, self.columns, self.speeds, rates, self.interpolants)
 
@@ -232,11 +231,11 @@ class Motion:
 
     @lazy
     def _turned_once(self) -> list[Plane]:
-        return list(map(mul, self.speeds.factor, self.state.rot))
+        return self._rates[0].turned if self.compiled else list(map(mul, self.speeds.factor, self.state.rot))
 
     @lazy
     def _turned_twice(self) -> list[Plane]:
-        return list(map(mul, self.accelerations.factor, self.state.rot))
+        return self._rates[1].turned if self.compiled else list(map(mul, self.accelerations.factor, self.state.rot))
 
     def slid(self, j: int, derivative: int = 0) -> Plane:
         """s E of a sliding joint, its displacement turned with its guide's rotation class, or its first or second derivative."""
@@ -299,7 +298,7 @@ class Motion:
     def origin(self, k: int, derivative: int = 0) -> Plane:
         """Position of the origin of a link [m], or its first or second derivative, along the tree from the frame."""
         tree, ends, known = self.model.tree, self.model.ends, self._origins
-        if derivative and self._program is not None and self.accuracy.differentiation == "exact":
+        if derivative and self.compiled:
             _ = self._rates
         chain = []
         while (k, derivative) not in known:
