@@ -40,7 +40,7 @@ MOST_TRIES = 5
 class Parameter:
     """A number from which a mechanism follows: its name, its ``value``, the ``mechanism`` that belongs to another value, and a
     half ``width`` of values around its own for which there is one; of motions under forces also the numbers of contacts
-    (`jumps.contact_numbers`) that belong to another value."""
+    (`impacts.contact_numbers`) that belong to another value."""
 
     name: str
     value: float

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from mechcore.derivatives.jumps import contact_numbers
+from mechcore.derivatives.impacts import contact_numbers
 from mechcore.derivatives.model_numbers import ModelNumbers, Parameter
 from mechcore.dynamics.events import with_slot_ends
 from mechcore.errors import Fault, MechanismError
