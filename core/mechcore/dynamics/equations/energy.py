@@ -7,7 +7,7 @@ made at all. At turning points, where q' vanishes, a quadratic substitution make
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.polynomial.chebyshev import chebvander
@@ -149,6 +149,7 @@ class EnergyMotion:
 SMALL_ENERGY = 1e-10
 SAME_BEND = 1e-9  # of a leg: bends that are so close to each other are one
 FIRST_PANELS = 16  # panels of a leg's clock, at least: so few cost no more than one
+FIRST_PANELS_ROUND = 40  # the same of a leg that turns back nowhere: fewer would be halved, which costs more than they do
 NO_GAIN = 1e-13  # of the largest energy: what a turn brings less than that is the table's rounding
 LAST_STEP = 1e-10  # a last step of Newton's method that is shorter leaves an error of its square
 
@@ -240,12 +241,9 @@ class _Work:
 
     def __init__(self, curve: CurveEquations):
         self.table = table = curve.table
-        self.both = table.with_integral(1)
-        integral = self.both.coefficients[:, :, 2]
+        self.both, self.per_turn, self.largest, self.lowest = _integrated(table)
         self.low, self.high, self.periodic = table.low, table.high, table.periodic
-        self.per_turn = float(integral[-1].sum())
-        self.largest = float(np.abs(integral).sum(axis=1).max())
-        self.lowest = float((_SAMPLED @ integral.T).min())
+        self._known: dict[float, float] = {}
 
     def __call__(self, q: Real) -> tuple[Real, Real]:
         """J and the work (n,) at positions (n,)."""
@@ -256,12 +254,18 @@ class _Work:
         inertia, _, work = self.both(q - turns * (self.high - self.low)).T
         return inertia, turns * self.per_turn + work
 
+    def at(self, q: float) -> float:
+        """The work at one position; several ask for that at the same one."""
+        if q not in self._known:
+            self._known[q] = float(self(np.array([q]))[1][0])
+        return self._known[q]
+
     def never_turns(self, q: float, kinetic: float, sign: float) -> bool:
-        """Whether from q on, with that kinetic energy, no place is too high, since each turn brings more work."""
-        if not self.periodic or sign * self.per_turn < 0.0:
+        """Whether from q on, with that kinetic energy, no place is too high, since no turn brings less work, but for rounding."""
+        if not self.periodic or sign * self.per_turn < -NO_GAIN * self.largest:
             return False
         turns = np.floor((q - self.low) / (self.high - self.low))
-        done = float(self(np.array([q]))[1][0]) - float(turns) * self.per_turn
+        done = self.at(q) - float(turns) * self.per_turn
         return kinetic + self.lowest - done > 1e-6 * self.largest
 
     def near(self, q: float, travel: Real) -> Real:
@@ -279,11 +283,19 @@ class _Work:
 
     def gain(self, q: float, travel: Real) -> Real:
         """Work (n,) on signed ways (n,) from q on."""
-        out = self(q + travel)[1] - self(np.array([q]))[1]
+        out = self(q + travel)[1] - self.at(q)
         short = np.abs(travel) <= self.table.least
         if short.any():
             out[short] = self.near(q, travel[short])
         return np.asarray(out)
+
+
+@lru_cache(8)
+def _integrated(table: Panels) -> tuple[Panels, float, float, float]:
+    """A table of J and Q with the work of Q; this over a turn, the largest and the lowest. Further motions have the same table."""
+    both = table.with_integral(1)
+    integral = both.coefficients[:, :, 2]
+    return both, float(integral[-1].sum()), float(np.abs(integral).sum(axis=1).max()), float((_SAMPLED @ integral.T).min())
 
 
 def _room(table: Panels, q: float, sign: float) -> float:
@@ -302,7 +314,7 @@ def _travel_to_turn(work: _Work, q: float, kinetic: float, sign: float, reach: f
         return float("inf")
     per = PANEL_SAMPLES * table.count * max(1, round(span / (table.high - table.low)))
     travels = span * (np.arange(1, per + 1) / per)
-    left = kinetic + work(q + sign * travels)[1] - work(np.array([q]))[1]
+    left = kinetic + work(q + sign * travels)[1] - work.at(q)
     out = np.flatnonzero(left <= 0.0)
     if len(out) and out[0] == 0:  # a short way, or rounding next to a start at rest
         short = travels[0] * 2.0 ** np.arange(-MOST_HALVINGS, 1.0)
@@ -346,7 +358,7 @@ def _clock(work: _Work, start: float, length: float, ends: tuple[bool, bool], ki
     T = length f(u) Q, with Q the mean force on the way from a turning point: what vanishes there, f, is taken out of the root.
     """
     size, width = abs(length), work.table.least
-    until = work(np.array([start]))[1]
+    until = work.at(start)
 
     def rate(u: Real) -> Real:
         f, rest, slope = _displacement(u, ends)
@@ -373,7 +385,8 @@ def _clock(work: _Work, start: float, length: float, ends: tuple[bool, bool], ki
 def _edges(table: Panels, start: float, length: float, ends: tuple[bool, bool]) -> Real:
     """Values of `_displacement`'s parameter between which a leg's time is one smooth function; unequal panels end at bends."""
     if table.boundaries is None:
-        return np.linspace(0.0, 1.0, max(FIRST_PANELS, round(abs(length) / table.width)) + 1)
+        least = FIRST_PANELS if any(ends) else FIRST_PANELS_ROUND
+        return np.linspace(0.0, 1.0, max(least, round(abs(length) / table.width)) + 1)
     f = np.sort((table.between(min(start, start + length), max(start, start + length)) - start) / length)
     u = {(True, True): np.arctan2(np.sqrt(f), np.sqrt(1.0 - f)) / (0.5 * np.pi), (True, False): np.sqrt(f)}.get(ends)
     u = u if u is not None else 1.0 - np.sqrt(1.0 - f) if ends[1] else f
