@@ -287,7 +287,7 @@ def plotter_scene(motion: PenMotion, period: float, *, title: str, name: str) ->
     last = f"{{ duration = {period:.12g}, law = {{ position = {{ file = %s, periodic = true }} }} }}"
     lines = [
         f"title = {quoted(title)}",
-        'teaches = "A program of three axes in step: two slides lead the pen, a third one lifts it between strokes."',
+        'learning_goal = "A program of three axes in step: two slides lead the pen, a third one lifts it between strokes."',
         'units = { length = "mm", angle = "deg" }',
         "",
         "[run]",

@@ -265,7 +265,7 @@ class _Machine:
         pivots = ", ".join(f"{pin} = {place_words(lever.pivot)}" for pin, lever in zip("ABC", self.levers, strict=True))
         lines = [
             f"title = {quoted(title)}",
-            f"teaches = {quoted(_TEACHES % self.linkage.words)}",
+            f"learning_goal = {quoted(_TEACHES % self.linkage.words)}",
             'units = { length = "mm", angle = "deg" }',
             "marks = false",
             "",

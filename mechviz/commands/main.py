@@ -143,7 +143,7 @@ def scenes(
             for entry in own:
                 if lessons:
                     print(f"  {entry.name}")
-                    print(fill(entry.teaches, LINE, initial_indent="      ", subsequent_indent="      "))
+                    print(fill(entry.learning_goal, LINE, initial_indent="      ", subsequent_indent="      "))
                 else:
                     print(f"  {entry.name:<{width}}  {shorten(entry.title, LINE - width - 4, placeholder=' …')}")
 

@@ -69,8 +69,8 @@ def record(
         say(str(summary))
         if cost:
             say(summary.costs())
-        if loaded.teaches:
-            say(f"look at: {loaded.teaches}")
+        if loaded.learning_goal:
+            say(f"look at: {loaded.learning_goal}")
         say(f"open it: mechviz view {quote(str(path))}, or rerun {quote(str(path))}; numbers: mechviz inspect {quote(str(path))}")
         print(path)
 

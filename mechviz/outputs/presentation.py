@@ -42,7 +42,7 @@ class Presentation:
 
     name: str
     title: str
-    teaches: str
+    learning_goal: str
     notes: str
     version: str
     picture: Picture
@@ -67,7 +67,7 @@ def presentation_of(run: Run, begin: Callable[[str], None] = lambda _: None) -> 
     return Presentation(
         name=run.scene.name,
         title=run.scene.title or run.scene.name,
-        teaches=run.scene.teaches,
+        learning_goal=run.scene.learning_goal,
         notes=notes(run, solids, picture.scales, [*run.stages], picture_stride(run), complete=True),
         version=package_version(),
         picture=picture,
@@ -94,7 +94,7 @@ def presentation_in(recording: Recording) -> Presentation:
         name=said.scene or recording.path.stem,
         title=said.title or said.scene or recording.path.stem,
         # in the notes it stands between the title and what was computed
-        teaches=" ".join(line.strip() for line in head.splitlines() if line.strip() and not line.startswith(("#", "**"))),
+        learning_goal=" ".join(line.strip() for line in head.splitlines() if line.strip() and not line.startswith(("#", "**"))),
         notes=recording.notes,
         version=said.version,
         picture=picture_in(recording, numbers),

@@ -30,14 +30,21 @@ class SceneBuilder:
     """
 
     def __init__(
-        self, name: str, *, title: str = "", teaches: str = "", frame: str = "frame", folder: Path | str | None = None, **units: str
+        self,
+        name: str,
+        *,
+        title: str = "",
+        learning_goal: str = "",
+        frame: str = "frame",
+        folder: Path | str | None = None,
+        **units: str,
     ):
         """``units`` are those of bare numbers: ``length="mm"``, ``angle="deg"`` ...; ``folder`` is where the files that the scene
         names are, by default the working folder."""
         self._name, self._folder = name, folder
         self._data: dict[str, Any] = {
             "title": title,
-            "teaches": teaches,
+            "learning_goal": learning_goal,
             "units": units,
             "effects": [],
             "metrics": [],

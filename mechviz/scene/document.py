@@ -190,7 +190,7 @@ class SceneDocument(DocumentTable):
 
     title: Text = ""
     """Title of the scene, a few words. Default: the name of the file."""
-    teaches: Text = ""
+    learning_goal: Text = ""
     """One sentence: what can be learned from it."""
     units: UnitsDocument = UnitsDocument()
     """Units of bare numbers. Any value may carry its own unit as a text, such as "80 mm" or "60 rpm"."""
@@ -301,7 +301,13 @@ def _missing(data: object, place: Place) -> bool:
     return False
 
 
-FORMER = {"pairs": "joints", "answers": "metrics", "plans": "polygons", "polodes": "centrodes"}
+FORMER = {
+    "pairs": "joints",
+    "answers": "metrics",
+    "plans": "polygons",
+    "polodes": "centrodes",
+    "teaches": "learning_goal",
+}
 """Former names of keys of a scene, which are read as the present ones for ever."""
 FORMER_INNER = {"pair": "joint"}
 """The same within the entries of watch and loads."""

@@ -110,13 +110,13 @@ class GalleryEntry:
 
     name: str
     title: str
-    teaches: str
+    learning_goal: str
     topic: str
     path: Path
 
     def about(self, words: Iterable[str]) -> bool:
         """Whether every word, small or capital, stands in its name, title, lesson or topic."""
-        text = f"{self.name} {self.title} {self.teaches} {self.topic}".casefold()
+        text = f"{self.name} {self.title} {self.learning_goal} {self.topic}".casefold()
         return all(word.casefold() in text for word in words)
 
 
@@ -148,7 +148,7 @@ def _entries() -> tuple[GalleryEntry, ...]:
     for name in gallery_names():
         path = GALLERY_FOLDER / f"{name}.toml"
         data = tomllib.loads(path.read_text(encoding="utf-8"))
-        entries.append(GalleryEntry(name, data["title"], data["teaches"], _topic(data), path))
+        entries.append(GalleryEntry(name, data["title"], data["learning_goal"], _topic(data), path))
     return tuple(entries)
 
 

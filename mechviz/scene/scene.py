@@ -95,8 +95,8 @@ class Scene:
         return self.document.title or self.name
 
     @property
-    def teaches(self) -> str:
-        return self.document.teaches
+    def learning_goal(self) -> str:
+        return self.document.learning_goal
 
     @property
     def frames(self) -> int:

@@ -136,7 +136,7 @@ def mode_scene(scene: Scene, vibrations: Vibrations, number: int, *, amplitude: 
         changes["joints", joint, "drive"] = _harmonic(centre, part, frequency, "rad" if rotary else "m")
     speed = f"{mode.frequency:.4g} Hz" if mode.kind == "vibration" else f"{mode.kind}, not to its own time"
     changes["title",] = f"{scene.title}: mode {number} of {len(vibrations.modes)}, {speed}"
-    changes["teaches",] = "A mode of vibration: all parts move in step and pass the equilibrium at the same instant."
+    changes["learning_goal",] = "A mode of vibration: all parts move in step and pass the equilibrium at the same instant."
     changes["run",] = {"frames": 240, "cycles": 3}
     for sketched in (False, True):
         try:

@@ -74,7 +74,7 @@ def _leaves(value: Any, path: str) -> Iterator[tuple[Any, Any, str]]:
         place = f"{path}[{key}]" if isinstance(value, list) else f"{path}.{key}".lstrip(".")
         if isinstance(inner, dict | list) and inner:
             yield from _leaves(inner, place)
-        elif place not in ("title", "teaches"):
+        elif place not in ("title", "learning_goal"):
             yield value, key, place
 
 

@@ -246,7 +246,7 @@ def show_text(
     header = {
         "schema": PAGE_SCHEMA,
         "title": shown.title,
-        "teaches": shown.teaches,
+        "learning_goal": shown.learning_goal,
         "version": shown.version,
         "frames": len(frames.chosen),
         "total": frames.total,

@@ -23,7 +23,7 @@ class Player {
     this.axes = [...header.axes.map((a) => ({ ...a, values: arrays[a.values] })), { title: "time", unit: "s", values: this.times }];
     this.axis = this.axes[0];
     this.plots = [];
-    $("teaches").textContent = header.teaches;
+    $("learning-goal").textContent = header.learning_goal;
     try {
       this.stage = new Stage($("picture"), $("labels"), header, arrays, this.theme);
     } catch (error) {

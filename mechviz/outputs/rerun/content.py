@@ -272,7 +272,7 @@ def _simulated(run: Run) -> dict[str, Any]:
 def notes(run: Run, solids: Solids, scales: Scales, stages: list[Stage], every: int, *, complete: bool) -> str:
     """Markdown: what was computed, what was left out and why, what each stage cost, what an arrow's length means."""
     scene, plan = run.scene, run.plan
-    lines = [f"# {scene.title or scene.name}", "", scene.teaches, ""]
+    lines = [f"# {scene.title or scene.name}", "", scene.learning_goal, ""]
     if not complete:
         lines += ["**Unfinished**: writing was interrupted; the frames up to then are here.", ""]
     if scene.document.parameters:

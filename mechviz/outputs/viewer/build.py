@@ -106,7 +106,7 @@ def view_model_of_run(run: Run, built: Built, before: ViewModel | None = None) -
         arrows = replace(arrows, scales=_kept(before.scales, arrows.scales))
     return ViewModel(
         title=run.scene.title,
-        teaches=run.scene.teaches,
+        learning_goal=run.scene.learning_goal,
         picture=picture_of(run, solids, arrows, None if before is None or exact else before.picture),
         bodies=bodies,
         catalogue=run.catalogue,
@@ -169,7 +169,7 @@ def view_model_of_recording(recording: Recording) -> ViewModel:
     head, cut, rest = shown.notes.partition("\n## ")
     return ViewModel(
         title=shown.title,
-        teaches=shown.teaches,
+        learning_goal=shown.learning_goal,
         picture=shown.picture,
         bodies=bodies_of(shown.picture.of(BodyNode, "solids")),
         catalogue=shown.catalogue,

@@ -86,7 +86,7 @@ class Inspector:
         clicked = self._guarded("Looking closer", self._clicked_link), self._guarded("Looking closer", self._clicked_joints)
         self.scene = Scene3D(server, view_model, *clicked, self._designs)
         self._note = words.hint(note) if note else ""
-        self._heading = gui.add_html(words.heading(view_model.title, view_model.teaches) + self._note)
+        self._heading = gui.add_html(words.heading(view_model.title, view_model.learning_goal) + self._note)
         if edit is not None:
             self.edit = gui.add_button("Edit this scene", icon=viser.Icon.EDIT, hint="solve the recorded scene, and change it")
             self.edit.on_click(callback("Opening the scene", lambda _: edit()))
@@ -333,7 +333,7 @@ class Inspector:
 
     def _explain(self) -> None:
         arrows, view_model = self.scene.arrows, self.view_model
-        heading = words.heading(view_model.title, view_model.teaches) + self._note
+        heading = words.heading(view_model.title, view_model.learning_goal) + self._note
         if heading != self._heading.content:  # synthesis has made another scene of it
             self._heading.content = heading
         shown = [f for f in arrows.families if arrows.is_on(f)]

@@ -68,7 +68,7 @@ class ViewModel:
     """Everything that is shown, of a run or of a recording."""
 
     title: str
-    teaches: str
+    learning_goal: str
     picture: Picture
     bodies: Mapping[str, LinkSolid]  # by link; while a length is dragged they follow it
     catalogue: Catalogue

@@ -47,12 +47,12 @@ def after(unit: str) -> str:
     return {"1": "", "°": "°"}.get(unit, f" {unit}")
 
 
-def heading(title: str, teaches: str) -> str:
+def heading(title: str, learning_goal: str) -> str:
     """Title, and what the scene teaches."""
     return _block(
         '<div class="mechviz-heading" style="font-size:1.12em;font-weight:650;line-height:1.25;padding-bottom:0.3em">'
         f"{escape(title)}</div>"
-        f'<div style="font-size:0.85em;line-height:1.4;opacity:0.85">{escape(teaches)}</div>'
+        f'<div style="font-size:0.85em;line-height:1.4;opacity:0.85">{escape(learning_goal)}</div>'
     )
 
 

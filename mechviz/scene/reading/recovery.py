@@ -323,7 +323,7 @@ def read_document(raw: Mapping[str, Any]) -> Reading:
 _SYNONYMS = {
     "bodies": "links", "ground": "frame", "omega": "speed", "velocity": "speed", "rpm": "speed", "motor": "drive",
     "driver": "drive", "com": "centre", "cog": "centre", "J": "inertia", "I": "inertia", "name": "title",
-    "description": "teaches", "direction": "along", "axis": "along", "mode": "side", "forces": "loads", "steps": "frames",
+    "description": "learning_goal", "direction": "along", "axis": "along", "mode": "side", "forces": "loads", "steps": "frames",
     "point": "at", "link": "on", "traced": "trace", "nodes": "points", "base_circle": "base",
     "base_radius": "base", "tip": "point", "cam_profile": "profile", "z": "teeth", "r": "radius", "ring": "internal",
     "arm": "carrier", "size": "radius", "sizes": "teeth", "ratio": "teeth", "k": "stiffness", "rate": "stiffness",

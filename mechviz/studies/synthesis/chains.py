@@ -155,7 +155,7 @@ def _scene(chain: Chain, frame: int, places: Complex, name: str, title: str) -> 
     return Scene.build(
         name=name,
         title=title,
-        teaches="Number synthesis counts the ways to join links; holding another link of a chain gives another mechanism.",
+        learning_goal="Number synthesis counts the ways to join links; holding another link of a chain gives another mechanism.",
         units={"length": "mm", "angle": "deg"},
         links=links,
         joints=joints,

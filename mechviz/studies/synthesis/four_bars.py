@@ -52,7 +52,8 @@ def function_solutions(task: FunctionTask, designs: Sequence[FunctionGenerator],
         drive = once(begin, end) if runs else through(bar, np.array([begin, end]), usable=False)
         scene = four_bar_scene(
             bar, drive, name=f"function-{k + 1}", title=f"Function generator of {words}", traced=False,
-            teaches=f"The rocker's angle follows {words} of the crank's: exactly at {len(made.points)} points or by least squares, "
+            learning_goal=f"The rocker's angle follows {words} of the crank's: exactly at "
+            f"{len(made.points)} points or by least squares, "
             "nearly between them. The remainder is the structural error.",
         )  # fmt: skip
         numbers = four_bar_lengths(bar) | {
@@ -217,7 +218,8 @@ def motion_solutions(poses: BodyPositions, designs: Sequence[MotionDesign]) -> l
         scene = four_bar_scene(
             bar, through(bar, made.theta, usable=not made.defects), name=f"motion-{k + 1}", marks=pose_marks(poses),
             title="Four-bar that leads a body through positions",
-            teaches="The coupler is led through positions: its point E passes P1, P2 ... of the frame, and the x axis of the body "
+            learning_goal="The coupler is led through positions: its point E passes P1, P2 "
+            "... of the frame, and the x axis of the body "
             "points to Q1, Q2 ...",
         )  # fmt: skip
         pivots = (("A", bar.crank_pivot), ("D", bar.rocker_pivot))
@@ -316,7 +318,8 @@ def slider_guide_solutions(poses: BodyPositions, designs: Sequence[SliderGuide])
             bar.crank_pivot, made.pins, complex(poses.places[0]), made.along,
             through(bar, made.theta, usable=not made.defects), marks=pose_marks(poses), name=f"guide-{k}",
             title="Crank and slide that lead a body through positions",
-            teaches="The point C of the body lies on a line in all positions, where a slide leads it; a crank leads B. Point E "
+            learning_goal="The point C of the body lies on a line in all positions, where "
+            "a slide leads it; a crank leads B. Point E "
             "passes P1, P2 ... of the frame, and the x axis of the body points to Q1, Q2 ...",
         )  # fmt: skip
         a = bar.crank_pivot

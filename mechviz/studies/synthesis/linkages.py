@@ -28,7 +28,7 @@ def four_bar_scene(
     *,
     name: str,
     title: str,
-    teaches: str,
+    learning_goal: str,
     marks: Mapping[str, complex] | None = None,
     traced: bool = True,
     driven: str = "A",
@@ -45,7 +45,7 @@ def four_bar_scene(
     return Scene.build(
         name=name,
         title=title,
-        teaches=teaches,
+        learning_goal=learning_goal,
         units={"length": "mm", "angle": "deg"},
         trace=["E"] if traced else [],
         metrics=["transmission_angle"],
@@ -73,13 +73,13 @@ def four_bar_parts(bar: FourBar, drive: DriveEntry, *, traced: bool) -> tuple[di
 
 
 def slider_crank_scene(
-    crank: float, rod: float, offset: float, drive: DriveEntry, *, name: str, title: str, teaches: str, ahead: bool = True
+    crank: float, rod: float, offset: float, drive: DriveEntry, *, name: str, title: str, learning_goal: str, ahead: bool = True
 ) -> Scene:
     """A slider-crank as a scene: crank on A, pins B and C, the slide along x through G. Lengths and offset [m]."""
     return Scene.build(
         name=name,
         title=title,
-        teaches=teaches,
+        learning_goal=learning_goal,
         units={"length": "mm", "angle": "deg"},
         metrics=["transmission_angle"],
         links={
@@ -97,12 +97,12 @@ def slider_crank_scene(
     )
 
 
-def slotted_lever_scene(made: SlottedLever, *, name: str, title: str, teaches: str) -> Scene:
+def slotted_lever_scene(made: SlottedLever, *, name: str, title: str, learning_goal: str) -> Scene:
     """A crank O-A whose block slides on a lever, B-C, as a scene."""
     return Scene.build(
         name=name,
         title=title,
-        teaches=teaches,
+        learning_goal=learning_goal,
         units={"length": "mm", "angle": "deg"},
         trace=["C"],
         links={
@@ -120,12 +120,12 @@ def slotted_lever_scene(made: SlottedLever, *, name: str, title: str, teaches: s
     )
 
 
-def whitworth_scene(made: Whitworth, *, name: str, title: str, teaches: str) -> Scene:
+def whitworth_scene(made: Whitworth, *, name: str, title: str, learning_goal: str) -> Scene:
     """A crank O-A whose block leads a lever that turns about B; its arm B-C moves a slider along x by a rod C-D, as a scene."""
     return Scene.build(
         name=name,
         title=title,
-        teaches=teaches,
+        learning_goal=learning_goal,
         units={"length": "mm", "angle": "deg"},
         links={
             "frame": {"points": {"O": [0, 0], "B": [0, -made.frame * MM]}},

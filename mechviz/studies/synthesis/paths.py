@@ -46,7 +46,7 @@ def path_solutions(designs: Sequence[PathDesign], points: Complex) -> list[Linka
         scene = four_bar_scene(
             made.four_bar, drive, name=f"path-{k + 1}", title=f"Four-bar through {len(points)} points",
             marks={f"P{i + 1}": complex(z) for i, z in enumerate(points)},
-            teaches=f"The coupler point E passes {len(points)} points of the frame, P1 and so on, at most "
+            learning_goal=f"The coupler point E passes {len(points)} points of the frame, P1 and so on, at most "
             f"{made.largest * MM:.3g} mm away.",
         )  # fmt: skip
         rms = np.sqrt(made.error / len(points)) * MM
@@ -145,7 +145,8 @@ def cognate_solutions(bar: FourBar, theta: float) -> list[LinkageSolution]:
         scene = four_bar_scene(
             made, drive, name=f"cognate-{k}", title=f"Cognate {k} of a four-bar", driven=joint,
             side=int(np.sign(cross(made.rocker_pivot - made.crank_pivot, pin[1] - made.crank_pivot))) if k == 1 else 0,
-            teaches="Three four-bars draw every coupler curve (Roberts and Chebyshev). This one draws that of the four-bar from "
+            learning_goal="Three four-bars draw every coupler curve (Roberts and "
+            "Chebyshev). This one draws that of the four-bar from "
             "which it was made.",
         )  # fmt: skip
         pivots = (("A", made.crank_pivot), ("D", made.rocker_pivot))

@@ -37,7 +37,7 @@ QUICK = "At constant speed of the crank the way back takes less time than the wa
 def slider_crank_solution(made: SliderCrank, stroke: float, ratio: float) -> LinkageSolution:
     """A slider-crank of a stroke [m] and a time ratio."""
     scene = slider_crank_scene(
-        made.crank, made.rod, made.offset, {"speed": SPEED}, name="stroke", teaches=QUICK,
+        made.crank, made.rod, made.offset, {"speed": SPEED}, name="stroke", learning_goal=QUICK,
         title=f"Slider-crank with a stroke of {stroke * MM:g} mm and a time ratio of {ratio:g}",
     )  # fmt: skip
     numbers = {
@@ -61,7 +61,8 @@ def slider_function_solution(task: FunctionTask, made: SliderGenerator, words: s
     )
     scene = slider_crank_scene(
         made.crank, made.rod, made.offset, drive, name="slider", ahead=made.side > 0, title=f"Slider-crank that follows {words}",
-        teaches=f"The slider's way follows {words} of the crank's angle, exactly at its precision points and nearly between them.",
+        learning_goal=f"The slider's displacement follows {words} of the crank's angle, exactly "
+        "at its precision points and nearly between them.",
     )  # fmt: skip
     numbers = {
         "crank [mm]": f"{made.crank * MM:.6g}",
@@ -81,26 +82,26 @@ def slotted_lever_solution(made: SlottedLever, stroke: float, ratio: float) -> L
         "lever [mm]": f"{made.lever * MM:.6g}",
         "swing [deg]": f"{np.degrees(made.swing):.4g}",
     }
-    return LinkageSolution(slotted_lever_scene(made, name="stroke", title=title, teaches=QUICK), numbers)
+    return LinkageSolution(slotted_lever_scene(made, name="stroke", title=title, learning_goal=QUICK), numbers)
 
 
 def whitworth_solution(made: Whitworth, stroke: float, ratio: float) -> LinkageSolution:
     """Whitworth's quick return of a stroke [m] and a time ratio."""
     title = f"Whitworth's quick return with a stroke of {stroke * MM:g} mm and a time ratio of {ratio:g}"
-    teaches = "The lever turns fully, faster on the side of the crank's pivot: the slider returns quickly."
+    learning_goal = "The lever turns fully, faster on the side of the crank's pivot: the slider returns quickly."
     numbers = {
         "crank [mm]": f"{made.crank * MM:.6g}",
         "pivots apart [mm]": f"{made.frame * MM:.6g}",
         "arm [mm]": f"{made.arm * MM:.6g}",
         "rod [mm]": f"{made.rod * MM:.6g}",
     }
-    return LinkageSolution(whitworth_scene(made, name="stroke", title=title, teaches=teaches), numbers)
+    return LinkageSolution(whitworth_scene(made, name="stroke", title=title, learning_goal=learning_goal), numbers)
 
 
 def crank_rocker_solution(made: FourBar, swing: float, ratio: float) -> LinkageSolution:
     """A crank-rocker of a swing [rad] and a time ratio."""
     scene = four_bar_scene(
-        made, {"speed": SPEED}, name="swing", teaches=QUICK, traced=False,
+        made, {"speed": SPEED}, name="swing", learning_goal=QUICK, traced=False,
         title=f"Crank-rocker with a swing of {np.degrees(swing):g} deg and a time ratio of {ratio:g}",
     )  # fmt: skip
     return LinkageSolution(scene, four_bar_lengths(made) | {"transmission [deg]": f"{np.degrees(made.least_transmission()):.2f}"})
@@ -127,7 +128,7 @@ def _straight_line(name: str, line: StraightLine, travel: float) -> LinkageSolut
     drive = {"speed": SPEED} if bar.crank_turns else to_and_fro(line.start, line.end)
     scene = four_bar_scene(
         bar, drive, name=name, title=f"Straight line of {name.capitalize()}",
-        teaches=f"Point E runs {travel * MM:g} mm on a nearly straight line, within "
+        learning_goal=f"Point E runs {travel * MM:g} mm on a nearly straight line, within "
         f"{measured.ratio * travel * MM:.3g} mm: {line.about}.",
     )  # fmt: skip
     numbers = {"name": name} | four_bar_lengths(bar) | {
@@ -154,7 +155,7 @@ def dwell_solutions(linkages: Sequence[DwellLinkage], crank: float, dwell: float
         drift, swing = np.degrees(made.drift), np.degrees(made.swing)
         scene = Scene.build(
             name=f"dwell-{k + 1}", title=f"Six-bar with a dwell over {np.degrees(dwell):g} deg of its crank", trace=["coupler.E"],
-            teaches=f"While the coupler point E runs nearly on a circle about F, the lever rests: it drifts by {drift:.2g} "
+            learning_goal=f"While the coupler point E runs nearly on a circle about F, the lever rests: it drifts by {drift:.2g} "
             f"deg of its swing of {swing:.3g} deg.",
             units={"length": "mm", "angle": "deg"}, links=links, joints=joints,
         )  # fmt: skip
@@ -182,7 +183,8 @@ def lid_solutions(task: LidTask, springs: Sequence[LidSpring]) -> list[LinkageSo
         scene = Scene.build(
             name=f"lid-{k + 1}",
             title="Lid that a spring balances",
-            teaches=f"The spring carries the lid: the hand needs {task.effort:g} N, within {made.error:.3g} N, instead of up to "
+            learning_goal=f"The spring carries the lid: the hand needs {task.effort:g} N, "
+            f"within {made.error:.3g} N, instead of up to "
             f"{task.mass * task.gravity * task.arm / task.hand:.3g} N.",
             units={"length": "mm", "angle": "deg"},
             effects=["gravity"],

@@ -274,7 +274,7 @@ def test_record_says_where_the_file_is_what_to_look_at_and_costs_when_asked(tmp_
     path = tmp_path / "my engine.rrd"
     said = CliRunner().invoke(app, ["record", "slider-crank-engine", "-n", "40", "-o", str(path)])
     assert said.stdout == f"{path}\n" and f"mechviz view '{path}'" in said.stderr
-    assert load("slider-crank-engine").teaches in said.stderr and "compile" not in said.stderr
+    assert load("slider-crank-engine").learning_goal in said.stderr and "compile" not in said.stderr
     costs = CliRunner().invoke(app, ["record", "slider-crank-engine", "-n", "40", "-o", str(path), "--cost"]).stderr
     assert re.search(r"compile +\S+ ms", costs) and "loading rerun" in costs and "left out: effect gravity" in costs
 

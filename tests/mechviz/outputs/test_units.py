@@ -118,7 +118,7 @@ def test_no_output_of_a_scene_has_other_units_than_its_own(name, system, source)
     view_model = view_model_of_run(run, build(run)) if source == "run" else view_model_of_recording(recording)
     texts = [*of_catalogue(shown), *of_presentation(shown), *of_viewer(view_model)]
     texts += [*of_plots(run, recording), *format_inspection(inspect(recording.path)).splitlines()]
-    told = [text.replace(run.scene.teaches, "") for text in texts]  # which is in its author's units
+    told = [text.replace(run.scene.learning_goal, "") for text in texts]  # which is in its author's units
     wrong = [text[:200] for text in told if re.search(SYSTEMS[system][1], text)]
     assert len(texts) > 30 and not wrong
 

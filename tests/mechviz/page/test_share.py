@@ -210,7 +210,7 @@ def test_arrows_are_drawn_where_and_as_long_as_in_the_recording(ten):
 def test_events_and_notes_are_there(ten):
     _, _, header, _ = ten
     assert [e["text"] for e in header["events"]] == [f"{e.item}: {e.text}" for e in recorded().recording.events]
-    assert "<h3>Computed</h3>" in header["notes"] and header["teaches"].startswith("Kinematics runs outward")
+    assert "<h3>Computed</h3>" in header["notes"] and header["learning_goal"].startswith("Kinematics runs outward")
 
 
 def test_a_long_run_is_thinned_to_a_stated_number_of_frames():

@@ -65,7 +65,7 @@ def test_the_viewer_shows_of_a_recording_what_it_shows_of_the_run(name: str) -> 
         for a, b in zip(body.pieces, recorded.bodies[link].pieces, strict=True):
             assert a.color == b.color
             np.testing.assert_array_equal(a.vertices, b.vertices)
-    assert recorded.teaches == solved.teaches and recorded.title == solved.title
+    assert recorded.learning_goal == solved.learning_goal and recorded.title == solved.title
     assert [d.name for d in recorded.drives] == [d.name for d in solved.drives]
     assert not any("(t = " in e.text for e in (*recorded.events, *solved.events)), "an event tells its time once"
 

@@ -424,7 +424,7 @@ def chains(draw: Any) -> dict[str, Any]:
             joints[name] = {"revolute": [names[k - 1], name], "at": ["out", "in"], "drive": draw(drives())}
     return {
         "title": draw(TEXT),
-        "teaches": draw(TEXT),
+        "learning_goal": draw(TEXT),
         "units": {"length": draw(st.sampled_from(["mm", "m"])), "angle": draw(st.sampled_from(["deg", "rad"]))},
         "frame": names[0],
         "effects": draw(st.sampled_from([[], ["inertia"], ["gravity", "inertia"]])),
@@ -665,9 +665,11 @@ def test_pairs_is_read_as_joints_and_faults_name_it_as_it_is_written():
 
 
 def test_former_keys_of_metrics_and_constructions_are_read():
-    asked = 'metrics = ["curvature"]\npolygons = ["velocity"]\ncentrodes = ["coupler"]\n'
+    asked = 'learning_goal = "g"\nmetrics = ["curvature"]\npolygons = ["velocity"]\ncentrodes = ["coupler"]\n'
     text = asked + load("four-bar-chain").text.split("\n", 2)[2]
-    former = text.replace("metrics", "answers").replace("polygons", "plans").replace("centrodes", "polodes")
+    former = text
+    for old, new in {"answers": "metrics", "plans": "polygons", "polodes": "centrodes", "teaches": "learning_goal"}.items():
+        former = former.replace(f"{new} =", f"{old} =")
     with pytest.raises(SceneError, match=r"polodes\[0\]  .*'coupler'"):
         loads(former)
     present, old = (loads(t.replace('"coupler"', '"bar2"')) for t in (text, former))

@@ -525,7 +525,7 @@ def test_files_that_hold_no_scene(tmp_path: Path):
     contents = {
         "empty.toml": (b" \n", "is empty."),
         "binary.toml": (b"\x00\x01\x02", "is a binary file."),
-        "latin.toml": (b"title = 'ok'\nteaches = 'M\xfcller'", "line 2 holds the byte 0xfc"),
+        "latin.toml": (b"title = 'ok'\nlearning_goal = 'M\xfcller'", "line 2 holds the byte 0xfc"),
         "recording.toml": (b"RRF2....", "this is a recording, not a scene."),
         "huge.toml": (b"#" * (LARGEST_FILE + 1), "at most 8 MB are read"),
     }

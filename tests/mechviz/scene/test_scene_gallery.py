@@ -56,7 +56,7 @@ def test_the_gallery_has_what_it_promises():
 def test_every_gallery_scene_has_a_title_and_teaches_one_sentence():
     for entry in mechviz.gallery():
         assert 5 < len(entry.title) < 80, entry.name
-        assert entry.teaches.endswith(".") and 30 < len(entry.teaches) < 200, entry.name
+        assert entry.learning_goal.endswith(".") and 30 < len(entry.learning_goal) < 200, entry.name
 
 
 def forces_of(name: str, *, at: float | None = None) -> Forces:

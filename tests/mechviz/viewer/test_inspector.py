@@ -497,7 +497,7 @@ def test_diagrams_of_a_recording_are_those_of_its_run(name, overlays, tmp_path):
     run = run_scene(scene.load(name), frames=24)
     write_recording(run, tmp_path / "a.rrd")
     recorded, solved = view_model_of_recording(Recording(tmp_path / "a.rrd")), view_model_of_run(run, build(run))
-    assert recorded.teaches == run.scene.teaches and run.scene.teaches not in recorded.notes
+    assert recorded.learning_goal == run.scene.learning_goal and run.scene.learning_goal not in recorded.notes
     assert list(diagrams_of(recorded)) == list(diagrams_of(solved))
     with Viewer(Recording(tmp_path / "a.rrd"), port=0) as played:
         played.set_frame(7)

@@ -591,7 +591,7 @@ def test_ranges_have_room_also_around_constants_and_nothing():
 
 # -- words ------------------------------------------------------------------------------------------------------------
 def test_texts_of_a_scene_cannot_become_markup():
-    text = words.heading(title="<img src=x onerror=alert(1)>", teaches="a < b & <b>c</b>")
+    text = words.heading(title="<img src=x onerror=alert(1)>", learning_goal="a < b & <b>c</b>")
     assert "<img" not in text and "&lt;img" in text and "a &lt; b &amp; &lt;b&gt;" in text
 
 
