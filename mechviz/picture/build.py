@@ -208,7 +208,11 @@ def _masses(run: Run, solids: Solids) -> Iterator[Points]:
     document = run.scene.document
     points = {link.name: link.points for link in run.motion.mechanism.links}
     convert = Converter.of(document.units, run.scene.folder)
-    masses = {name: point_masses_of(link.lumps, points[name], convert, name) for name, link in document.links.items() if link.lumps}
+    masses = {
+        name: point_masses_of(link.point_masses, points[name], convert, name)
+        for name, link in document.links.items()
+        if link.point_masses
+    }
     heaviest = max((b.mass for bodies in masses.values() for b in bodies), default=0.0)
     for name, bodies in masses.items() if heaviest > 0.0 else ():
         yield Points(

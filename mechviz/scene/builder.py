@@ -70,7 +70,7 @@ class SceneBuilder:
         inertia: Value | None = None,
         shape: str | None = None,
         gravity: Sequence[Value] | None = None,
-        lumps: Sequence[Mapping[str, Any]] = (),
+        point_masses: Sequence[Mapping[str, Any]] = (),
         **more_points: Sequence[Value],
     ) -> SceneBuilder:
         """A link. Points are given as a mapping, as keywords, or as a list of names that the sketch places."""
@@ -79,7 +79,14 @@ class SceneBuilder:
             self._faults.append(
                 Fault(f"links.{name}.points", "a list of names and coordinates at once.", "Give all points in one way.")
             )
-        body = {"mass": mass, "centre": centre, "inertia": inertia, "shape": shape, "gravity": gravity, "lumps": list(lumps)}
+        body = {
+            "mass": mass,
+            "centre": centre,
+            "inertia": inertia,
+            "shape": shape,
+            "gravity": gravity,
+            "point_masses": list(point_masses),
+        }
         return self._add("links", name, {"points": places, **body})
 
     def joint(self, name: str, kind: str, first: str, second: str, /, **keys: object) -> SceneBuilder:

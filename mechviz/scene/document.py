@@ -138,7 +138,7 @@ class LinkDocument(DocumentTable):
     sketch places in those of the sketch. Drawn, not computed."""
     colour: Colour | None = None
     """Its colour, red, green and blue as in "#d9534f", instead of one of its own. Drawn, not computed."""
-    lumps: list[PointMassDocument] = Field(default=[])
+    point_masses: list[PointMassDocument] = Field(default=[])
     """Point masses fixed to the link: counterweights, or all of its mass (a lumped model)."""
     looks: LookEntry | None = None
     """Additional drawing: "flywheel" or "fan" on its shaft on the ground; "spindle": of the ground, a rod as its guide."""
@@ -311,6 +311,8 @@ FORMER = {
 """Former names of keys of a scene, which are read as the present ones for ever."""
 FORMER_INNER = {"pair": "joint"}
 """The same within the entries of watch and loads."""
+FORMER_OF_LINKS = {"lumps": "point_masses"}
+"""The same of a link."""
 
 
 def value_at(value: Any, path: Place) -> Any:

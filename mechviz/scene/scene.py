@@ -20,7 +20,7 @@ from mechviz.scene.annotations import Place, stated_value
 from mechviz.scene.assembly.assemble import assemble_scene
 from mechviz.scene.assembly.simulation import SimulationSpec
 from mechviz.scene.convert import Converter, JoinedSegments
-from mechviz.scene.document import FORMER, FORMER_INNER, SceneDocument, value_at, with_values
+from mechviz.scene.document import FORMER, FORMER_INNER, FORMER_OF_LINKS, SceneDocument, value_at, with_values
 from mechviz.scene.faults import SceneError, path_as_written, path_text
 from mechviz.scene.folder import SceneFolder, copy_files
 from mechviz.scene.kinds.copies import with_copies
@@ -180,10 +180,7 @@ def json_schema() -> dict[str, Any]:
 def changed_document(document: SceneDocument, changes: Mapping[Place, Any], name: str, folder: SceneFolder) -> SceneDocument:
     """A document with other values at some places, of which only what changes is validated anew. SceneError reports every fault
     at once."""
-    changes = {
-        tuple(FORMER.get(str(p), p) if k == 0 else p for k, p in enumerate(place)): _plain(value)
-        for place, value in changes.items()
-    }
+    changes = {tuple(_present_key(place, k) for k in range(len(place))): _plain(value) for place, value in changes.items()}
     try:
         made = _with_formulas(document, changes)
     except ValidationError:  # the whole is read again, for every fault with its place
@@ -233,9 +230,11 @@ def _read(raw: Mapping[str, Any], name: str, folder: SceneFolder, *, source: str
     if twice:
         raise SceneError(file or name, twice)
     data = {FORMER.get(key, key): value for key, value in raw.items()}
-    for section in ("watch", "loads"):
+    for section in ("watch", "loads", "links"):
         if isinstance(data.get(section), Mapping):
-            data[section] = {key: _with_present_keys(data[section][key], f"{section}.{key}", former) for key in data[section]}
+            names, deep = (FORMER_OF_LINKS, False) if section == "links" else (FORMER_INNER, True)
+            entries = data[section].items()
+            data[section] = {k: _with_present_keys(entry, f"{section}.{k}", former, names, deep=deep) for k, entry in entries}
     reading = read_document(with_copies(data, resolve(data).data if "copies" in data else {}))
     reading.faults += [
         Fault(f"copies[{k}]", "its links cannot be copied as it is written.", "Name links of the scene, and write plain values.")
@@ -245,16 +244,25 @@ def _read(raw: Mapping[str, Any], name: str, folder: SceneFolder, *, source: str
     return _assembled(reading, name, folder, former, source, file)
 
 
-def _with_present_keys(value: object, path: str, former: dict[str, str]) -> Any:
-    """A part of a scene's data with the present names of keys; ``former`` takes the former ones by their places."""
+def _present_key(place: Place, k: int) -> int | str:
+    """The present name of part k of a place."""
+    part = place[k]
+    if k == 0:
+        return FORMER.get(str(part), part)
+    return FORMER_OF_LINKS.get(str(part), part) if k == 2 and place[0] == "links" else part
+
+
+def _with_present_keys(value: object, path: str, former: dict[str, str], names: Mapping[str, str], *, deep: bool) -> Any:
+    """A part of a scene's data with the present ``names`` of keys, ``deep`` within it, too; ``former`` takes the former ones by
+    their places."""
     if not isinstance(value, Mapping):
         return value
     renamed = {}
     for key, inner in value.items():
-        new = key if FORMER_INNER.get(key, key) in value else FORMER_INNER.get(key, key)
+        new = key if names.get(key, key) in value else names.get(key, key)
         if new != key:
             former[f"{path}.{new}"] = f"{path}.{key}"
-        renamed[new] = _with_present_keys(inner, f"{path}.{new}", former)
+        renamed[new] = _with_present_keys(inner, f"{path}.{new}", former, names, deep=True) if deep else inner
     return renamed
 
 

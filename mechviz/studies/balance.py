@@ -78,9 +78,9 @@ def balance_scene(
     weights = counterweights(find_linkage(scene.mechanism), (first, second), fraction=share)
     changes: dict[Place, Any] = {}
     for w in weights:
-        place = ("links", w.link, "lumps")
+        place = ("links", w.link, "point_masses")
         entry = {"mass": f"{w.mass!r} kg", "at": [f"{x!r} m" for x in w.at]}
-        changes[place] = [*changes.get(place, scene.document.links[w.link].lumps), entry]
+        changes[place] = [*changes.get(place, scene.document.links[w.link].point_masses), entry]
     if scene.document.shaking is not None:
         changes["shaking", "counterweights"] = None
     better = scene.changed(changes)

@@ -219,16 +219,16 @@ def mass_properties(
     A property that an effect needs and the scene does not state is a fault; a property that no effect needs is zero.
     """
     path = f"links.{name}"
-    if not link.has_valid("points") and (isinstance(link.mass, MassDocument) or link.lumps):
+    if not link.has_valid("points") and (isinstance(link.mass, MassDocument) or link.point_masses):
         return math.nan, (math.nan, math.nan), math.nan  # they may name points
     if isinstance(link.mass, MassDocument):
         stated = _stated_centre(name, link, points, convert)
         body = body_of(link.mass, points, stated, convert, f"{path}.mass", drawn)
         return _with_point_masses(body, link, points, convert, path)
-    if link.lumps and link.mass is None:
+    if link.point_masses and link.mass is None:
         return _with_point_masses(RigidBody(0.0), link, points, convert, path)
-    if link.lumps:
-        bare = link.model_copy(update={"lumps": []})
+    if link.point_masses:
+        bare = link.model_copy(update={"point_masses": []})
         return _with_point_masses(
             RigidBody(*mass_properties(name, bare, points, effects, convert, can_turn=can_turn)), link, points, convert, path
         )
@@ -288,7 +288,9 @@ def _with_point_masses(
     body: RigidBody, link: LinkDocument, points: Mapping[str, Vec2], convert: Converter, path: str
 ) -> tuple[float, Vec2, float]:
     """A body with the link's point masses."""
-    whole = combine([body, *point_masses_of(link.lumps, points, convert, f"{path}.lumps")]) if link.lumps else body
+    whole = (
+        combine([body, *point_masses_of(link.point_masses, points, convert, f"{path}.point_masses")]) if link.point_masses else body
+    )
     return whole.mass, whole.centre, whole.inertia
 
 

@@ -249,7 +249,7 @@ def check_studies(document: SceneDocument, links: Mapping[str, list[str] | None]
         yield Fault(
             "reduced", f"the scene has {len(driven)} drives: its energy does not depend on one speed alone.", "Leave it out."
         )
-    has_mass = any(link.mass is not None or link.lumps for link in document.links.values())
+    has_mass = any(link.mass is not None or link.point_masses for link in document.links.values())
     for key in ("reduced", "shaking"):
         if getattr(document, key) and complete and not has_mass:
             yield Fault(key, "no link has a mass.", "Give the moving links a mass.")
@@ -270,7 +270,7 @@ def check_studies(document: SceneDocument, links: Mapping[str, list[str] | None]
         path = f"substitutes.{name}"
         yield from _link(path, name, links, complete, document.frame)
         own_link = document.links.get(name)
-        if own_link is not None and own_link.mass is None and not own_link.lumps:
+        if own_link is not None and own_link.mass is None and not own_link.point_masses:
             yield Fault(path, f"link '{name}' has no mass to be replaced.", f"Give links.{name} a mass.")
         for k, m in enumerate(entry.masses):
             if m.at is not None and m.at != "centre":
@@ -372,8 +372,12 @@ def _sections(
 ) -> SectionStudy:
     section = None if entry.section is None else _cross_section(entry.section, convert, f"sections.{name}.section")
     link = document.links.get(name)
-    lumps = [] if link is None else point_masses_of(link.lumps, placement.points.get(name, {}), convert, f"links.{name}.lumps")
-    masses = tuple((b.mass, *b.centre, b.inertia) for b in lumps)
+    point_masses = (
+        []
+        if link is None
+        else point_masses_of(link.point_masses, placement.points.get(name, {}), convert, f"links.{name}.point_masses")
+    )
+    masses = tuple((b.mass, *b.centre, b.inertia) for b in point_masses)
     return SectionStudy(link=name, points=tuple(entry.along or ()), section=section, masses=masses)
 
 

@@ -331,8 +331,7 @@ _SYNONYMS = {
     "c": "linear", "damping": "linear", "indicator": "diagram", "diameter": "bore", "function": "table", "otto": "four_stroke",
     "diesel": "four_stroke", "engine": "four_stroke", "compression_ratio": "ratio", "preloaded": "preload",
     "opposite": "against", "mu": "coefficient", "rolling_resistance": "lever", "rho": "density", "material": "density",
-    "diagrams": "polygons", "outputs": "metrics", "counterweight": "lumps", "balance": "counterweights",
-    "point_masses": "lumps",
+    "diagrams": "polygons", "outputs": "metrics", "counterweight": "point_masses", "balance": "counterweights",
 }  # fmt: skip
 for _kinds in (JOINT_KINDS, LOADS):
     _SYNONYMS |= {word: keyword for keyword, kind in _kinds.items() for word in kind.synonyms}

@@ -44,7 +44,9 @@ def check_references(reading: Reading) -> Iterator[Fault]:
     yield from check_studies(document, {name: point_names(reading, name) for name in link_names(reading)}, listed)
     # those that masses make
     effects = [name for name in document.effects if not isinstance(name, UnknownName) and name != "friction"]
-    weightless = all(link.mass is None and not link.lumps and "*" not in link.invalid_keys for link in document.links.values())
+    weightless = all(
+        link.mass is None and not link.point_masses and "*" not in link.invalid_keys for link in document.links.values()
+    )
     if effects and listed and weightless:
         remedy = "Give the moving links a mass, or leave out the effects."
         yield Fault("effects", f"{' and '.join(dict.fromkeys(effects))}: no link has a mass that could act.", remedy)

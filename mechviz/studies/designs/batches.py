@@ -249,7 +249,7 @@ def batch_of(
     links: dict[str, LinkDocument] = dict(scene.document.links)
     for link in {str(place[1]) for place in places if place[2] == "points"}:
         own = links[link]
-        if own.lumps or isinstance(own.mass, MassDocument) or isinstance(own.centre, str):
+        if own.point_masses or isinstance(own.mass, MassDocument) or isinstance(own.centre, str):
             return None
     columns = []
     for measure in measures:
@@ -286,7 +286,7 @@ def _can_vary(scene: Scene, place: Place) -> bool:
     link = scene.document.links[str(place[1])]
     if place[2] == "points":
         return isinstance(link.points, dict)
-    return not isinstance(link.mass, MassDocument) and not link.lumps
+    return not isinstance(link.mass, MassDocument) and not link.point_masses
 
 
 def _load_numbers(scene: Scene, place: Place) -> list[tuple[tuple[int | str, ...], Place, float, float]]:

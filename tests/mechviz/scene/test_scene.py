@@ -676,6 +676,20 @@ def test_former_keys_of_metrics_and_constructions_are_read():
     assert old == present and old.document.centrodes == ["bar2"] and "polodes" not in old.to_toml()
 
 
+def test_former_point_masses_of_links_are_read_but_points_keep_their_names():
+    text = load("trip-hammer").text
+    former = text.replace("point_masses =", "lumps =")
+    assert former != text and loads(former) == load("trip-hammer")
+    with pytest.raises(SceneError, match=r"links\.\w+\.lumps\[0\]\.at  .*'Q'"):
+        loads(former.replace('at = "H" }]', 'at = "Q" }]'))
+    named = load("crank-rocker").changed(
+        {("links", "coupler", "points"): {"B": [0, 0], "C": [180, 0], "lumps": [90, 70], "E": [1, 1]}}
+    )
+    assert loads(named.to_toml()).document.links["coupler"].points["lumps"] == (90.0, 70.0)
+    (where,) = (name for name, link in load("trip-hammer").document.links.items() if link.point_masses)
+    assert not loads(text).changed({("links", where, "lumps"): None}).document.links[where].point_masses
+
+
 def test_pair_within_watch_and_loads_is_read_as_joint_and_faults_name_it_as_it_is_written():
     text = load("engine-start-up").text
     former = text.replace('{ joint = "A"', '{ pair = "A"')

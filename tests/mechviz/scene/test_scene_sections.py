@@ -79,7 +79,7 @@ def test_reading_and_building_agree():
 
 
 def test_point_masses_of_a_link_are_where_the_scene_puts_them():
-    links = {("links", "rod", "lumps"): [{"mass": "0.3 kg", "at": [150, 0]}]}
+    links = {("links", "rod", "point_masses"): [{"mass": "0.3 kg", "at": [150, 0]}]}
     (study,) = ROD.changed(links).mechanism.studies.sections
     assert study.masses[0] == pytest.approx((0.3, 0.15, 0.0, 0.0))
     along = run_scene(ROD.changed(links), frames=12).studies.sections["rod"]

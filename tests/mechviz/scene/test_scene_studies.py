@@ -81,7 +81,7 @@ def faults(**more):
 
 # -- asking -------------------------------------------------------------------------------------------------------------
 def test_read_write_read_gives_the_same():
-    scene = with_(**ALL, **link("crank", lumps=[{"mass": "0.3 kg", "at": [-0.05, 0]}, {"mass": 0.1, "at": "B"}]))
+    scene = with_(**ALL, **link("crank", point_masses=[{"mass": "0.3 kg", "at": [-0.05, 0]}, {"mass": 0.1, "at": "B"}]))
     again = mechviz.loads(scene.to_toml(), "bar")
     assert again == scene and again.mechanism == scene.mechanism
     assert tomllib.loads(again.to_toml()) == tomllib.loads(scene.to_toml())
@@ -112,7 +112,7 @@ def test_the_schema_knows_the_keywords():
         "shaking",
         "counterweights",
         "substitutes",
-        "lumps",
+        "point_masses",
         "density",
         "bulges",
     ):
@@ -163,8 +163,8 @@ def test_the_schema_knows_the_keywords():
         (link("crank", mass={}, inertia=None, centre=None), "links.crank.mass", "Give exactly one"),
         (link("crank", inertia=None, centre=None, mass={"plate": ["A"], "width": 1, "thickness": 1, "density": 5,
               "holes": [{"at": "A", "radius": 3}]}), "links.crank.mass.holes[0]", "reaches out of the plate"),
-        (link("crank", lumps=[{"mass": -1, "at": "A"}]), "links.crank.lumps[0].mass", "negative"),
-        (link("crank", lumps=[{"mass": 1, "at": "Q"}]), "links.crank.lumps[0].at", "no point 'Q'"),
+        (link("crank", point_masses=[{"mass": -1, "at": "A"}]), "links.crank.point_masses[0].mass", "negative"),
+        (link("crank", point_masses=[{"mass": 1, "at": "Q"}]), "links.crank.point_masses[0].at", "no point 'Q'"),
     ],
 )  # fmt: skip
 def test_faults_name_the_item_and_the_remedy(more, path, words):
@@ -373,7 +373,7 @@ def test_a_balanced_scene_says_what_it_was_given(tmp_path):
     balanced = balance_scene(with_(**ALL))
     assert balanced.after.peak <= 1e-12 * balanced.before.peak
     again = mechviz.loads(balanced.scene.to_toml(), "bar")
-    assert again.document.links["crank"].lumps and again.document.shaking.counterweights is None
+    assert again.document.links["crank"].point_masses and again.document.shaking.counterweights is None
     run = run_scene(again)
     assert run.studies.shaking.peak <= 1e-12 * balanced.before.peak
     out = tmp_path / "balanced.toml"
@@ -381,7 +381,7 @@ def test_a_balanced_scene_says_what_it_was_given(tmp_path):
     assert result.exit_code == 0, result.output
     assert "peak force" in result.output
     half = mechviz.load(out)
-    assert [lump.mass for lump in half.document.links["crank"].lumps]
+    assert [lump.mass for lump in half.document.links["crank"].point_masses]
     assert CliRunner().invoke(app, ["balance", "crank-rocker"]).exit_code == 2  # no radius
     assert CliRunner().invoke(app, ["balance", "ten-link", "--radius", "50 mm"]).exit_code == 2  # no four-bar
     assert CliRunner().invoke(app, ["balance", "shaking-engine", "--radius", "50 kg"]).exit_code == 2
@@ -494,10 +494,10 @@ def test_masses_from_shapes():
     assert total[0] == pytest.approx(3) and total[2] / 3 == pytest.approx(inertia / mass)
 
 
-def test_lumps_are_added_and_make_lumped_models():
-    mass, centre, _ = body("crank", lumps=[{"mass": 0.2, "at": "B"}])
+def test_point_masses_are_added_and_make_lumped_models():
+    mass, centre, _ = body("crank", point_masses=[{"mass": 0.2, "at": "B"}])
     assert mass == pytest.approx(1.0) and centre[0] == pytest.approx(0.8 * 0.05 + 0.2 * 0.1)
-    only = body("crank", mass=None, centre=None, inertia=None, lumps=[{"mass": 1, "at": "A"}, {"mass": 3, "at": "B"}])
+    only = body("crank", mass=None, centre=None, inertia=None, point_masses=[{"mass": 1, "at": "A"}, {"mass": 3, "at": "B"}])
     assert only[0] == 4 and only[1] == pytest.approx((0.075, 0)) and only[2] == pytest.approx(0.75 * 0.01)
 
 

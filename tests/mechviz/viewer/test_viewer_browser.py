@@ -677,7 +677,7 @@ def _first_chart(viewer: Viewer) -> str:
 
 def test_plans_stand_beside_the_mechanism_and_switches_hide_them_paths_and_point_masses(browser):
     document = scene.load("plans-four-bar").document.model_dump(exclude_defaults=True)
-    document["links"]["coupler"]["lumps"] = [{"mass": 0.4, "at": "P"}]
+    document["links"]["coupler"]["point_masses"] = [{"mass": 0.4, "at": "P"}]
     with Viewer(run_scene(scene.Scene.build(name="plans", **document), frames=24), port=0) as shown:
         opened = open_viewer(browser, shown, SIZE, [link_path("crank")])
         try:
