@@ -19,13 +19,14 @@ import numpy as np
 
 from mechcore.arrays import Index, Real, Values
 from mechcore.branches.unwrapped import LinkAngles
+from mechcore.derivatives.cams import by_argument, follows_argument, held_where_it_is, third_derivative
 from mechcore.derivatives.friction import forces_with_friction
 from mechcore.derivatives.knots import with_nominal_knots
 from mechcore.derivatives.model_numbers import (
     ModelNumbers,
     Parameter,
+    argument_of,
     check_structure,
-    curve_argument,
     numbers_of_model,
     refusal,
     slopes,
@@ -191,16 +192,27 @@ class Derivatives:
 
     def contact_of(self, joint: str, what: str, values: Callable[[Any, Motion], Real]) -> Any:
         """Numbers (F,) of a cam and its follower on the tape, called ``what``: ``values(cam, motion)`` at the nominal motion.
-        Raises `LookupError` where the parameters also move the cam on, as a linkage does that drives it."""
+        Raises `LookupError` where the parameters also move the cam on, as a linkage does that drives it, and it is not known what
+        that does."""
         r, relation = next((r, x) for r, x in enumerate(self.nominal.model.relations) if x.name == joint)
-        if relation.geometry is None or isinstance(curve_argument(self._model.constraints[r], self._state), Traced):
+        argument, cam = argument_of(self._model, r, self._state), relation.geometry
+        moves = isinstance(argument, Traced)
+        if cam is None or (moves and not follows_argument(cam)):
             raise LookupError(joint)
 
         def of(model: Model) -> Real:
             return values(model.relations[r].geometry, self.nominal)
 
         plain = of(self.nominal.model)
-        return self.beside(of, plain, ("contact", r, what)) if np.isfinite(plain).all() else plain
+        if not np.isfinite(plain).all():
+            return plain
+        known = self.beside(of, plain, ("contact", r, what))
+        return known + self._moved_on(argument, lambda x: values(x, self.nominal), cam) if moves else known
+
+    def _moved_on(self, argument: Traced, values: Callable[[Any], Any], cam: Any) -> Any:
+        """Changes of values of a cam as the argument of its law moves on."""
+        slope = self._refused(lambda: by_argument(values, cam))
+        return self.tape.elementwise(np.zeros_like(slope), [(argument, slope, None)])
 
     # -- on the tape --------------------------------------------------------------------------------------------------
     def _refused(self, work: Callable[[], T]) -> T:
@@ -275,13 +287,17 @@ class Derivatives:
     def _curve_slopes(self, r: int) -> list[Any]:
         """The curve of a relation and its two derivatives on the tape, by its shape and its argument."""
         values = self.nominal.state.curve_values[r]
-        argument = curve_argument(self._model.constraints[r], self._state_so_far)
+        argument = argument_of(self._model, r, self._state_so_far)
         bent = []
         for k in range(3):
-            by_argument: Any = values[k + 1] if k < 2 else np.full_like(values[k], np.nan)  # a third derivative is not at hand
             z: Any = values[k]
             if isinstance(argument, Traced):
-                z = self.tape.elementwise(z, [(argument, by_argument, None)])
+                cam = self.nominal.model.relations[r].geometry
+                if k < 2:
+                    slope: Any = values[k + 1]
+                else:  # else a third derivative is not at hand
+                    slope = third_derivative(cam, argument.value) if follows_argument(cam) else np.full_like(z, np.nan)
+                z = self.tape.elementwise(z, [(argument, slope, None)])
             leaf = self.leaves.get(("curve_value", r, k))
             bent.append(z if leaf is None else z - leaf.value + leaf)
         return bent
@@ -291,8 +307,11 @@ class Derivatives:
             m: Any = value_of(multiplier)
             sign = np.where(np.real(m) >= 0.0, 1.0, -1.0)
             key = "contact", r, np.packbits(np.atleast_1d(sign) > 0.0).tobytes()
+            cam = self.nominal.model.relations[r].geometry
+            argument: Any = argument_of(self._model, r, self._state) if follows_argument(cam) else None
+            moves = isinstance(argument, Traced)
             try:
-                place, along = own.contact(motion, sign)
+                place, along = (held_where_it_is(cam, self.nominal) if moves else own).contact(motion, sign)
             except Untraced:
                 raise Untraced(
                     f"it changes where on its cam {own.name} touches, and derivatives of that force are not known"
@@ -302,7 +321,11 @@ class Derivatives:
             def of(which: int) -> Callable[[Model], Any]:
                 return lambda model: np.broadcast_to(model.relations[r].contact(at, sign)[which], at.shape)
 
-            return self.beside(of(0), place, (*key, 0)), self.beside(of(1), along, (*key, 1))
+            place, along = (self.beside(of(k), x, (*key, k)) for k, x in enumerate((place, along)))
+            if moves:
+                on = self._moved_on(argument, lambda x: np.stack(np.broadcast_arrays(*x.contact(at, sign))), cam)
+                place, along = place + on[0], along + on[1]
+            return place, along
 
         bearing = own.bearing
         if bearing is not None:

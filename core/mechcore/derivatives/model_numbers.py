@@ -18,8 +18,7 @@ from mechcore.derivatives.time_pieces import law_on_pieces_of, on_pieces_of
 from mechcore.effects.prescribed import factor_of
 from mechcore.errors import Fault, MechanismError
 from mechcore.kinematics.model import Model
-from mechcore.kinematics.program import LinearConstraint
-from mechcore.kinematics.state import State
+from mechcore.kinematics.state import State, curve_argument
 from mechcore.laws.timed import Free, Rest
 from mechcore.motion.compiled import drive_values
 from mechcore.motion.motion import Motion
@@ -90,7 +89,7 @@ def numbers_of_model(model: Model, at: Motion, time: Real) -> ModelNumbers:
         for kind in ("groups", "drives", "slides"):
             numbers |= {(kind, r, i): c for i, c in getattr(constraint, kind)}
         if constraint.curve is not None:
-            curve_value = constraint.curve.function(curve_argument(at.model.constraints[r], at.state))
+            curve_value = constraint.curve.function(argument_of(at.model, r, at.state))
             numbers |= {("curve_value", r, k): np.asarray(curve_value[k]) for k in range(3)}
     if model.constraints:
         constants = [c.constant for c in model.constraints]
@@ -130,11 +129,11 @@ def _on_nominal_pieces(factor: Factor, nominal: Mechanism, i: int) -> Factor:
     return factor if there is None else replace(factor, function=on_pieces_of(there.function, factor.function))
 
 
-def curve_argument(constraint: LinearConstraint, state: State) -> Any:
-    """The argument of a relation's curve."""
-    curve = constraint.curve
+def argument_of(model: Model, r: int, state: State) -> Any:
+    """The argument of the curve of a relation."""
+    curve = model.constraints[r].curve
     assert curve is not None
-    return curve.argument(state.drives, state.angle.__getitem__, state.slide, curve.shift)
+    return curve_argument(model, curve, state)
 
 
 def slopes(numbers: Callable[[float], ModelNumbers], nominal: ModelNumbers, parameter: Parameter) -> ModelNumbers:

@@ -135,12 +135,12 @@ def relation_sum(
         else:
             known = known + c * state.slide[j]
     if t.curve is not None:
-        state.curve_values[relation] = values = t.curve.function(_argument(model, t.curve, state))
+        state.curve_values[relation] = values = t.curve.function(curve_argument(model, t.curve, state))
         known = known + values[0]
     return known, unknown
 
 
-def _argument(model: Model, curve: NonlinearTerm, state: State) -> Values:
+def curve_argument(model: Model, curve: NonlinearTerm, state: State) -> Values:
     """The argument of a relation's curve, which is known before the relation is solved."""
 
     def angle(group: int) -> Values:

@@ -160,7 +160,6 @@ def test_a_cam_turns_faster():
     "name, number, reason",
     [
         ("cam-roller", "joints.K.profile.lift[0].over", "follow from one parameter"),  # a turn has 360 degrees
-        ("cam-linkage", "links.frame.points.O[0]", "where on its cam K touches"),
     ],
 )
 def test_what_cams_refuse_is_said_in_words(name, number, reason):

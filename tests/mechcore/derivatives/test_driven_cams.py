@@ -1,0 +1,124 @@
+"""Derivatives by what moves a cam on: a linkage between the drive and the cam."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from test_forced import SIXTH, differences
+
+from mechcore.errors import MechanismError
+from mechviz.runs import run_scene
+from mechviz.scene.scene import Scene, load, loads
+from mechviz.studies.designs.measures import parse_measure
+from mechviz.studies.designs.sensitivity import sensitivities, sensitivity
+from mechviz.studies.designs.variables import variables_of
+
+FRAMES = 23  # of which none has a knot of the law
+DRAG_LINK = """
+units = { length = "mm", angle = "deg" }
+effects = ["inertia", "gravity"]
+run = { frames = 23 }
+[links]
+frame = { points = { A = [-20, 0], O = [0, 0], G = [0, 95], W = [60, 120] } }
+crank = { points = { A = [0, 0], B = [70, 0] }, mass = "0.2 kg", centre = "A", inertia = "1e-4 kg m^2" }
+coupler = { points = { B = [0, 0], C = [60, 0] }, mass = "0.1 kg", centre = [25, 3], inertia = "1e-5 kg m^2" }
+cam = { points = { O = [0, 0], C = [50, 0] }, mass = "1.1 kg", centre = [2, 1], inertia = "0.0012 kg m^2" }
+[joints]
+A = { revolute = ["frame", "crank"], drive = { speed = "100 rpm", start = 10 } }
+B = { revolute = ["crank", "coupler"] }
+C = { revolute = ["coupler", "cam"], side = "left" }
+O = { revolute = ["frame", "cam"] }
+"""
+RISING = """
+[links.follower]
+points = { T = [0, 0] }
+mass = "0.35 kg"
+centre = [0, 45]
+[joints.F]
+prismatic = ["frame", "follower"]
+at = ["G", "T"]
+along = [0, 1]
+"""
+SWINGING = """
+[links.follower]
+points = { W = [0, 0], T = [-100, 0] }
+mass = "0.35 kg"
+centre = [-30, 0]
+inertia = "1e-3 kg m^2"
+[joints.F]
+revolute = ["frame", "follower"]
+at = ["W", "W"]
+"""
+CAM = """
+[joints.K]
+cam = ["cam", "follower"]
+follower = {{ {face}, guide = "F", point = "T" }}
+{closure}
+[joints.K.profile]
+base = {base}
+lift = [
+    {{ over = 117, to = {rise}, law = "cycloidal" }},
+    {{ over = 61 }},
+    {{ over = 122, to = 0, law = "3-4-5" }},
+    {{ over = 60 }},
+]
+"""
+OF_CAM = ["pressure_angle", "curvature", "contact_force", "lift", "lift_rate", "lift_acceleration"]
+KEYS = ["joint.O.angle", "drive.A.torque", "joint.K.reaction", *(f"cam.K.{what}" for what in OF_CAM)]
+KINDS = {
+    "roller": RISING + CAM.format(face="roller = 10", closure="", base=38, rise=22),
+    "groove": RISING + CAM.format(face="roller = 10", closure='closure = "form"', base=38, rise=22),
+    "flat": RISING + CAM.format(face="flat = true", closure="", base=60, rise=12),
+    "arm": SWINGING + CAM.format(face='roller = 10, side = "left"', closure="", base=60, rise=15),
+}
+
+
+def agree(scene: Scene, number: str, step: float, keys: list[str]) -> None:
+    run = run_scene(scene)
+    results = sensitivities(run, [parse_measure(scene, key) for key in keys], variables_of(scene, [number]))
+    for one, wanted in zip(results, differences(scene, number, results, step, SIXTH, FRAMES), strict=True):
+        size = max(np.abs(wanted).max(), 1e-4 * np.abs(one.curve).max())  # the pressure angle of a flat face stays
+        np.testing.assert_allclose(one.slopes[0], wanted, atol=1e-9 * size, err_msg=one.quantity.key)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("number", ["links.crank.points.B[0]", "links.frame.points.A[0]", "links.frame.points.O[0]"])
+def test_a_drag_link_turns_a_cam_in_another_way(kind, number):
+    agree(loads(DRAG_LINK + KINDS[kind], kind), number, 0.02, KEYS)
+
+
+def test_a_drag_link_whose_crank_forces_move():
+    text = (DRAG_LINK + KINDS["roller"]).replace("frames = 23", 'frames = 23, duration = "0.5 s", tolerance = 1e-13')
+    text = text.replace('drive = { speed = "100 rpm", start = 10 }', 'free = { position = 10, speed = "100 rpm" }')
+    text = text.replace("[joints.K.profile]", "liftoff = { restitution = 0.3 }\n[joints.K.profile]")
+    scene = loads(text, "free")
+    assert not run_scene(scene).simulation.events
+    agree(scene, "links.crank.points.B[0]", 0.01, ["joint.A.angle", "joint.O.angle", "joint.K.reaction"])
+
+
+WEDGE_LINKS = """
+crank = { points = { A = [0, 0], Q = [75, 0] } }
+rod = { points = { Q = [0, 0], P = [200, 0] }, mass = "0.2 kg", centre = [90, 0] }
+[joints]
+A = { revolute = ["frame", "crank"], drive = { speed = "60 rpm" } }
+Q = { revolute = ["crank", "rod"] }
+P = { revolute = ["rod", "slide"], at = ["P", "B"], branch = "ahead" }
+"""
+
+
+@pytest.mark.parametrize("number", ["links.crank.points.Q[0]", "links.frame.points.A[0]"])
+def test_a_slider_crank_moves_a_wedge_in_another_way(number):
+    head, _, rest = load("cam-wedge").source.partition("[joints.K]")
+    head = head.replace("B = [0, 0], G", "A = [-130, 0], B = [0, 0], G").replace("[joints]", WEDGE_LINKS)
+    drive = ", drive = { oscillation" + head.partition(", drive = { oscillation")[2].partition("\n")[0]
+    text = f"run = {{ frames = {FRAMES} }}\n" + head.replace(drive, " }") + "[joints.K]" + rest
+    agree(loads(text, "wedge"), number, 0.02, ["joint.B.displacement", "drive.A.torque", "cam.K.pressure_angle", "cam.K.lift_rate"])
+
+
+def test_where_a_given_profile_touches_is_not_known_beside_its_place():
+    outline = "outline = [[13.8125, -22.0275928], [36.78125, -7.62493596], [36.78125, 7.62493596], [13.8125, 22.0275928]]"
+    profile = f"[joints.K.profile]\n{outline}\nbulges = [0, 0.553283335, 0, 1.80739223]\n"
+    cam, _, _ = KINDS["roller"].partition("[joints.K.profile]")
+    scene = loads(DRAG_LINK + cam + profile, "given")
+    with pytest.raises(MechanismError, match="where on its cam K touches"):
+        sensitivity(run_scene(scene), "joint.K.reaction", ["links.crank.points.B[0]"])
