@@ -50,7 +50,7 @@ class Plot:
     @property
     def varies(self) -> bool:
         """Whether there is anything to see but level lines."""
-        return bool(np.any(np.nanmax(self.values, axis=0) > np.nanmin(self.values, axis=0)))
+        return bool(np.any(np.fmax.reduce(self.values, axis=0) > np.fmin.reduce(self.values, axis=0)))
 
 
 def find_plots(catalogue: Catalogue, frames: ChosenFrames, halves: Mapping[str, Real]) -> list[Plot]:

@@ -29,7 +29,7 @@ from mechviz.files import OutputError
 from mechviz.outputs.images.drawing import svg_of, turned
 from mechviz.outputs.images.pictures import Look, film, picture_time
 from mechviz.outputs.page.pack import Pack, unpack
-from mechviz.outputs.page.page import make_page
+from mechviz.outputs.page.page import Plot, make_page
 from mechviz.outputs.presentation import presentation_in, presentation_of
 from mechviz.outputs.rerun.content import html_of
 from mechviz.outputs.rerun.entities import parts_of
@@ -179,6 +179,14 @@ def test_plots_have_the_bands_of_tolerances():
     first = header["plots"][header["first"][0]]
     widest = max(arrays[first["half"]]) if len(first["names"]) == 1 else 0.0
     assert f"{first['title']}: at most ± {widest:.3g} {first['unit']}, all tolerances added up" in notes
+
+
+def test_a_curve_without_any_value_does_not_vary():
+    """As of a damaged recording: all rows of a reaction are NaN."""
+    nothing = np.full(3, np.nan)
+    others = (nothing, [1.0, 1.0, np.nan], [1.0, 2.0, 1.0])
+    plots = [Plot("reaction", "N", ("x", "y"), np.column_stack([nothing, y]), "r") for y in others]
+    assert [plot.varies for plot in plots] == [False, False, True]
 
 
 def test_a_recording_has_the_bands_of_its_scene(tmp_path):
