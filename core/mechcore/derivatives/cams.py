@@ -8,15 +8,17 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from copy import copy
-from dataclasses import replace
+from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
 
-from mechcore.arrays import Real
+from mechcore.arrays import Real, Values
 from mechcore.cams.placement.plane import PlacedCam, on_knots
 from mechcore.derivatives.model_numbers import ModelNumbers, Parameter, slopes
+from mechcore.kinematics.model import Model
 from mechcore.motion.motion import Motion
+from mechcore.records import NumberPlace
 from mechcore.spec.mechanism import Mechanism
 
 WIDTH = 1e-3  # of the length of a law, by which a cam is turned on
@@ -57,3 +59,26 @@ def third_derivative(cam: PlacedCam, argument: Real) -> Real:
     """Third derivative (F,) of the follower's coordinate in metres by the argument of the law."""
     x = on_knots(cam.cam.law, np.multiply(argument, cam.ahead))
     return np.asarray(cam.scale * cam.ahead * cam.cam.law(x, 3)[3])
+
+
+Beside = Callable[[Callable[[Model], Any], object, NumberPlace], Any]  # `Derivatives.beside`
+
+
+def rubbing(beside: Beside, at: Motion, r: int, motion: Motion, flank: Values) -> tuple[Any, ...]:
+    """How the cam of relation ``r``, about an axis in the plane, rubs in a ``motion`` on a tape; ``at``: the nominal one."""
+    key = np.packbits(np.atleast_1d(np.real(np.asarray(flank))) >= 0.0).tobytes()
+
+    def nominal(model: Model) -> Any:
+        geometry: Any = model.relations[r].geometry
+        return geometry.rubbing(at, flank)
+
+    def of(which: int, field: str) -> Callable[[Model], Any]:
+        return lambda model: getattr(nominal(model)[which], field)
+
+    geometry: Any = at.model.relations[r].geometry
+    *slidings, seen = geometry.rubbing(motion, flank)
+    for which, sliding in enumerate(slidings):
+        names = [f.name for f in fields(sliding)]
+        values = {x: beside(of(which, x), getattr(sliding, x), ("rubbing", r, key, which, x)) for x in names}
+        slidings[which] = replace(sliding, **values)
+    return *slidings, beside(lambda model: nominal(model)[2], seen, ("seen", r, key))

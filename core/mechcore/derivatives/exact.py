@@ -11,6 +11,7 @@ one number by all that varies.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from copy import copy
 from dataclasses import replace
 from functools import cached_property, partial
 from typing import Any, TypeVar
@@ -19,7 +20,7 @@ import numpy as np
 
 from mechcore.arrays import Index, Real, Values
 from mechcore.branches.unwrapped import LinkAngles
-from mechcore.derivatives.cams import by_argument, follows_argument, held_where_it_is, third_derivative
+from mechcore.derivatives.cams import by_argument, follows_argument, held_where_it_is, rubbing, third_derivative
 from mechcore.derivatives.friction import forces_with_friction
 from mechcore.derivatives.knots import with_nominal_knots
 from mechcore.derivatives.model_numbers import (
@@ -239,7 +240,7 @@ class Derivatives:
     def _model(self) -> Model:
         """The nominal model with its varied numbers on the tape."""
         model, get = self.nominal.model, self._get
-        if not self.leaves:
+        if not self.leaves and not model.relations:  # a relation may vary with numbers that it keeps to itself
             return model
         joints = []
         for j, joint in enumerate(model.joints):
@@ -332,12 +333,24 @@ class Derivatives:
             nominal_couple = bearing.couple
 
             def couple(motion: Motion, place: Any, force: Any) -> Any:
-                if any(p[0] in ("groups", "slides") and p[1] == r for p in self.leaves):
-                    raise Untraced(f"the couple in the bearings of {own.name} varies with its own numbers")
-                return nominal_couple(motion, place, force)
+                at, under = self.nominal, (value_of(place), value_of(force))
+
+                def of(model: Model) -> Any:
+                    other = model.relations[r].bearing
+                    assert other is not None  # as of the relation itself
+                    return other.couple(at, *under)
+
+                key = ("couple", r, *(np.asarray(x).tobytes() for x in under))
+                return self.beside(of, nominal_couple(motion, place, force), key)
 
             bearing = replace(bearing, couple=couple)
-        return replace(own, contact=contact, bearing=bearing)
+        geometry = own.geometry
+        if geometry is not None:  # friction asks it where the cam touches, and how it rubs there
+            geometry = copy(geometry)
+            vars(geometry)["contact"] = contact
+            if bearing is not None:
+                vars(geometry)["rubbing"] = partial(rubbing, self.beside, self.nominal, r)
+        return replace(own, contact=contact, bearing=bearing, geometry=geometry)
 
     @cached_property
     def _drives(self) -> list[tuple[Any, Any, Any]]:
@@ -348,9 +361,10 @@ class Derivatives:
     def _state(self) -> State:
         """Positions on the tape: what the drives decide, then block by block what the loops' Jacobian makes of it."""
         model, nominal = self._model, self.nominal.state
+        turning = model.angles
+        self.turned: list[Any] = [0.0] * turning.groups  # angles of groups against the nominal ones
         if not self.leaves:
             return nominal
-        turning = model.angles
         drives = [d[0] for d in self._drives]
         self._state_so_far = state = State(
             drives=drives,
@@ -368,7 +382,6 @@ class Derivatives:
             if isinstance(driven, Traced):
                 state.delta[s] = nominal.delta[s] * np.exp(1j * driven)
                 state.rot[s] = nominal.rot[s] * np.exp(1j * driven)
-        self.turned: list[Any] = [0.0] * turning.groups  # angles of groups against the nominal ones
         for block, columns in zip(model.blocks, self.nominal.columns, strict=True):
             if block.unknowns:
                 self._settle(block, columns, state)

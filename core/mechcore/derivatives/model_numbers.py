@@ -25,7 +25,7 @@ from mechcore.motion.motion import Motion
 from mechcore.motion.solve import compile_mechanism
 from mechcore.records import NumberPlace, dataclass, kept_numbers, numbers_in
 from mechcore.spec.loads import Factor, Prescribed, Servo
-from mechcore.spec.mechanism import Mechanism
+from mechcore.spec.mechanism import CamJoint, Mechanism
 
 ModelNumbers = dict[NumberPlace, Any]  # of a compiled mechanism, by where they are
 MAP_ROUNDING = 2e-14  # relative: what a map of a few operations may be off
@@ -116,6 +116,11 @@ def numbers_of_model(model: Model, at: Motion, time: Real) -> ModelNumbers:
     for i, stated in enumerate(m.joints):
         rubbing = numbers_in(getattr(stated, "friction", None), ("joints", i, "friction"))
         numbers |= {("mechanism", *place): x for place, x in rubbing}
+        if rubbing and isinstance(stated, CamJoint):  # the pin of a roller brakes by its radius over that of the roller
+            rollers = {"face": stated.face, "second": stated.second}
+            numbers |= {
+                ("mechanism", *at): x for name, roller in rollers.items() for at, x in numbers_in(roller, ("joints", i, name))
+            }
     return numbers
 
 

@@ -160,7 +160,8 @@ class PlacedSpatial(PlacedRoller):
         n = self._shadow(t.normal) * self.world(motion)
         size = np.real(np.conj(n) * force) / np.abs(n) ** 2
         turning = t.axis[:, 0] * t.normal[:, 1] - t.axis[:, 1] * t.normal[:, 0]
-        return np.asarray(np.imag(np.conj(place - self.place(motion, 0.0)) * force) - size * turning)
+        couple: Values = np.imag(np.conj(place - self.place(motion, 0.0)) * force) - size * turning
+        return couple
 
     def _twist(self, at: Real, direction: Real) -> Real:
         w, f = self._shadow(at), self._shadow(direction)
