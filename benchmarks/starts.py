@@ -1,4 +1,4 @@
-"""What a command takes to start: processor time of `mechviz check` and `record` of a four-bar over that of `import numpy`.
+"""Start of commands: processor time of `mechviz check` and `record` of a four-bar over that of `import numpy`.
 
 python benchmarks/starts.py [TURNS]
 
@@ -21,7 +21,7 @@ from timing import interleaved, machine
 
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 LOADED = ("numpy", "typer", "pydantic.main", "mechcore", "rerun")
-"""What is loaded by itself, to compare with."""
+"""Loaded by themselves, to compare with."""
 
 
 def spent() -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from copy import copy
 from dataclasses import field, replace
@@ -213,14 +214,15 @@ class LinkAngles:
         return self.relative(p, q, self.start.ranges.get(name))
 
 
-class GivenLinkAngles(LinkAngles):
+class GivenLinkAngles(LinkAngles, ABC):
     """Angles that are not those of rotation classes, followed along a path: a subclass says what the angle of each link is."""
 
     def __init__(self, model: Model, start: StartPose, exact: bool = True):
         self.model, self.start, self.exact = model, start, exact
 
+    @abstractmethod
     def link(self, k: int) -> Any:
-        raise NotImplementedError
+        """Angle of a link [rad]."""
 
 
 class UnwrappedAngles:
