@@ -360,11 +360,14 @@ def _numpy(values: Any) -> NDArray[Any]:
     import pyarrow as pa
 
     if pa.types.is_fixed_size_list(values.type):
-        return np.asarray(values.flatten().to_numpy(zero_copy_only=False)).reshape(-1, values.type.list_size)
+        return _numpy(values.flatten()).reshape(-1, values.type.list_size)
     if pa.types.is_list(values.type):
         points, lengths = _numpy(values.flatten()), values.value_lengths().to_numpy(zero_copy_only=False)
         strips = np.empty(len(values), object)
         for k, end in enumerate(np.cumsum(lengths)):
             strips[k] = points[end - lengths[k] : end]
         return strips
-    return np.asarray(values.to_numpy(zero_copy_only=False))
+    plain = np.asarray(values.to_numpy(zero_copy_only=False))
+    if plain.dtype.kind == "f" and (unknown := np.isnan(plain)).any():
+        return np.where(unknown, plain.dtype.type(np.nan), plain)  # of a damaged file it may be one that signals: numpy would warn
+    return plain

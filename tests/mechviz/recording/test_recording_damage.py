@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
+import struct
 from pathlib import Path
 
 import numpy as np
@@ -76,6 +77,16 @@ def test_what_is_wrong_is_named(whole, tmp_path, path, name, change, words):
     with pytest.raises(RecordingError, match=words) as error:
         Recording(target)
     assert error.value.remedy and len(str(error.value)) < 2000
+
+
+def test_a_value_that_is_none_signals_nothing(whole, tmp_path):
+    """One turned bit makes it a NaN at which numpy warns."""
+    signal = struct.unpack("<d", struct.pack("<Q", 0x7FF0000000000001))[0]
+    reaction = "data", "joints", "D", "reaction"
+    target = changed(whole, tmp_path / "a.rrd", "/" + "/".join(reaction), "Scalars:scalars", lambda row: [signal, *row[1:]])
+    with np.errstate(invalid="raise"):
+        values = Recording(target).scalars(*reaction)[1] ** 2
+    assert np.isnan(values[:, 0]).any() and np.isfinite(values[:, 1]).any()
 
 
 @pytest.mark.parametrize(("link", "keys", "value"), [("rocker", ("mass",), "1e29 kg"), ("coupler", ("points", "T"), ["1e12 m", 0])])
