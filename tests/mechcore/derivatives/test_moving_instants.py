@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from test_forced import OSCILLATOR, SIXTH, differences
-from test_servos import STICKING, cart
+from test_servo_integrals import STICKING, cart
 
 from mechcore.derivatives.time_pieces import on_pieces_of
 from mechcore.errors import MechanismError
