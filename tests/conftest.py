@@ -58,6 +58,9 @@ FIRST = (
     "test_share_browser",
     "test_view_browser",
     "test_positions",
+    "test_synthesis_tab",
+    "test_designs",
+    "test_guard",
     "test_machine_faults",
 )
 
