@@ -51,17 +51,22 @@ PER_SCENE = {
     "test_graphical",
     "test_friction_scenes",
 }
-# what takes longest and cannot be divided begins first, so that all workers end together
+# what takes longest and cannot be divided begins first, so that all workers end together; browsers wait in between, and therefore
+# take turns with what does not
 FIRST = (
     "test_inspector_browser",
+    "test_metamorphic",
+    "test_forced",
     "test_viewer_browser",
+    "test_compiled_phases",
     "test_share_browser",
-    "test_view_browser",
     "test_positions",
+    "test_view_browser",
+    "test_dynamics_friction",
     "test_synthesis_tab",
+    "test_machine_faults",
     "test_designs",
     "test_guard",
-    "test_machine_faults",
 )
 
 
