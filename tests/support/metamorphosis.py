@@ -226,7 +226,6 @@ class Change:
         assert p.lift is not None
         rise = L if isinstance(guide, sp.Prismatic) else 1.0
         lift = MotionCurve(tuple(x.scaled(1.0, rise) for x in p.lift.pieces), p.lift.start, p.lift.repeats)
-        # type: ignore[type-var]
         face: Any = p.face if not hasattr(p.face, "radius") or not p.face.radius else replace(p.face, radius=L * p.face.radius)
         assert not isinstance(face, Flat) or face.endless
         sense = int(p.sense * self.sense)

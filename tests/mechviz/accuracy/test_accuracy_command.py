@@ -24,9 +24,8 @@ from mechviz.studies.precision import PrecisionPoint, cheapest, ladder, pareto
 from mechviz.studies.precision_diagram import PANEL, diagram, setting_changes
 
 
-def point(seconds: float, error: float, **more: object) -> PrecisionPoint:
-    # of tests
-    return PrecisionPoint("frames", str(more.pop("method", "a")), "x", {}, error, seconds, 0.0, 3, **more)  # type: ignore[arg-type]
+def point(seconds: float, error: float, method: str = "a", **more: bool) -> PrecisionPoint:
+    return PrecisionPoint("frames", method, "x", {}, error, seconds, 0.0, 3, **more)
 
 
 POINTS = [point(1.0, 1e-2), point(2.0, 1e-4, current=True), point(3.0, 1e-3, method="b"), point(4.0, 1e-6, method="b")]
