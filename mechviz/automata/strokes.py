@@ -111,7 +111,7 @@ def on_sheet(strokes: Sequence[Complex], width: float) -> list[Complex]:
 
 def ordered_strokes(strokes: Sequence[Complex], near: float) -> list[Complex]:
     """The strokes in an order, and each in a direction, with short ways between them: the nearest next, then improved by turning
-    parts of the order round (2-opt). Strokes whose ends are not farther apart than ``near`` are joined."""
+    parts of the order round (2-opt). Strokes are joined as by `joined_strokes`."""
     rest, ordered = list(strokes), []
     at = min(rest, key=lambda s: s[0].real)[0]
     while rest:
@@ -124,8 +124,13 @@ def ordered_strokes(strokes: Sequence[Complex], near: float) -> list[Complex]:
     for _ in range(_ROUNDS):
         if not _improved(ordered):
             break
-    joined = [ordered[0]]
-    for stroke in ordered[1:]:
+    return joined_strokes(ordered, near)
+
+
+def joined_strokes(strokes: Sequence[Complex], near: float) -> list[Complex]:
+    """The strokes in their order, as one writes; those whose ends are not farther apart than ``near`` from each other are one."""
+    joined = [strokes[0]]
+    for stroke in strokes[1:]:
         if abs(stroke[0] - joined[-1][-1]) <= near:
             joined[-1] = np.concatenate([joined[-1], stroke[1:]])
         else:

@@ -20,9 +20,10 @@ from mechviz.scene.scene import Scene
 
 GROUND, CART, LAWN = "ground", "cart", "lawn"
 SLIDES = ("along", "up")
-_GREY, _GREEN = "#8d949c", "#7aa35a"
+_GREEN = "#7aa35a"
 _BEYOND = 2.6  # of the body's height: how far the lawn goes on beyond its way
 _FEWEST = 8  # rows of a table
+_SHORTEST = 1e-9  # of a cycle: no foot stands for less
 _TABLE = 240  # rows of a cycle, beside the places where another foot takes over
 
 
@@ -121,13 +122,16 @@ def walking_scene(scene: Scene, walk: Walk, name: str) -> Scene:
     px, py = next(iter({link.name: link for link in scene.mechanism.links}[document.frame].points.values()))
     body["points"] = {**body["points"], CART: [f"{1e3 * px:.9g} mm", f"{1e3 * py:.9g} mm"]}
     data["links"] = {
-        GROUND: {"points": {GROUND: ["0 mm", "0 mm"]}},
-        CART: {"points": {GROUND: ["0 mm", "0 mm"], CART: ["0 mm", f"{0.5e3 * low:.9g} mm"]}, "colour": _GREY},
+        GROUND: {"points": {GROUND: ["0 mm", "0 mm"]}, "looks": "nothing"},
+        CART: {"points": {GROUND: ["0 mm", "0 mm"], CART: ["0 mm", f"{0.5e3 * low:.9g} mm"]}, "looks": "nothing"},
         LAWN: {"points": {GROUND: ["0 mm", "0 mm"]}, "outline": _lawn(walk), "colour": _GREEN},
         **{link: body if link == document.frame else table for link, table in data["links"].items()},
     }
     changes = np.flatnonzero(np.diff(walk.time) == 0.0) + 1
-    stances = list(zip(np.split(walk.time, changes), np.split(walk.body, changes), strict=True))
+    shortest = _SHORTEST * float(walk.time[-1] - walk.time[0])  # feet that touch the ground together take over at one instant
+    stances = [
+        (t, z) for t, z in zip(np.split(walk.time, changes), np.split(walk.body, changes), strict=True) if t[-1] - t[0] > shortest
+    ]
     guides = {"along": ([GROUND, CART], GROUND, [1, 0]), "up": ([CART, document.frame], CART, [0, 1])}
     for key, (links, point, along) in guides.items():
         samples = [(t, z.real + px if key == "along" else z.imag + py - 0.5 * low) for t, z in stances]

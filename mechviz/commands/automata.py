@@ -11,7 +11,7 @@ import typer
 
 from mechviz.automata.pen_linkages import CrossSlides, Rods
 from mechviz.automata.pen_motion import plotter_scene
-from mechviz.automata.strokes import on_sheet, ordered_strokes, svg_strokes, text_strokes
+from mechviz.automata.strokes import joined_strokes, on_sheet, ordered_strokes, svg_strokes, text_strokes
 from mechviz.automata.walking import walk_of, walking_scene
 from mechviz.automata.writer import design_writer
 from mechviz.commands.shared.loading import SceneArg, SetOpt, clear_errors, load_scene, quantity, quantity_option
@@ -70,8 +70,10 @@ def draw(
         check_targets(str(picture or ""), output, program)
         with interruptible("matplotlib.path"), progress_bar("drawing") as bar:
             bar.stage("reading strokes")
-            raw = text_strokes(text, font) if text is not None else svg_strokes(str(picture), font)
-            strokes = ordered_strokes(on_sheet(raw, width), 0.5 * off)
+            if text is not None:
+                strokes = joined_strokes(on_sheet(text_strokes(text, font), width), 0.5 * off)
+            else:
+                strokes = ordered_strokes(on_sheet(svg_strokes(str(picture), font), width), 0.5 * off)
             stem = (output or program or Path("writer")).stem
             title = f"A machine that writes “{name}”" if text is not None else f"A machine that draws “{name}”"
             writer = design_writer(

@@ -15,7 +15,7 @@ from mechviz.meshes.kinds.spatial_cams import spin_transforms
 from mechviz.meshes.solids import FARTHEST_POINT, Solids, build_solids
 from mechviz.picture.arrows import Arrows, arrow_key, arrows_of, owner_of
 from mechviz.picture.centres import centre_nodes
-from mechviz.picture.fixtures import bounds_with, find_fixtures, has_spindle, joined_meshes
+from mechviz.picture.fixtures import bounds_with, find_fixtures, has_spindle, joined_meshes, looks_of
 from mechviz.picture.nodes import FARTHEST_VERTEX as REACH
 from mechviz.picture.nodes import Body, Lines, Mesh, Picture, Points, PoseTrack, farthest
 from mechviz.picture.overlays import inversion_nodes, overlay_nodes, section_nodes
@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from mechviz.runs import Run
 
 HeightsByLink = Mapping[str, float]
+UNDRAWN = "undrawn"  # group of solids that no output draws
 
 COLLISION_FRAMES = 721
 """Frames that the search for colliding solids looks at; more would cost time and find nothing else."""
@@ -112,7 +113,8 @@ def bare_picture(run: Run, solids: Solids) -> Picture:
 
 def solid_nodes(run: Run, solids: Solids, fixtures: Mapping[str, Sequence[Mesh]] | None = None) -> Iterator[Body]:
     """The solids of the links with what is fixed to them; one that turns about an axis of its own in the plane has poses in the
-    axes of its link."""
+    axes of its link. Those that look like nothing are a group of their own."""
+    looks = looks_of(run)
     for name, solid in solids.links.items():
         if not len(solid.faces):
             continue
@@ -124,7 +126,8 @@ def solid_nodes(run: Run, solids: Solids, fixtures: Mapping[str, Sequence[Mesh]]
             turned = run.motion.pose(name)[:, 2] - run.motion.pose(solid.spin.carrier)[:, 2]
             places, turns = spin_transforms(solid.spin, turned)
             poses = PoseTrack(_single(places), _single(turns))
-        yield Body(f"link.{name}", ("link", name), "solids", ("mechanism", "links", name, "mesh"), 0.0, name, mesh, poses)
+        group = UNDRAWN if "nothing" in looks.get(name, ()) else "solids"
+        yield Body(f"link.{name}", ("link", name), group, ("mechanism", "links", name, "mesh"), 0.0, name, mesh, poses)
 
 
 def _springs(coils: list[Coil]) -> Iterator[Body]:

@@ -17,7 +17,7 @@ from mechcore.cams.placement.spatial import PlacedSpatial, roller_angle
 from mechcore.forces.cam_rating import contact_force, placed_cams
 from mechcore.records import dataclass
 from mechcore.spec.mechanism import CamJoint
-from mechviz.picture.nodes import Color, Lines
+from mechviz.picture.nodes import Body, Color, Lines, Mesh
 from mechviz.picture.proportions import about_z, in_space
 
 if TYPE_CHECKING:
@@ -264,10 +264,12 @@ def _box(*sides: float) -> tuple[Single, NDArray[np.uint32], Single]:
     return np.array(vertices, np.float32), faces.astype(np.uint32), np.array(normals, np.float32)
 
 
-STROKE_COLOR: Color = (236, 206, 120)
+STROKE_COLOR: Color = (44, 66, 138)
 SHEET_COLOR: Color = (150, 156, 168)
+PAPER_COLOR: Color = (252, 249, 240)
 STROKE_RADIUS, SHEET_EDGE_RADIUS = 0.0022, 0.0012  # radii of ink and of the sheet's edge, in sizes of the mechanism
 _STROKE_TOLERANCE = 2e-4  # in sizes of the mechanism: ink is drawn to this
+PAPER_THICKNESS = 0.004  # in sizes of the mechanism
 _SHEET_MARGIN = 0.12  # of what is drawn: the sheet is larger by this on all sides
 
 
@@ -279,8 +281,8 @@ def pen_down(run: Run, pen: PenStudy) -> Flags:
     return np.asarray(at <= pen.level if pen.below else at >= pen.level)
 
 
-def stroke_nodes(run: Run, solids: Solids) -> Iterator[Lines]:
-    """The lines of all pens, one strip a stroke, behind the parts: at each frame what is drawn until then."""
+def stroke_nodes(run: Run, solids: Solids) -> Iterator[Lines | Body]:
+    """The lines of all pens, one strip a stroke, behind the parts: at each frame what is drawn until then; and their sheets."""
     size, height = solids.size, float(solids.bounds[0][2])
     for pen in run.motion.mechanism.studies.pens:
         places = run.motion.point(pen.link, pen.point)
@@ -314,6 +316,12 @@ def stroke_nodes(run: Run, solids: Solids) -> Iterator[Lines]:
             radii=(SHEET_EDGE_RADIUS * size,),
             **common,
         )
+        vertices, faces, normals = _box(x1 - x0, y1 - y0, PAPER_THICKNESS * size)
+        behind = height - 0.5 * PAPER_THICKNESS * size - STROKE_RADIUS * size  # ink is as thick as it is wide
+        vertices = vertices + np.array([0.5 * (x0 + x1), 0.5 * (y0 + y1), behind], np.float32)
+        colors = np.tile(np.array(PAPER_COLOR, np.uint8), (len(vertices), 1))
+        paper = Mesh(vertices.astype(np.float32), faces, normals, colors)
+        yield Body(f"paper.{pen.name}", group="sheet", entity=(*entity, "paper"), parent="", mesh=paper, **common)
 
 
 def drawn_strokes(down: Flags) -> list[Index]:

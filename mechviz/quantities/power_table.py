@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from mechviz.scene.units import Units
 
 
+ROUND_OFF = 1e-9  # of a run's duration
 _HEADS = ("force", "cause", "place", "power is", "use", "mean [W]", "peak [W]", "supplies [J]", "absorbs [J]")
 
 
@@ -64,11 +65,12 @@ def force_lines(forces: Forces) -> list[str]:
     ]
     lines.insert(len(lines) - 1, "-" * len(lines[0]))
     lines += ["", _closing(table), ""]
+    least = ROUND_OFF * float(np.ptp(forces.motion.time))
     for share in drive_shares(forces) if forces.motion.mechanism.drives else ():
         if np.isnan(share.power).all():
             lines.append(f"drive {share.joint}: its power is unknown throughout")
             continue
-        when = ", ".join(f"{a:.4g} to {b:.4g} s" for a, b in share.delivers[:6]) or "never"
+        when = ", ".join(f"{a if abs(a) > least else 0.0:.4g} to {b:.4g} s" for a, b in share.delivers[:6]) or "never"
         more = f" and {len(share.delivers) - 6} times more" if len(share.delivers) > 6 else ""
         lines.append(
             f"drive {share.joint} delivers power {when}{more}: {share.supplied:.5g} J in all; it takes {share.absorbed:.5g} J back"

@@ -110,7 +110,7 @@ LinkPoints = Annotated[Annotated[PointTable, Tag("<table>")] | Annotated[PointNa
 Centre = Annotated[Annotated[Point, Tag("<list>")] | Annotated[Text, Tag("<name>")], Discriminator(name_or_list)]
 
 
-FixtureLook = Literal["flywheel", "fan", "spindle"]
+FixtureLook = Literal["flywheel", "fan", "spindle", "nothing"]
 LookEntry = Annotated[
     Annotated[list[FixtureLook], Tag("<list>")] | Annotated[FixtureLook, Tag("<name>")], Discriminator(name_or_list)
 ]
@@ -141,7 +141,8 @@ class LinkDocument(DocumentTable):
     point_masses: list[PointMassDocument] = Field(default=[])
     """Point masses fixed to the link: counterweights, or all of its mass (a lumped model)."""
     looks: LookEntry | None = None
-    """Additional drawing: "flywheel" or "fan" on its shaft on the ground; "spindle": of the ground, a rod as its guide."""
+    """Additional drawing: "flywheel" or "fan" on its shaft on the ground; "spindle": of the ground, a rod as its guide; "nothing":
+    the link is not drawn."""
 
     @model_validator(mode="after")
     def _shape_fits(self) -> LinkDocument:

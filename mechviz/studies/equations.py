@@ -60,10 +60,13 @@ def _groups(equilibrium: EquilibriumSystem, frame: int, units: Units) -> list[Gr
     def equation(link: LinkEquations, e: Equation) -> Equation:
         factor, unit = per[e.unit], units.reads(e.unit)[0]
         terms = tuple((c * factor / per[u.unit], unknown(u)) for c, u in e.terms)
-        return replace(e, terms=terms, load=factor * e.load if abs(e.load) > _rounding(link, e, size) else 0.0, unit=unit)
+        return replace(e, terms=terms, load=factor * e.load if abs(e.load) > _rounding(link, e.unit, size) else 0.0, unit=unit)
 
     def lines_of(link: LinkEquations) -> LinkEquations:
-        loads = tuple((name, per["N"] * x, per["N"] * y, per["N m"] * turn) for name, x, y, turn in link.loads)
+        def shown(value: float, unit: str) -> float:
+            return per[unit] * value if abs(value) > _rounding(link, unit, size) else 0.0
+
+        loads = tuple((name, shown(x, "N"), shown(y, "N"), shown(turn, "N m")) for name, x, y, turn in link.loads)
         return replace(link, loads=loads, equations=tuple(equation(link, e) for e in link.equations))
 
     return [
@@ -132,10 +135,10 @@ def _difference(equilibrium: EquilibriumSystem, frame: int) -> float:
     return float(np.abs(again - values).max(initial=0.0)) / (largest or 1.0)
 
 
-def _rounding(link: LinkEquations, equation: Equation, size: float) -> float:
-    """Loads that are no larger are rounding."""
+def _rounding(link: LinkEquations, unit: str, size: float) -> float:
+    """Loads of a link in N or N m that are no larger are rounding."""
     force = max((abs(x) + abs(y) for _, x, y, _ in link.loads), default=0.0)
-    return NOTHING * (force if equation.sum != "M" else max([force * size, *(abs(m) for _, _, _, m in link.loads)]))
+    return NOTHING * (force if unit == "N" else max([force * size, *(abs(m) for _, _, _, m in link.loads)]))
 
 
 def _sum(equation: Equation) -> str:

@@ -55,15 +55,14 @@ def glb_bytes(shown: Presentation, *, arrows: Iterable[str] = ARROW_FAMILIES) ->
         if spins is not None:  # below its link the solid turns about an axis in the plane
             tree.add(f"{name} solid", numbers[name], mesh, translation=spins.places, rotation=spins.turns)
     shapes: dict[Any, int] = {}  # marks of a belt are all alike
-    for body in picture.of(Body, "roller", "belt", "springs"):
+    for body in picture.of(Body, "roller", "belt", "springs", "sheet"):
         name, poses = body.key.replace(".", " ", 1), body.poses
-        assert poses is not None
         key = (body.group, body.mesh.vertices.tobytes())
         if key not in shapes:
             shapes[key] = out.mesh(name, list(_primitives(out, body.mesh)))
-        scaled = {} if poses.scales is None else {"scale": poses.scales}
-        parent = numbers[body.parent] if body.parent else 0
-        tree.add(name, parent, shapes[key], translation=poses.places, rotation=poses.turns, **scaled)
+        placed = {} if poses is None else {"translation": poses.places, "rotation": poses.turns}
+        scaled = {} if poses is None or poses.scales is None else {"scale": poses.scales}
+        tree.add(name, numbers[body.parent] if body.parent else 0, shapes[key], **placed, **scaled)
     for mark in find_marks(shown, arrows):
         _add_mark(tree, mark, 0)
     for path in picture.of(Lines, "paths", "ink"):  # of ink what is drawn in the end

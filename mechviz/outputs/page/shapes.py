@@ -38,12 +38,15 @@ def pack_links(picture: Picture, frames: ChosenFrames, pack: Pack) -> list[PageS
 
 
 def pack_bodies(picture: Picture, frames: ChosenFrames, pack: Pack) -> list[PageShape]:
-    """Solids beside those of the links, as links are packed: springs, with their stretch along their axes (frames), and marks on
-    rollers and belts. ``group``: what shows and hides them."""
+    """Solids beside those of the links, as links are packed: springs, with their stretch along their axes (frames), marks on
+    rollers and belts, and sheets of paper. ``group``: what shows and hides them."""
     shapes = []
-    for body in picture.of(Body, "springs", *MARK_KINDS):
+    for body in picture.of(Body, "springs", "sheet", *MARK_KINDS):
         poses = body.poses
-        assert poses is not None
+        if poses is None:
+            still = {"pose": pack.floats(np.zeros((1, 3))), "moves": False, "mesh": _mesh(body.mesh, pack)}
+            shapes.append({"name": body.owner[1], "group": body.group, **still})
+            continue
         at, turns = (a[frames.rows].astype(float) for a in (poses.places, poses.turns))
         pose = np.column_stack([at[:, :2], np.unwrap(2.0 * np.arctan2(turns[:, 2], turns[:, 3]))])
         height = float(at[:, 2].mean())

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from functools import cache
+from functools import cache, partial
+from itertools import product
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
@@ -24,6 +25,7 @@ from mechviz.outputs.rerun.plots import (
     reaction_outputs,
     study_outputs,
 )
+from mechviz.picture.fixtures import looks_of
 from mechviz.picture.overlays import HIDDEN_DIAGRAMS, SECTION_DIAGRAMS
 from mechviz.quantities.items import joint_unit, links_with_mass
 from mechviz.quantities.vectors import FORCE_FAMILIES, plotted_against
@@ -37,6 +39,8 @@ SECONDS_A_CYCLE = 5.0  # a cycle on the screen
 SHORTEST_SHOW, LONGEST_SHOW = 4.0, 20.0  # seconds on the screen of a motion under forces
 FIELD_OF_VIEW = np.radians(55.0)  # vertical, of rerun's eye
 EYE_TILT = 0.06  # how far the eye stands above the plane's normal: the layers show, and straight lines stay upright
+DEEP = 0.75  # depth of a mechanism over its width or height, the larger one, that is seen at an angle
+ANGLED = (-0.55, 0.45, 1.0)
 LEGEND_ROW = 0.085  # of a plot's height, that a line of its legend takes
 CONSTANT_RANGE = 1e-9  # curves that vary by less than this part of their size are constants
 LEGEND_WIDTH = 0.3  # of a plot's width, that its legend takes
@@ -66,7 +70,12 @@ def make_blueprint(
     if diagrams and not polygons:  # beside the events, which leave room
         below = rrb.Horizontal(below, _stacked(list(diagrams)), column_shares=[1, 1])
     left = rrb.Vertical(mechanism, below, row_shares=[5, 3] if diagrams else [3, 1])
-    if polygons:  # the drawings beside the mechanism, two in a column, plots and the rest in tabs where there is room
+    if not (polygons or run.scene.document.marks):  # a figure to look at: it has most of the room
+        flat = [inner for p in plots for inner in (p.contents if isinstance(p, rrb.Tabs) else [p])]
+        beside = [_stacked(flat)] if flat else []
+        rest = rrb.Tabs(*_below(run, events).contents, *diagrams, active_tab=0)
+        body = rrb.Horizontal(mechanism, rrb.Vertical(*beside, rest), column_shares=[3, 1])
+    elif polygons:  # the drawings beside the mechanism, two in a column, plots and the rest in tabs where there is room
         flat = [inner for p in plots for inner in (p.contents if isinstance(p, rrb.Tabs) else [p])]
         views = [*_below(run, events).contents, *diagrams]
         pages = [*polygons, rrb.Tabs(*flat, active_tab=0)] if len(polygons) % 2 and len(polygons) > 1 and flat else [*polygons]
@@ -121,28 +130,35 @@ def _pictures(run: Run, bounds: Mapping[str, Real]) -> list[Any]:
     """3D views: one with forces where there are any, one with velocities and accelerations."""
     motion = ["vectors/velocity", "vectors/acceleration"]
     forces = [f"vectors/{family}" for family in FORCE_FAMILIES]
+    undrawn = [entity("mechanism", "links", link, "mesh") for link, looks in looks_of(run).items() if "nothing" in looks]
+    seen = partial(picture, undrawn=undrawn)
     views = []
     if run.forces is not None:
-        views.append(picture("Mechanism with forces", [*forces, "legend/forces", "sections/bending_moment"], bounds["forces"]))
+        views.append(seen("Mechanism with forces", [*forces, "legend/forces", "sections/bending_moment"], bounds["forces"]))
         if run.studies.sections:
-            views += [picture(SECTION_DIAGRAMS[group].title, [f"sections/{group}"], bounds["forces"]) for group in HIDDEN_DIAGRAMS]
+            views += [seen(SECTION_DIAGRAMS[group].title, [f"sections/{group}"], bounds["forces"]) for group in HIDDEN_DIAGRAMS]
     if _has_points(run) and run.scene.document.marks:
-        views.append(picture("Mechanism with velocities and accelerations", [*motion, "legend/motion"], bounds["motion"]))
-    return views or [picture("Mechanism", [], bounds["motion"])]
+        views.append(seen("Mechanism with velocities and accelerations", [*motion, "legend/motion"], bounds["motion"]))
+    return views or [seen("Mechanism", [], bounds["motion"])]
 
 
 def _has_points(run: Run) -> bool:
     return bool(run.motion.mechanism.traced or links_with_mass(run))
 
 
-def picture(name: str, vectors: list[str], bounds: Real) -> Any:
-    """A view of the mechanism with some vectors, from in front of a box (2, 3) [m]."""
+def picture(name: str, vectors: list[str], bounds: Real, undrawn: Sequence[str] = ()) -> Any:
+    """A view of the mechanism with some vectors and without some entities, from in front of a box (2, 3) [m]."""
     import rerun.blueprint as rrb
 
-    position, target = _eye(bounds)
+    position, target = eye_on(bounds)
     return rrb.Spatial3DView(
         origin="/",
-        contents=["+ mechanism/**", *(f"+ {path}/**" for path in (*vectors, *OVERLAY_GROUPS)), "- polygons/funicular/forces/**"],
+        contents=[
+            "+ mechanism/**",
+            *(f"+ {path}/**" for path in (*vectors, *OVERLAY_GROUPS)),
+            "- polygons/funicular/forces/**",
+            *(f"- {path}" for path in undrawn),
+        ],
         name=name,
         background=list(BACKGROUND_COLOR),
         line_grid=rrb.LineGrid3D(visible=False),
@@ -152,14 +168,22 @@ def picture(name: str, vectors: list[str], bounds: Real) -> Any:
     )
 
 
-def _eye(bounds: Real) -> tuple[Real, Real]:
-    """Where the eye stands and looks: in front of the plane, with all that moves in the picture."""
+def eye_on(bounds: Real) -> tuple[Real, Real]:
+    """Where the eye stands and looks [m]: in front of a box (2, 3) [m] with all that moves; where that is deep, at an angle."""
     low, high = bounds
     middle = 0.5 * (low + high)
     half = 0.5 * (high - low)
-    margin = 1.1
-    away = margin * max(half[1], half[0] / PICTURE_ASPECT) / np.tan(0.5 * FIELD_OF_VIEW) + half[2]
-    direction = np.array([0.0, EYE_TILT, 1.0])
+    margin, slope = 1.1, np.tan(0.5 * FIELD_OF_VIEW)
+    if half[2] > DEEP * max(half[:2]):  # from the front one part hides the others
+        direction = np.array(ANGLED) / np.linalg.norm(ANGLED)
+        right = np.cross([0.0, 1.0, 0.0], direction)
+        right /= np.linalg.norm(right)
+        corners = half * np.array(list(product((-1.0, 1.0), repeat=3)))
+        across, up, near = np.abs(corners @ right), np.abs(corners @ np.cross(direction, right)), corners @ direction
+        away = float(np.max(near + margin * np.maximum(up, across / PICTURE_ASPECT) / slope))
+    else:
+        direction = np.array([0.0, EYE_TILT, 1.0])
+        away = margin * max(half[1], half[0] / PICTURE_ASPECT) / slope + half[2]
     return middle + away * direction / np.linalg.norm(direction), middle
 
 

@@ -73,7 +73,7 @@ def build(run: Run) -> Built:
 
 def bodies_of(nodes: Iterable[BodyNode]) -> dict[str, LinkSolid]:
     """The solids of links by link."""
-    return {node.parent: LinkSolid(pieces_of(node.mesh), node.poses is not None) for node in nodes}
+    return {node.parent: LinkSolid(pieces_of(node.mesh), node.poses is not None) for node in nodes if node.group == "solids"}
 
 
 def pieces_of(mesh: Mesh) -> tuple[ColoredPart, ...]:

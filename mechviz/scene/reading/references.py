@@ -98,12 +98,12 @@ def _joints(reading: Reading) -> Iterator[Fault]:
 
 
 def _looks(reading: Reading) -> Iterator[Fault]:
-    """A flywheel or fan needs a shaft; a spindle belongs to the ground."""
+    """A flywheel or fan needs a shaft; a spindle belongs to the ground; any link may look like nothing."""
     document = reading.document
     pinned = {link for j in document.joints.values() if "revolute" in j.kinds and document.frame in j.links for link in j.links}
     for name, link in document.links.items():
         for kind in [link.looks] if isinstance(link.looks, str) else link.looks or ():
-            if isinstance(kind, UnknownName) or "*" in reading.broken["joints"]:
+            if isinstance(kind, UnknownName) or kind == "nothing" or "*" in reading.broken["joints"]:
                 continue
             if (kind == "spindle") is not (name == document.frame):
                 whose = "of the fixed link, whose guides become rods" if kind == "spindle" else "on the shaft of a moving link"

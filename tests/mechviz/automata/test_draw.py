@@ -8,14 +8,16 @@ import numpy as np
 import pytest
 from design_cases import design_case
 
+import mechviz
 from mechcore.errors import MechanismError
 from mechcore.forces.cam_rating import placed_cams
 from mechviz.automata.pen_linkages import CrossSlides
 from mechviz.automata.pen_motion import plan_motion, plotter_scene
-from mechviz.automata.strokes import on_sheet, ordered_strokes, svg_strokes, text_strokes
+from mechviz.automata.strokes import joined_strokes, on_sheet, ordered_strokes, svg_strokes, text_strokes
 from mechviz.automata.writer import design_writer
 from mechviz.meshes.solids import build_solids
-from mechviz.picture.surface_marks import drawn_strokes, growing
+from mechviz.picture.build import solids_of
+from mechviz.picture.surface_marks import drawn_strokes, growing, stroke_nodes
 from mechviz.runs import run_scene
 
 ERROR = 2e-4
@@ -210,6 +212,32 @@ def test_strokes_are_put_in_a_short_order_and_joined():
     chain = [np.array([k + 0.0j, k + 1.0]) for k in (2, 0, 1)]
     (joined,) = ordered_strokes(chain, 1e-9)
     assert np.allclose(joined, [0, 1, 2, 3])
+
+
+def test_words_are_written_from_letter_to_letter():
+    """As one writes; the shortest way between strokes would begin with the last letters and go backwards through some."""
+    strokes = text_strokes("Ada", "scripts")
+    written, shortest = joined_strokes(strokes, 1e-9), ordered_strokes(strokes, 1e-9)
+    assert np.all(np.diff([stroke[0].real for stroke in written]) > 0.0)
+    assert not np.all(np.diff([stroke[0].real for stroke in shortest]) > 0.0)
+    halves = [np.array([0.0, 1.0]), np.array([1.0, 2.0j]), np.array([3.0, 4.0])]
+    assert [len(stroke) for stroke in joined_strokes(halves, 1e-9)] == [3, 2]
+
+
+def test_the_sheet_of_paper_lies_just_behind_all_ink():
+    run = run_scene(crank_rocker_with_a_pen(), frames=36)
+    ink, edge, paper = stroke_nodes(run, solids_of(run))
+    places = np.concatenate([strip[-1] for strip in ink.strips])
+    low, high = paper.mesh.vertices.min(axis=0), paper.mesh.vertices.max(axis=0)
+    assert np.all(places[:, :2] > low[:2]) and np.all(places[:, :2] < high[:2])
+    assert np.all(places[:, 2] - high[2] == pytest.approx(ink.radii[0], rel=1e-3))
+    assert edge.strips[0][0, :, :2].max(axis=0) == pytest.approx(high[:2])
+    assert paper.group == edge.group and paper.poses is None
+
+
+def crank_rocker_with_a_pen():
+    text = mechviz.load("crank-rocker").to_toml()
+    return mechviz.loads(text + '\n[pens.E]\npoint = "coupler.E"\n', "pen")
 
 
 def test_words_keep_corners_and_round_the_rest():

@@ -8,7 +8,9 @@ import pytest
 import mechviz
 from mechcore.motion.events import find_events
 from mechviz.automata.walking import walk_of, walking_scene
-from mechviz.picture.build import solids_of
+from mechviz.outputs.rerun.blueprint import make_blueprint
+from mechviz.picture.build import picture_of, solids_of
+from mechviz.picture.nodes import Body
 from mechviz.runs import run_scene
 
 UNITS = {"length": "mm", "angle": "deg"}
@@ -96,6 +98,23 @@ def test_the_standing_foot_stands_still_in_the_scene_of_the_walk(toy):
     assert np.abs(speeds[stands, np.arange(1000)]).max() < 1e-3 * np.abs(speeds).max()
     gone = motion.point("body", "A")[-1] - motion.point("body", "A")[0]
     assert gone == pytest.approx([walk.advance, 0.0], abs=1e-6)
+
+
+def test_what_leads_a_walk_is_recorded_and_not_drawn():
+    """Neither in pictures nor in rerun's view of the mechanism."""
+    points = {"A": [0, 0], "F": [30, 0], "G": [-30, 0]}
+    toy = mechviz.Scene.build(
+        units=UNITS,
+        run={"frames": 12},
+        links={"frame": {"points": {"A": [0, 0]}}, "wheel": {"points": points}},
+        joints={"A": {"revolute": ["frame", "wheel"], "drive": {"speed": "-10 rpm"}}},
+    )
+    run = run_scene(walking_scene(toy, walk_of(toy, [("wheel", "F"), ("wheel", "G")], 1e-9), "walk"), frames=12)
+    picture = picture_of(run, solids_of(run))
+    drawn, kept = ({node.parent for node in picture.of(Body, group)} for group in ("solids", "undrawn"))
+    assert drawn == {"wheel", "frame", "lawn"} and kept == {"ground", "cart"}
+    view = make_blueprint(run, {"motion": np.asarray(picture.bounds)}, []).root_container.contents[0].contents[0]
+    assert {f"- /mechanism/links/{link}/mesh" for link in kept} <= set(view.contents)
 
 
 def test_a_walk_of_wheels_of_spokes_is_the_one_of_a_rimless_wheel():

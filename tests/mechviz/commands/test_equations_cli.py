@@ -26,7 +26,13 @@ def test_equations_at_an_angle_are_solved_there():
     assert "sum M_D" in few and "group 1: class II RRR: coupler, rocker" in few
     at_once = re.search(r"all 9 equations at once, without groups, for 9 unknowns: the same values, to (\S+) of", few)
     assert float(at_once[1]) < 1e-12
+    assert "load F_i crank: Fx 8, Fy 13.8564, moment 0\n" in said("kinetostatic-four-bar", "--equations", "--at", "60 deg").stdout
     assert "at 0.02 s" in said("kinetostatic-four-bar", "--equations", "--at", "20 ms").stdout
+
+
+def test_a_drive_that_begins_by_delivering_does_so_from_zero_on():
+    """Not from the rounding of its power at the dead point."""
+    assert "drive A delivers power 0 to 0.004282 s" in said("connecting-rod-bending").stdout
 
 
 def test_latex_is_mathematics():

@@ -7,7 +7,16 @@ import pytest
 
 import mechviz
 from mechcore.motion.events import Event
-from mechviz.outputs.rerun.blueprint import calm_range, legend_place, make_blueprint, opening_timeline, spans_of_plots
+from mechviz.outputs.rerun.blueprint import (
+    FIELD_OF_VIEW,
+    PICTURE_ASPECT,
+    calm_range,
+    eye_on,
+    legend_place,
+    make_blueprint,
+    opening_timeline,
+    spans_of_plots,
+)
 from mechviz.outputs.rerun.content import ENTITY_FAMILIES, Content, EntityFamily, find_statics, find_streams
 from mechviz.outputs.rerun.entities import Static, Stream, picture_stride
 from mechviz.picture.build import picture_of, solids_of
@@ -197,3 +206,31 @@ def test_where_nothing_happens_the_notes_are_open(leg):
 
     assert open_tab([]) == "Notes"
     assert open_tab([Event(0.1, "INFO", "A", "dead point")]) == "Events"
+
+
+def test_a_figure_has_most_of_the_room():
+    """Of a scene without marks: plots, events, health and notes stand in one narrow column."""
+    import rerun.blueprint as rrb
+
+    run = run_scene(mechviz.load("pecking-bird"), frames=12)
+    bounds = dict.fromkeys(("forces", "motion"), np.array([[0.0, 0.0, 0.0], [1.0, 1.0, 0.1]]))
+    body = make_blueprint(run, bounds, []).root_container
+    assert isinstance(body, rrb.Horizontal) and body.column_shares == [3, 1]
+    assert body.contents[0].name == "Mechanism"
+    assert body.contents[1].contents[-1].contents[-1].name == "Notes"
+
+
+def test_what_is_deep_is_seen_at_an_angle_and_all_of_it():
+    """The pin hole camera's projection of the corners of a box that is as deep as it is high, by homogeneous coordinates."""
+    box = np.array([[0.1, -0.2, 0.0], [0.4, 0.2, 0.4]])
+    eye, target = eye_on(box)
+    away = (eye - target) / np.linalg.norm(eye - target)
+    assert np.degrees(np.arccos(away[2])) > 30.0
+    right = np.cross([0.0, 1.0, 0.0], away) / np.hypot(away[0], away[2])
+    camera = np.stack([right, np.cross(away, right), away])
+    corners = np.array(np.meshgrid(*box.T)).reshape(3, -1).T
+    x, y, z = camera @ (corners - eye).T
+    seen = np.abs(np.stack([x / PICTURE_ASPECT, y]) / -z) / np.tan(0.5 * FIELD_OF_VIEW)
+    assert 0.85 < seen.max() < 1.0
+    flat, ahead = eye_on(np.array([[0.1, -0.2, 0.0], [0.4, 0.2, 0.1]]))
+    assert flat[0] == ahead[0]

@@ -14,10 +14,10 @@ from mechviz.outputs.viewer.viser_adapter import Posed
 from mechviz.outputs.viewer.world.solids import link_path
 from mechviz.picture.nodes import Body, Lines, Mesh
 from mechviz.picture.proportions import STRUT_COLOR
-from mechviz.picture.surface_marks import SHEET_COLOR, STROKE_COLOR
+from mechviz.picture.surface_marks import SHEET_COLOR
 from mechviz.quantities.vectors import VECTOR_FAMILIES
 
-BODY_GROUPS = ("springs", "roller", "belt")
+BODY_GROUPS = ("springs", "roller", "belt", "sheet")
 
 
 class BodyNodes:
@@ -44,8 +44,8 @@ class BodyNodes:
         for path in [p for p in self._nodes if p not in self._bodies or not _same(before[p].mesh, self._bodies[p].mesh)]:
             self._nodes.pop(path).remove()
         for path, body in self._bodies.items():
-            assert body.poses is not None
-            self._turns[path] = np.roll(np.asarray(body.poses.turns, float), 1, axis=1)  # w first
+            if body.poses is not None:
+                self._turns[path] = np.roll(np.asarray(body.poses.turns, float), 1, axis=1)  # w first
             if path not in self._nodes:
                 red, green, blue = (int(c) for c in body.mesh.colors[0])
                 self._nodes[path] = self._server.scene.add_mesh_simple(
@@ -112,7 +112,7 @@ def _same(a: Mesh, b: Mesh) -> bool:
 LINE_COLORS = {
     "springs": (STRUT_COLOR, (176, 188, 204)),
     "friction": (VECTOR_FAMILIES["friction"].color, VECTOR_FAMILIES["friction"].on_dark),
-    "ink": ((28, 44, 96), STROKE_COLOR),
+    "ink": ((28, 44, 96), (70, 100, 190)),
     "sheet": ((150, 156, 168), SHEET_COLOR),
 }
 """Colours of groups on a light and on a dark page."""
