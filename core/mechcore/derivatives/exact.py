@@ -20,7 +20,7 @@ import numpy as np
 
 from mechcore.arrays import Index, Real, Values
 from mechcore.branches.unwrapped import LinkAngles
-from mechcore.derivatives.cams import by_argument, follows_argument, held_where_it_is, rubbing, third_derivative
+from mechcore.derivatives.cams import by_argument, moved_on, rubbing_of, rubbing_parts, third_derivative
 from mechcore.derivatives.friction import forces_with_friction
 from mechcore.derivatives.knots import with_nominal_knots
 from mechcore.derivatives.model_numbers import (
@@ -80,6 +80,7 @@ class Derivatives:
         self.tape = new_tape()
         self.leaves: dict[NumberPlace, Traced] = {}
         self._slopes: dict[int, list[Any]] = {}  # of leaves, by parameters
+        self._models: dict[tuple[str, float], Model] = {}  # beside the nominal one, by parameter and value
         self._arms = turning_vectors(motion.model)  # of loops, zero ones left out that stay so
         with np.errstate(**QUIET):
             self._varied = [self._numbers_of(p) for p in self.parameters]
@@ -160,13 +161,22 @@ class Derivatives:
         """Derivatives of the numbers by a parameter, of those that depend on it."""
 
         def at(x: float) -> ModelNumbers:
-            mechanism = parameter.mechanism(x)
-            model = build_model(mechanism)
+            model = self._beside(parameter, x)
             check_structure(self.nominal.model, model, parameter.name)
             self._arms |= turning_vectors(model)
-            return numbers_of_model(model, self.nominal, self.times(mechanism))
+            return numbers_of_model(model, self.nominal, self.times(model.mechanism))
 
         return slopes(at, self._nominal, parameter)
+
+    def _beside(self, parameter: Parameter, x: float) -> Model:
+        """The model that belongs to another value of a parameter."""
+        if (parameter.name, x) not in self._models:
+            self._models[parameter.name, x] = build_model(parameter.mechanism(x))
+        return self._models[parameter.name, x]
+
+    def _alone(self, of: Callable[[Model], Any], parameter: Parameter, x: float) -> ModelNumbers:
+        """A number that follows from the model of a parameter's value ``x``, as if it were the only one."""
+        return {(): np.asarray(of(self._beside(parameter, x)))}
 
     def _leaf(self, number: object, slopes: Sequence[Any]) -> Traced:
         leaf = self.tape.variable(number)
@@ -185,7 +195,7 @@ class Derivatives:
             plain = np.asarray(of(self.nominal.model))
             own = []
             for p in self.parameters:
-                own.append(slopes(partial(_alone, of, p), {(): plain}, p).get(()))
+                own.append(slopes(partial(self._alone, of, p), {(): plain}, p).get(()))
             if all(d is None for d in own):
                 return number
             self.leaves[key] = self._leaf(np.zeros_like(plain), own)
@@ -193,27 +203,33 @@ class Derivatives:
 
     def contact_of(self, joint: str, what: str, values: Callable[[Any, Motion], Real]) -> Any:
         """Numbers (F,) of a cam and its follower on the tape, called ``what``: ``values(cam, motion)`` at the nominal motion.
-        Raises `LookupError` where the parameters also move the cam on, as a linkage does that drives it, and it is not known what
-        that does."""
+        Raises `LookupError` where the joint is none."""
         r, relation = next((r, x) for r, x in enumerate(self.nominal.model.relations) if x.name == joint)
-        argument, cam = argument_of(self._model, r, self._state), relation.geometry
-        moves = isinstance(argument, Traced)
-        if cam is None or (moves and not follows_argument(cam)):
+        if relation.geometry is None:
             raise LookupError(joint)
+        known = np.isfinite(values(relation.geometry, self.nominal))
 
-        def of(model: Model) -> Real:
-            return values(model.relations[r].geometry, self.nominal)
+        def finite(cam: Any, motion: Motion) -> list[Real]:
+            return [np.where(known, values(cam, motion), 0.0)]
 
-        plain = of(self.nominal.model)
-        if not np.isfinite(plain).all():
-            return plain
-        known = self.beside(of, plain, ("contact", r, what))
-        return known + self._moved_on(argument, lambda x: values(x, self.nominal), cam) if moves else known
+        return self._of_cam(r, (what,), self.nominal, finite)[0] + np.where(known, 0.0, np.nan)
 
-    def _moved_on(self, argument: Traced, values: Callable[[Any], Any], cam: Any) -> Any:
-        """Changes of values of a cam as the argument of its law moves on."""
-        slope = self._refused(lambda: by_argument(values, cam))
-        return self.tape.elementwise(np.zeros_like(slope), [(argument, slope, None)])
+    def _of_cam(self, r: int, key: NumberPlace, motion: Motion, values: Callable[[Any, Motion], Sequence[Any]]) -> list[Any]:
+        """Numbers (F,) that follow from a relation, of a cam from its geometry, and from a ``motion`` on the tape, with what they
+        also follow from the parameters: by its shape, and by its place in its law."""
+        at, own = self.nominal, self.nominal.model.relations[r]
+
+        def of(k: int) -> Callable[[Model], Any]:
+            return lambda model: np.broadcast_to(values(_shape_of(model.relations[r]), at)[k], at.shape)
+
+        argument: Any = None if own.geometry is None else argument_of(self._model, r, self._state)
+        moves = isinstance(argument, Traced)
+        found = values(moved_on(own.geometry, at) if moves else _shape_of(own), motion)
+        found = [self.beside(of(k), x, ("relation", r, *key, k)) for k, x in enumerate(found)]
+        if moves:
+            on = self._refused(lambda: by_argument(lambda cam: values(cam, at), own.geometry, at))
+            found = [x + self.tape.elementwise(np.zeros_like(d), [(argument, d, None)]) for x, d in zip(found, on, strict=True)]
+        return found
 
     # -- on the tape --------------------------------------------------------------------------------------------------
     def _refused(self, work: Callable[[], T]) -> T:
@@ -294,10 +310,7 @@ class Derivatives:
             z: Any = values[k]
             if isinstance(argument, Traced):
                 cam = self.nominal.model.relations[r].geometry
-                if k < 2:
-                    slope: Any = values[k + 1]
-                else:  # else a third derivative is not at hand
-                    slope = third_derivative(cam, argument.value) if follows_argument(cam) else np.full_like(z, np.nan)
+                slope: Any = values[k + 1] if k < 2 else third_derivative(cam, argument.value)
                 z = self.tape.elementwise(z, [(argument, slope, None)])
             leaf = self.leaves.get(("curve_value", r, k))
             bent.append(z if leaf is None else z - leaf.value + leaf)
@@ -307,49 +320,30 @@ class Derivatives:
         def contact(motion: Motion, multiplier: Values) -> tuple[Any, Any]:
             m: Any = value_of(multiplier)
             sign = np.where(np.real(m) >= 0.0, 1.0, -1.0)
-            key = "contact", r, np.packbits(np.atleast_1d(sign) > 0.0).tobytes()
-            cam = self.nominal.model.relations[r].geometry
-            argument: Any = argument_of(self._model, r, self._state) if follows_argument(cam) else None
-            moves = isinstance(argument, Traced)
-            try:
-                place, along = (held_where_it_is(cam, self.nominal) if moves else own).contact(motion, sign)
-            except Untraced:
-                raise Untraced(
-                    f"it changes where on its cam {own.name} touches, and derivatives of that force are not known"
-                ) from None
-            at = self.nominal
-
-            def of(which: int) -> Callable[[Model], Any]:
-                return lambda model: np.broadcast_to(model.relations[r].contact(at, sign)[which], at.shape)
-
-            place, along = (self.beside(of(k), x, (*key, k)) for k, x in enumerate((place, along)))
-            if moves:
-                on = self._moved_on(argument, lambda x: np.stack(np.broadcast_arrays(*x.contact(at, sign))), cam)
-                place, along = place + on[0], along + on[1]
+            place, along = self._of_cam(r, ("contact", _signs(sign)), motion, lambda x, motion: x.contact(motion, sign))
             return place, along
 
-        bearing = own.bearing
-        if bearing is not None:
-            nominal_couple = bearing.couple
+        def couple(motion: Motion, place: Any, force: Any) -> Any:
+            under = value_of(place), value_of(force)
 
-            def couple(motion: Motion, place: Any, force: Any) -> Any:
-                at, under = self.nominal, (value_of(place), value_of(force))
+            def values(cam: Any, motion: Motion) -> list[Any]:
+                return [cam.couple(motion, *(under if motion is self.nominal else (place, force)))]
 
-                def of(model: Model) -> Any:
-                    other = model.relations[r].bearing
-                    assert other is not None  # as of the relation itself
-                    return other.couple(at, *under)
+            return self._of_cam(r, ("couple", *(np.asarray(x).tobytes() for x in under)), motion, values)[0]
 
-                key = ("couple", r, *(np.asarray(x).tobytes() for x in under))
-                return self.beside(of, nominal_couple(motion, place, force), key)
+        def rubbing(motion: Motion, flank: Values) -> Any:
+            sign = np.real(np.asarray(flank))
+            return rubbing_of(
+                self._of_cam(r, ("rubbing", _signs(sign)), motion, lambda cam, motion: rubbing_parts(cam, motion, flank))
+            )
 
-            bearing = replace(bearing, couple=couple)
+        bearing = own.bearing if own.bearing is None else replace(own.bearing, couple=couple)
         geometry = own.geometry
         if geometry is not None:  # friction asks it where the cam touches, and how it rubs there
             geometry = copy(geometry)
             vars(geometry)["contact"] = contact
             if bearing is not None:
-                vars(geometry)["rubbing"] = partial(rubbing, self.beside, self.nominal, r)
+                vars(geometry)["rubbing"] = rubbing
         return replace(own, contact=contact, bearing=bearing, geometry=geometry)
 
     @cached_property
@@ -481,11 +475,16 @@ def _check(motion: Motion, under_forces: bool) -> None:
         raise refusal("rates are taken from positions here.", "Leave the accuracy's differentiation exact.")
 
 
-def _alone(of: Callable[[Model], Any], parameter: Parameter, x: float) -> ModelNumbers:
-    """A number that follows from the model of a parameter's value ``x``, as if it were the only one."""
-    return {(): np.asarray(of(build_model(parameter.mechanism(x))))}
-
-
 def _group_angle(motion: Motion, group: int) -> Any:
     """A group's angle as relations count it."""
     return motion.state.angle[group] if group in motion.state.angle else motion.group_angle(group)
+
+
+def _shape_of(relation: Relation) -> Any:
+    """What knows where a relation touches: the geometry of a cam, or itself."""
+    return relation if relation.geometry is None else relation.geometry
+
+
+def _signs(x: Real) -> bytes:
+    """A key of the signs of numbers."""
+    return np.packbits(np.atleast_1d(x) >= 0.0).tobytes()

@@ -12,12 +12,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mechcore.arrays import Index, Real
+from mechcore.cams.placement.spatial import PlacedSpatial
 from mechcore.derivatives.exact import Derivatives
 from mechcore.derivatives.forced import derivatives_under_forces
 from mechcore.derivatives.steady import derivatives_from_steady_run
 from mechcore.errors import Fault, MechanismError
 from mechcore.motion.motion import Motion
 from mechcore.motion.solve import default_times
+from mechcore.numerics.tape import value_of
 from mechcore.records import dataclass
 from mechviz.figures import chart
 from mechviz.quantities.catalogue import Quantity
@@ -28,6 +30,8 @@ from mechviz.studies.designs.variables import Variable, core_parameters, paramet
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+STRAIGHT = 1e-100  # [1/m], a curvature that stands for none, so that its radius has a slope
 
 
 @dataclass(frozen=True, eq=False)
@@ -206,12 +210,16 @@ def _of_cam(exact: Derivatives, joint: str, what: str) -> Any:
         first = column("law 1", lambda cam, motion: cam.law(cam.rows(motion).angle)[1])
         second = column("law 2", lambda cam, motion: cam.law(cam.rows(motion).angle)[2])
         return np.stack([column("lift", lambda cam, motion: cam.rows(motion).lift), first, second], axis=-1)
-    pressure = column("pressure angle", lambda cam, motion: cam.rows(motion).pressure_angle)
+    turned = column(
+        "pressure angle", lambda cam, motion: np.exp(1j * cam.rows(motion).pressure_angle)
+    )  # one that stays zero is rounding
     curvature = column("curvature", lambda cam, motion: 1.0 / cam.rows(motion).radius)
+    radius = 1.0 / (curvature + np.where(value_of(curvature) == 0.0, STRAIGHT, 0.0))
     beside = column("eccentricity", lambda cam, motion: cam.rows(motion).eccentricity)
-    reaction = exact.forces.reaction(joint)
+    seen = column("seen", lambda cam, motion: cam.seen(motion) if isinstance(cam, PlacedSpatial) else np.ones(motion.frames))
+    pressed = exact.forces.pressed(joint)
     unknown = np.full(exact.nominal.frames, np.nan)  # places, which no quantity is
-    return np.stack([unknown, unknown, np.hypot(reaction[:, 0], reaction[:, 1]), pressure, 1.0 / curvature, beside], axis=-1)
+    return np.stack([unknown, unknown, np.hypot(pressed[:, 0], pressed[:, 1]) / seen, np.angle(turned), radius, beside], axis=-1)
 
 
 def tornado(row: Sensitivity, title: str, most: int = 20) -> Figure:

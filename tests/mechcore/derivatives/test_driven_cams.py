@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 from test_forced import SIXTH, differences
 
-from mechcore.errors import MechanismError
 from mechviz.runs import run_scene
 from mechviz.scene.scene import Scene, load, loads
 from mechviz.studies.designs.measures import parse_measure
-from mechviz.studies.designs.sensitivity import sensitivities, sensitivity
+from mechviz.studies.designs.sensitivity import sensitivities
 from mechviz.studies.designs.variables import variables_of
 
 FRAMES = 23  # of which none has a knot of the law
@@ -115,10 +114,41 @@ def test_a_slider_crank_moves_a_wedge_in_another_way(number):
     agree(loads(text, "wedge"), number, 0.02, ["joint.B.displacement", "drive.A.torque", "cam.K.pressure_angle", "cam.K.lift_rate"])
 
 
-def test_where_a_given_profile_touches_is_not_known_beside_its_place():
-    outline = "outline = [[13.8125, -22.0275928], [36.78125, -7.62493596], [36.78125, 7.62493596], [13.8125, 22.0275928]]"
-    profile = f"[joints.K.profile]\n{outline}\nbulges = [0, 0.553283335, 0, 1.80739223]\n"
-    cam, _, _ = KINDS["roller"].partition("[joints.K.profile]")
-    scene = loads(DRAG_LINK + cam + profile, "given")
-    with pytest.raises(MechanismError, match="where on its cam K touches"):
-        sensitivity(run_scene(scene), "joint.K.reaction", ["links.crank.points.B[0]"])
+LIMITS = ["cam.K.pressure_angle", "cam.K.curvature", "cam.K.contact_force"]
+
+
+@pytest.mark.parametrize(
+    "name, spacing",
+    [
+        ("cam-conjugate", 0.1),
+        ("cam-measured", 0.02),
+        ("cam-barrel-arm", 0.1),
+        ("cam-indexing", 0.1),  # on a globoid; it rubs
+    ],
+)
+def test_a_cam_that_is_further_on_is_as_a_little_later(name, spacing):
+    """At an even speed a start of one degree more is the same as the time of one degree later: by differences of eighth order
+    between the frames of one run, wherever they reach over no knot of the law."""
+    frames = round(360.0 / spacing)
+    scene = load(name).changed({("run", "frames"): frames, ("joints", "O", "drive", "start"): 3.305})
+    run = run_scene(scene)
+    (cam,) = (r.geometry for r in run.motion.model.relations if r.geometry is not None)
+    segment, middle = cam.segment(run.motion), np.arange(4, frames - 3)
+    within = middle[segment[middle - 4] == segment[middle + 4]]
+    assert len(within) > 0.9 * frames
+    measures = [parse_measure(scene, key) for key in ("drive.O.torque", "joint.K.reaction", *LIMITS)]
+    for one in sensitivities(run, measures, variables_of(scene, ["joints.O.drive.start"])):
+        ahead = [
+            sum(w * s * one.curve[within + s * k] for s in (1, -1)) for k, w in enumerate((4 / 5, -1 / 5, 4 / 105, -1 / 280), 1)
+        ]
+        wanted = sum(ahead) / spacing
+        size = max(np.abs(wanted).max(), 1e-3 * np.abs(one.curve).max())
+        np.testing.assert_allclose(one.slopes[0, within], wanted, atol=1e-9 * size, err_msg=one.quantity.key)
+
+
+@pytest.mark.parametrize("name, joint", [("cam-inverse", "O"), ("cam-inverse-slide", "S")])  # the latter rubs
+def test_inverse_cams_may_swing_farther(name, joint):
+    scene = load(name).changed({("run", "frames"): FRAMES})
+    effort = "torque" if joint == "O" else "force"
+    keys = [f"drive.{joint}.{effort}", "joint.K.reaction", *LIMITS]
+    agree(scene, f"joints.{joint}.drive.oscillation.amplitude", 0.01, keys)

@@ -228,11 +228,3 @@ def test_what_limits_a_cam_follows_its_base_circle_and_its_lift(name):
             np.testing.assert_allclose(found.slopes[0], differences, rtol=0.0, atol=1e-9 * scale, err_msg=f"{number} {key}")
     steepest = sensitivity(run, "cam.K.pressure_angle:max", [number])
     assert np.isfinite(steepest.derivatives).all()
-
-
-def test_the_pressure_angle_of_a_given_profile_that_a_linkage_turns_is_refused():
-    outline = [[13.8125, -22.0275928], [36.78125, -7.62493596], [36.78125, 7.62493596], [13.8125, 22.0275928]]
-    profile = {"outline": outline, "bulges": [0, 0.553283335, 0, 1.80739223]}
-    run = run_scene(load("cam-linkage").changed({("joints", "K", "profile"): profile}), frames=12)
-    with pytest.raises(MechanismError, match=r"derivatives of cam\.K\.pressure_angle are not known"):
-        sensitivity(run, "cam.K.pressure_angle", ["links.frame.points.O[0]"])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
@@ -119,6 +120,11 @@ class PlacedInverse(PlacedRoller):
     def arm(self) -> float:
         return self.cam.crank if self.cam.turns else 0.0
 
+    @cached_property
+    def zero(self) -> float:
+        """The driven coordinate at the start of its law."""
+        return float(self.cam.law(self.travel[0], 0)[0])
+
     def check(self) -> None:
         """Raises where the roller jams in its groove, or undercuts a flank."""
         theta = np.linspace(*self.travel, 721)
@@ -201,5 +207,5 @@ class PlacedInverse(PlacedRoller):
             radius=flank,
             eccentricity=np.full(angle.shape, np.nan),
             coordinate=s[0],
-            lift=s[0] - float(self.cam.law(self.travel[0], 0)[0]),
+            lift=s[0] - self.zero,
         )

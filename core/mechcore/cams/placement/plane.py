@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mechcore.arrays import Complex, Plane, Real, Values
+from mechcore.arrays import Complex, Flags, Plane, Real, Values
 from mechcore.cams.analysis import Bridge
 from mechcore.cams.closures import breadth
 from mechcore.cams.contour import Contour, cam_contour
@@ -177,11 +177,16 @@ class PlacedCam:
 
     def law(self, argument: ArrayLike) -> Real:
         """The follower's coordinate and its first two derivatives with respect to the cam's coordinate, (3, ...)."""
-        x = on_knots(self.cam.law, np.multiply(argument, self.ahead))
-        known = np.isfinite(x)
-        s = self.cam.law(np.where(known, x, self.cam.law.start), 2)
+        x, known = self.known(argument)
+        s = self.cam.law(x, 2)
         s[1] *= self.ahead
         return np.where(known, s, np.nan)
+
+    def known(self, argument: ArrayLike) -> tuple[Real, Flags]:
+        """Places in the law put on its knots, those that are NaN replaced by its start, and which are known."""
+        x = on_knots(self.cam.law, np.multiply(argument, self.ahead))
+        known = np.isfinite(x)
+        return np.where(known, x, self.cam.law.start), known
 
     def check(self, *, second: bool = False) -> None:
         """Raises where the cam cannot be cut, or where a yoke does not fit; ``second``: of a conjugate pair, whose base circle
@@ -265,9 +270,8 @@ class PlacedCam:
 
     def at(self, motion: Motion) -> Synthesis:
         """The cam at every frame."""
-        x = on_knots(self.cam.law, self.argument(motion) * self.ahead)
-        known = np.isfinite(x)
-        synthesis = self.cam.at(np.where(known, x, self.cam.law.start))
+        x, known = self.known(self.argument(motion))
+        synthesis = self.cam.at(x)
         return synthesis if np.all(known) else replace(synthesis, motion=np.where(known, synthesis.motion, np.nan))
 
     def place(self, motion: Motion, z: Plane) -> Plane:

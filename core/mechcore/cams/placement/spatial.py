@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -41,10 +42,10 @@ class FlankSliding:
     ``rate``: of sliding, follower against cam [m/s].
     """
 
-    place: Complex
-    along: Complex
+    place: Plane
+    along: Plane
     twist: Real
-    rate: Real
+    rate: Values
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,6 +75,11 @@ class PlacedSpatial(PlacedRoller):
     def scale(self) -> float:
         """Metres per unit of the follower's coordinate: 1, or the arm."""
         return self.arm or 1.0
+
+    @cached_property
+    def zero(self) -> float:
+        """The follower's coordinate at the start of its law."""
+        return float(self.cam.law.pieces[0].at(0.0, 0)[0])
 
     @property
     def middle(self) -> float:
@@ -178,22 +184,24 @@ class PlacedSpatial(PlacedRoller):
         t = self._touch(motion)
         pulls = np.broadcast_to(np.asarray(flank).real < 0.0, (motion.frames,)) if self.form else np.zeros(motion.frames, bool)
         point = self._point(t, pulls)
-        speed = motion.speeds.angular
-        rotation_class = motion.model.angles.rotation_class
+        speed, rotation_class = motion.speeds.angular, motion.model.angles.rotation_class
         turning = speed[rotation_class[motion.model.index[self.links[0]]]] - speed[rotation_class[motion.model.index[self.carrier]]]
-        pace = np.broadcast_to(turning, (motion.frames,))[:, None]
-        rate = self.sense * self.law(self.argument(motion))[1][:, None] * pace  # of the follower's coordinate
-        slip = rate * self.cam.mount.carried(point) - pace * np.cross([0.0, 0.0, 1.0], point)
+        rise = self.sense * self.law(self.argument(motion))[1][:, None]  # of the follower's coordinate, by the cam's angle
+        slip = rise * self.cam.mount.carried(point) - np.cross([0.0, 0.0, 1.0], point)
         directions = [
             FlankSliding(
-                place=np.asarray(self.place(motion, self._shadow(point))),
-                along=np.asarray(self._shadow(d) * self.world(motion)),
+                place=self.place(motion, self._shadow(point)),
+                along=self._shadow(d) * self.world(motion),
                 twist=self._twist(point, d),
-                rate=np.einsum("fi,fi->f", d, slip),
+                rate=turning * np.einsum("fi,fi->f", d, slip),
             )
             for d in (np.cross(t.a, t.normal), t.a)
         ]
-        return directions[0], directions[1], np.abs(self._shadow(t.normal))
+        return directions[0], directions[1], self.seen(motion)
+
+    def seen(self, motion: Motion) -> Real:
+        """How much of the normal force lies in the plane (F)."""
+        return np.abs(self._shadow(self._touch(motion).normal))
 
     def pressing(self, motion: Motion, reaction: Complex) -> Real:
         """Force along the normal in space (F) [N] from the frictionless reaction on the follower; positive: the lifting flank."""
@@ -223,7 +231,7 @@ class PlacedSpatial(PlacedRoller):
             radius=np.where(lost, np.nan, radius),
             eccentricity=np.full(angle.shape, np.nan),
             coordinate=s[0],
-            lift=s[0] - float(self.cam.law.pieces[0].at(0.0, 0)[0]),
+            lift=s[0] - self.zero,
         )
 
 
