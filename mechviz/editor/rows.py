@@ -1,4 +1,5 @@
-"""Numbers of a scene that are too many for sliders, and are edited as texts: long lists, and long series of marked points."""
+"""Numbers of a scene that are too many for sliders, and are edited as texts: long lists, tables of several lists, and long
+series of marked points."""
 
 from __future__ import annotations
 
@@ -9,20 +10,21 @@ from typing import Any
 from mechcore.records import dataclass
 from mechviz.editor.parameters import HIDDEN, LONGEST_LIST, group_of, is_number, label_of, marked_series, place_key
 from mechviz.scene.annotations import Place, leaf_at
-from mechviz.scene.document import value_at
+from mechviz.scene.document import SceneDocument, value_at
 from mechviz.scene.fields import DocumentTable, QuantityMark
 from mechviz.scene.scene import Scene
 from mechviz.scene.units import split, symbol_of
 
-LONGEST_ROW = 100  # numbers in a text
+LONGEST_ROW = 3000  # numbers in a text: more would not fit into a message of the page
 
 
 @dataclass(frozen=True)
 class NumberRow:
-    """Numbers of a scene that are edited as one text: those of a long list, or a series of points.
+    """Numbers of a scene that are edited as one text: those of a long list, a table, or a series of points.
 
-    ``places``, ``values``: of each number, by points where these have several; ``suffix``: the unit where all have the same one in
-    the file, else "".
+    ``places``, ``values``: of each number, by points or rows where these have several; ``suffixes``: of each number of a row, the
+    unit where all have the same one in the file, else "". Of a table, whose text may have another number of rows: ``lists``, the
+    places of its columns, and the ``symbols`` of their units.
     """
 
     key: str
@@ -30,52 +32,147 @@ class NumberRow:
     title: str
     places: tuple[tuple[Place, ...], ...]
     values: tuple[tuple[float | str, ...], ...]
-    suffix: str = ""
+    suffixes: tuple[str, ...]
+    lists: tuple[Place, ...] = ()
+    symbols: tuple[str, ...] = ()
+
+    @property
+    def kind(self) -> tuple[object, ...]:
+        """What two rows have in common that the same control may show."""
+        return (self.title, self.lists or self.places)
+
+    @property
+    def hint(self) -> str:
+        """How its text is written."""
+        return "a row a line, as copied from a spreadsheet or a CSV file, of any number" if self.lists else "with commas between"
 
     @property
     def text(self) -> str:
-        return (", " if len(self.places[0]) == 1 else "; ").join(", ".join(map(self._shown, row)) for row in self.values)
+        between = "\n" if self.lists else ", " if len(self.places[0]) == 1 else "; "
+        return between.join(", ".join(map(self._shown, row, self.suffixes)) for row in self.values)
 
-    def changes(self, text: str) -> dict[Place, float | str]:
+    def changes(self, text: str) -> dict[Place, Any]:
         """The changes of a scene for another text; values that are written as before stay. Raises `ValueError` where it has not
-        as many numbers."""
-        tokens = [token.strip() for token in re.split(r"[,;\n]", text)]
-        flat = [(place, value) for row in zip(self.places, self.values, strict=True) for place, value in zip(*row, strict=True)]
-        if len(tokens) != len(flat) or "" in tokens:
-            raise ValueError(f"{self.title}: {len(flat)} numbers are wanted, with commas between them.")
-        return {p: self._written(token) for (p, v), token in zip(flat, tokens, strict=True) if token != self._shown(v)}
+        as many numbers, or rows of as many."""
+        suffixes = self.suffixes
+        if self.lists:
+            rows, suffixes = self._rows_of(text)
+            if len(rows) != len(self.values):
+                return {home: [self._written(row[k], suffixes[k]) for row in rows] for k, home in enumerate(self.lists)}
+        else:
+            tokens, wide = [token.strip() for token in re.split(r"[,;\n]", text)], len(self.suffixes)
+            if len(tokens) != wide * len(self.values) or "" in tokens:
+                raise ValueError(f"{self.title}: {wide * len(self.values)} numbers are wanted, with commas between them.")
+            rows = [tokens[k : k + wide] for k in range(0, len(tokens), wide)]
+        return {
+            place: self._written(token, suffix)
+            for places, values, row in zip(self.places, self.values, rows, strict=True)
+            for place, value, token, suffix, own in zip(places, values, row, suffixes, self.suffixes, strict=True)
+            if suffix != own or token != self._shown(value, own)
+        }
 
-    def _shown(self, value: float | str) -> str:
-        number = float(split(value)[0]) if isinstance(value, str) and self.suffix else value
+    def _rows_of(self, text: str) -> tuple[list[list[str]], tuple[str, ...]]:
+        """The cells of a table in text form, and the units of its columns, which a header may state in brackets."""
+        lines = [line.strip() for line in text.splitlines() if line.strip()]
+        between = ";" if any(";" in line for line in lines) else "\t" if any("\t" in line for line in lines) else ","
+        rows = [[cell.strip() for cell in line.split(between)] for line in lines]
+        if between != ",":  # then commas are decimal ones
+            rows = [[cell.replace(",", ".") for cell in row] for row in rows]
+        suffixes = self.suffixes
+        if rows and not any(cell[:1].isdigit() or cell[:1] in ("-", "+", ".") for cell in rows[0]):
+            units = [found[1].strip() if (found := re.search(r"\[([^\]]*)\]", cell)) else "" for cell in rows.pop(0)]
+            suffixes = tuple(
+                unit if unit and symbol_of(unit) != symbol else own
+                for unit, own, symbol in zip([*units, *[""] * len(suffixes)], suffixes, self.symbols, strict=False)
+            )
+        wide = len(self.lists)
+        for number, row in enumerate(rows, 1):
+            if len(row) != wide or "" in row:
+                raise ValueError(f"{self.title}: row {number} is '{between.join(row)[:40]}'; {wide} numbers are wanted.")
+        if not rows or wide * len(rows) > LONGEST_ROW:
+            raise ValueError(f"{self.title}: {len(rows)} rows; from 1 to {LONGEST_ROW // wide} can be edited here.")
+        return rows, suffixes
+
+    @staticmethod
+    def _shown(value: float | str, suffix: str) -> str:
+        number = float(split(value)[0]) if isinstance(value, str) and suffix else value
         return number if isinstance(number, str) else f"{number:.6g}"
 
-    def _written(self, token: str) -> float | str:
+    @staticmethod
+    def _written(token: str, suffix: str) -> float | str:
         try:
             number = float(token)
         except ValueError:  # it has a unit of its own
             return token
-        return f"{number!r} {self.suffix}" if self.suffix else number
+        return f"{number!r} {suffix}" if suffix else number
 
 
 def find_rows(scene: Scene) -> tuple[NumberRow, ...]:
-    """The numbers that are edited as texts: of long lists, and of long series of marked points."""
-    document, rows = scene.document, []
+    """The numbers that are edited as texts: of long lists and tables, and of long series of marked points."""
+    document, rows, columns = scene.document, [], set()
+    for parent, lists in _tables(document):
+        places = [tuple((*home, k) for home in lists) for k in range(len(value_at(document, lists[0])))]
+        row = _row(scene, (parent, label_of(parent)), lists, places)
+        if row is not None:
+            columns |= set(lists)
+            rows.append(row)
     for first, key, label, homes in [*_long_lists(document), *marked_series(document)]:
+        if first in columns:
+            continue
         places = [
-            [(*home, k) for k in range(len(v))] if isinstance(v := value_at(document, home), list | tuple) else [home]
+            tuple((*home, k) for k in range(len(v))) if isinstance(v := value_at(document, home), list | tuple) else (home,)
             for home in homes
         ]
-        flat = [place for row in places for place in row]
-        numbers = all(is_number(leaf.value) or leaf.mark(QuantityMark) for leaf in (leaf_at(document, place) for place in flat))
-        if len(flat) <= LONGEST_ROW and numbers and document.formulas.keys().isdisjoint([*homes, *flat]):
-            kind = scene.kinds.get(place_key(flat[0]), "")
-            title = f"{label} [{scene.units.symbol(kind)}]" if kind else label
-            values = tuple(tuple(value_at(document, place) for place in row) for row in places)
-            units = {split(v)[1] if isinstance(v, str) else "" for row in values for v in row}
-            suffix = units.pop() if len(units) == 1 else ""
-            title = f"{label} [{symbol_of(suffix)}]" if suffix else title
-            rows.append(NumberRow(key, group_of(first), title, tuple(map(tuple, places)), values, suffix))
+        row = _row(scene, (first, label), (), places, key, homes)
+        if row is not None:
+            rows.append(row)
     return tuple(rows)
+
+
+def _row(
+    scene: Scene,
+    named: tuple[Place, str],
+    lists: tuple[Place, ...],
+    places: list[tuple[Place, ...]],
+    key: str = "",
+    homes: list[Place] | None = None,
+) -> NumberRow | None:
+    """A text for the numbers at places; None where they are none, too many, or follow from parameters."""
+    document, (first, label) = scene.document, named
+    wide = len(places[0])
+    if wide * len(places) > LONGEST_ROW or any(len(row) != wide for row in places):
+        return None
+    values = tuple(tuple(value_at(document, place) for place in row) for row in places)
+    leaves = [leaf_at(document, place) for place in places[0]]  # all rows are of one type
+    if not all(is_number(leaf.value) or leaf.mark(QuantityMark) for leaf in leaves) or not all(
+        is_number(v) or isinstance(v, str) for row in values for v in row
+    ):
+        return None
+    if document.formulas and not document.formulas.keys().isdisjoint([*(homes or ()), *lists, *(p for row in places for p in row)]):
+        return None
+    suffixes, symbols = [], []
+    for k in range(wide):
+        units = {split(row[k])[1] if isinstance(row[k], str) else "" for row in values}
+        suffixes.append(units.pop() if len(units) == 1 else "")
+        kind = scene.kinds.get(place_key(places[0][k]), "")
+        symbols.append(symbol_of(suffixes[k]) if suffixes[k] else scene.units.symbol(kind) if kind else "")
+    if lists:
+        heads = (f"{home[-1]} [{symbol}]" if symbol else str(home[-1]) for home, symbol in zip(lists, symbols, strict=True))
+        title = f"{label}: {', '.join(heads).replace('_', ' ')}"
+        return NumberRow(place_key(first), group_of(first), title, tuple(places), values, tuple(suffixes), lists, tuple(symbols))
+    suffixes = suffixes if len(set(suffixes)) == 1 else [""] * wide
+    title = f"{label} [{symbols[0]}]" if symbols[0] else label
+    return NumberRow(key, group_of(first), title, tuple(places), values, tuple(suffixes))
+
+
+def _tables(document: SceneDocument) -> Iterator[tuple[Place, tuple[Place, ...]]]:
+    """Tables of a scene: where lists with as many entries, more than `LONGEST_LIST`, stand side by side, and where those are."""
+    siblings: dict[Place, dict[int, list[Place]]] = {}
+    for path, _, _, homes in _long_lists(document):
+        if isinstance(path[-1], str) and not isinstance(value_at(document, path)[0], list | tuple):
+            siblings.setdefault(path[:-1], {}).setdefault(len(homes), []).append(path)
+    for parent, by_length in siblings.items():
+        yield from ((parent, tuple(lists)) for lists in by_length.values() if len(lists) > 1)
 
 
 def _long_lists(value: Any, path: Place = ()) -> Iterator[tuple[Place, str, str, list[Place]]]:

@@ -149,6 +149,7 @@ def _start_guarded(port: int, label: str) -> tuple[viser.ViserServer, Guard]:
 # -- messages of browsers ---------------------------------------------------------------------------------------------
 MOST_BYTES = 1 << 16  # of a message
 LONGEST_TEXT = 1000
+LONGEST_TABLE = 60_000  # characters of a text of several lines
 LONGEST_NAME = 300  # of a node, or of a control in the page
 LARGEST_NUMBER = 1e15  # of a number: what a slider of whole numbers takes must fit into 64 bits
 MOST_PIXELS = 1e5
@@ -244,7 +245,9 @@ def is_value(control: object, value: object) -> bool:
         return isinstance(value, bool)
     if isinstance(control, viser.GuiDropdownHandle | viser.GuiButtonGroupHandle):
         return isinstance(value, str) and value in control.options
-    return isinstance(control, viser.GuiTextHandle) and is_text(value)
+    if not isinstance(control, viser.GuiTextHandle) or not isinstance(value, str):
+        return False
+    return len(value) <= (LONGEST_TABLE if control.multiline else LONGEST_TEXT)
 
 
 @dataclass

@@ -182,7 +182,9 @@ def read_columns(content: bytes, names: tuple[str, ...]) -> tuple[tuple[list[flo
         text = content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise _bad(f"it cannot be read: {error}.", "Give a table in text form.") from None
-    delimiter = ";" if text.count(";") > text.count(",") else "\t" if text.count("\t") > text.count(",") else ","
+    delimiter = next((mark for mark in ";\t" if mark in text), ",")
+    if delimiter != ",":  # then commas are decimal ones
+        text = text.replace(",", ".")
     rows = [row for row in csv.reader(text.splitlines(), delimiter=delimiter) if any(cell.strip() for cell in row)]
     columns: tuple[int, int] = (0, 1)
     units: list[str | None] = [None, None]

@@ -163,9 +163,11 @@ def test_a_given_acceleration_is_the_lecture_s_cam():
     assert jumps(lift) == []
 
 
-def test_a_table_of_lift_from_a_file(tmp_path):
+@pytest.mark.parametrize("point", ".,")
+def test_a_table_of_lift_from_a_file(tmp_path, point):
+    """Also with decimal commas, as spreadsheets of many languages write them, beside semicolons."""
     x = np.linspace(0, 360, 73)
-    rows = [f"{a:.6f};{10 * (1 - np.cos(np.radians(a))):.9f}" for a in x]
+    rows = [f"{a:.6f};{10 * (1 - np.cos(np.radians(a))):.9f}".replace(".", point) for a in x]
     (tmp_path / "lift.csv").write_text("\n".join(["angle [deg];lift [mm]", *rows]))
     data = copy.deepcopy(CAM)
     table = {"file": "lift.csv", "periodic": True}

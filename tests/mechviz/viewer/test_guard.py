@@ -23,6 +23,7 @@ from mechviz import scene
 from mechviz.editor.worker import OFTEN, left_over
 from mechviz.outputs.viewer.app import Viewer
 from mechviz.outputs.viewer.panels.plots import MOST_PLOTS, REMOVE_LABEL, Plots
+from mechviz.outputs.viewer.server import is_value
 from mechviz.outputs.viewer.viser_adapter import MOST_WAITING, RunJavascriptMessage, SharedBuffer, buffer_of, uuid_of
 from mechviz.runs import run_scene
 
@@ -267,7 +268,22 @@ class Ring:
         self.me = self
 
 
+def test_texts_of_several_lines_hold_tables_and_no_more(viewer):
+    table, line = (viewer.server.gui.add_text("a", "", multiline=lines) for lines in (True, False))
+    try:
+        assert [[is_value(text, "x" * n) for n in (1000, 1001, 60_000, 60_001)] for text in (line, table)] == [
+            [True, False, False, False],
+            [True, True, True, False],
+        ]
+        assert not is_value(table, 5)
+    finally:
+        table.remove()
+        line.remove()
+
+
 def test_what_is_left_over_is_collected_before_it_is_much(viewer, monkeypatch):
+    told: list[int] = []
+    monkeypatch.setattr("mechviz.outputs.viewer.app.left_over", lambda: told.append(1))  # browsers before may still be leaving
     rings = []
     gc.disable()  # what is collected is collected by us
     try:
@@ -277,8 +293,8 @@ def test_what_is_left_over_is_collected_before_it_is_much(viewer, monkeypatch):
             assert sum(ring() is not None for ring in rings) <= OFTEN
     finally:
         gc.enable()
-    told: list[int] = []
-    monkeypatch.setattr("mechviz.outputs.viewer.app.left_over", lambda: told.append(1))
+    until(lambda: not viewer.server.get_clients(), "that all have gone")
+    told.clear()
     with sockets(viewer.port, 1) as (browser,):
         send(browser, CAMERA)
         until(lambda: viewer.server.get_clients(), "the browser")

@@ -56,11 +56,12 @@ def test_data_of_a_law_reproduce_the_motion_and_are_edited(over, option):
 
     rows = [row for row in find_rows(after) if mine(row.key)]
     if option in (ACCELERATION, VELOCITY, TABLE):
-        at, values = rows
-        assert at.title.endswith(f"at [{'s' if over == 'time' else '°'}]") and len(at.places) == len(values.places) > 15
-        numbers = values.text.split(", ")
-        numbers[6] = str(1.02 * float(numbers[6]))
-        edited = after.changed(values.changes(", ".join(numbers)))
+        (table,) = rows
+        assert f": at [{'s' if over == 'time' else '°'}], values [" in table.title and len(table.values) > 15
+        lines = table.text.splitlines()
+        at, value = lines[6].split(", ")
+        lines[6] = f"{at}, {1.02 * float(value)}"
+        edited = after.changed(table.changes("\n".join(lines)))
     else:
         assert not rows
         count = {STATED_ENDS: 3, POLYNOMIAL: 6, SPLINE: 8}[option]  # velocity, acceleration, jerk; or places and positions
@@ -169,6 +170,27 @@ def test_points_in_a_row_are_one_text():
         row.changes("1, 2")
 
 
+def test_a_table_is_pasted_as_a_spreadsheet_copies_it():
+    """Any number of rows, with a header whose units count, decimal commas beside semicolons or tabs; what is wrong is told."""
+    place = (*LIFT, 0, "law")
+    scene = other(mechviz.load("cam-roller"), place, TABLE)
+    (table,) = find_rows(scene)
+    assert table.title == "K lift 1 law position: at [°], values [mm]" and not table.changes(table.text)
+    at = np.linspace(0.0, 120.0, 121)
+    lift = 20.0 * (at / 120.0 - np.sin(np.radians(3.0 * at)) / (2.0 * np.pi))
+    rows = [f"{np.radians(x):.12f}\t{y / 10.0:.12f}".replace(".", ",") for x, y in zip(at, lift, strict=True)]
+    pasted = scene.changed(table.changes("\n".join(["angle [rad]\tlift [cm]", *rows])))
+    given = value_at(pasted.document, place).position
+    assert len(given.at) == 121 and given.values[-1] == "2.0 cm"
+    cycloid = scene.changed({place: "cycloidal", (*LIFT, 0, "to"): 20.0})
+    np.testing.assert_allclose(curve(pasted)[:2], curve(cycloid)[:2], rtol=0.0, atol=1e-8)
+    (after,) = find_rows(pasted)
+    assert after.title == "K lift 1 law position: at [rad], values [cm]" and after.lists == table.lists
+    for text, why in (("0, 0\n1", "row 2 is '1'; 2 numbers are wanted"), ("", "0 rows"), ("1, 2\n" * 1501, "1501 rows")):
+        with pytest.raises(ValueError, match=why):
+            table.changes(text)
+
+
 def test_in_the_browser_a_law_becomes_a_given_acceleration(browser):
     place = (*LIFT, 0, "law")
     run = run_scene(mechviz.load("cam-roller"), frames=60)
@@ -180,23 +202,20 @@ def test_in_the_browser_a_law_becomes_a_given_acceleration(browser):
             page.get_by_label("K lift 1 law", exact=True).click()
             page.get_by_role("option", name=ACCELERATION, exact=True).click()
             until(page, lambda: hasattr(value_at(viewer.run.scene.document, place), "acceleration"), "another law")
-            key = f"{path_text(place)}.acceleration.values"
+            key = f"{path_text(place)}.acceleration"
             until(page, lambda: key in viewer.inspector.controls.texts, "its numbers")
             caught_up(viewer, page)
-            field = page.locator("textarea").nth(1)  # below that of the places
-            numbers = field.input_value().split(", ")
-            assert len(numbers) == 17
-            given = value_at(viewer.run.scene.document, place).acceleration.values
-            assert [float(n) for n in numbers] == pytest.approx(given, rel=1e-5, abs=1e-9)
-            field.fill(", ".join([*numbers[:4], "0.012", *numbers[5:]]))
-            until(
-                page,
-                lambda: value_at(viewer.run.scene.document, place).acceleration.values[4] == 0.012,
-                "a number of it",
-            )
-            field.fill("1, 2")
-            page.get_by_role("alert").filter(has_text="17 numbers are wanted").first.wait_for()
-            assert value_at(viewer.run.scene.document, place).acceleration.values[4] == 0.012, "the last good ones stay"
+            field = page.locator("textarea").first
+            rows = [[float(n) for n in line.split(", ")] for line in field.input_value().splitlines()]
+            given = value_at(viewer.run.scene.document, place).acceleration
+            assert len(rows) == 17
+            np.testing.assert_allclose(rows, np.column_stack([given.at, given.values]), rtol=1e-5, atol=1e-9)
+            dense = [[at, np.interp(at, *np.transpose(rows))] for at in np.linspace(0.0, 120.0, 241)]
+            field.fill("at [deg];values [mm/deg^2]\n" + "\n".join(f"{x:.6g};{y:.9g}".replace(".", ",") for x, y in dense))
+            until(page, lambda: len(value_at(viewer.run.scene.document, place).acceleration.values) == 241, "a pasted table")
+            field.fill("1, 2\n3")
+            page.get_by_role("alert").filter(has_text="row 2 is '3'; 2 numbers are wanted").first.wait_for()
+            assert len(value_at(viewer.run.scene.document, place).acceleration.values) == 241, "the last good ones stay"
         finally:
             page.close()
 

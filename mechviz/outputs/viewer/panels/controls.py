@@ -51,13 +51,13 @@ class Controls:
         """Take the values of a scene; where it has other values than before, other controls."""
         parameters, choices, rows = find_parameters(scene), find_choices(scene), find_rows(scene)
         idle = self._session.history.present.idle
-        known: list[tuple[str, object]] = [(p.key, p.unit) for p in self._parameters.values() if not _belongs(p.key, idle)]
+        known: list[tuple[object, ...]] = [(p.key, p.unit) for p in self._parameters.values() if not _belongs(p.key, idle)]
         known += [(c.key, c.options) for c in self._choices.values() if not _belongs(c.key, idle)]
-        known += [(r.title, r.places) for r in self._rows.values() if not _belongs(r.key, idle)]
+        known += [r.kind for r in self._rows.values() if not _belongs(r.key, idle)]
         current = [
             *((p.key, p.unit) for p in parameters),
             *((c.key, c.options) for c in choices),
-            *((r.title, r.places) for r in rows),
+            *(r.kind for r in rows),
         ]
         if current != known:
             self._build(scene)
@@ -153,7 +153,7 @@ class Controls:
         self.lists[c.key] = chosen
 
     def _add_text(self, r: NumberRow) -> None:
-        text: Any = self._gui.add_text(r.title, r.text, multiline=True, hint=f"{r.key} of the scene file, with commas between")
+        text: Any = self._gui.add_text(r.title, r.text, multiline=True, hint=f"{r.key} of the scene file, {r.hint}")
         text.on_update(self._callback(f"Changing {r.title}", partial(self._typed, r.key)))
         self.texts[r.key] = text
 
