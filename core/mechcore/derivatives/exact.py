@@ -33,7 +33,8 @@ from mechcore.derivatives.model_numbers import (
     slopes,
     turning_vectors,
 )
-from mechcore.derivatives.time_pieces import TracedTarget
+from mechcore.derivatives.time_pieces import TracedTable, TracedTarget
+from mechcore.derivatives.zeros import with_friction
 from mechcore.effects.registry import totals
 from mechcore.forces.equilibrium import joint_forces
 from mechcore.forces.kinetostatics import Forces
@@ -245,8 +246,9 @@ class Derivatives:
     def _forces(self) -> Forces:
         motion, mechanism = self.motion, self.nominal.mechanism
         force, moment, formed = totals(motion)
-        if "friction" in mechanism.effects and braked(mechanism.joints):
-            return forces_with_friction(self.tape, self.nominal, motion, formed(), force, moment)
+        if "friction" in mechanism.effects and braked(motion.mechanism.joints):
+            nominal = with_friction(self.nominal, [p[1:] for p in self.leaves if p[:2] == ("mechanism", "joints")])
+            return forces_with_friction(self.tape, nominal, motion, formed(), force, moment)
         return Forces(motion, formed, *joint_forces(motion, force, moment)[:2])
 
     def _get(self, place: NumberPlace, plain: object) -> Any:
@@ -270,6 +272,9 @@ class Derivatives:
         for i in {p[1] for p in self.leaves if p[0] == "target"}:
             law, time = model.mechanism.loads[i].target, self.nominal.time
             numbers["loads", i, "target"] = TracedTarget(law, time, *(get(("target", i, k), law(time)[k]) for k in range(2)))
+        for _, i, name in [p for p in self.leaves if p[0] == "table"]:
+            diagram = getattr(model.mechanism.loads[i], "cycle")  # noqa: B009  # of the pressure of a gas
+            numbers["loads", i, "cycle", name] = TracedTable(getattr(diagram, name), self.leaves["table", i, name])
         mechanism = with_numbers(model.mechanism, numbers)
         masses = {}
         for k, (mass, centre, inertia) in zip(model.links, model.masses, strict=True):

@@ -24,6 +24,7 @@ from mechcore.derivatives.phases import (
     parameters_in_chart,
     with_state_rows,
 )
+from mechcore.derivatives.zeros import with_integrals
 from mechcore.dynamics.equations.reduced import free_of, integrating
 from mechcore.dynamics.integration.windows import Solution
 from mechcore.dynamics.segments import Breakpoints, MotionSegment
@@ -70,16 +71,14 @@ def derivatives_under_forces(
 ) -> list[tuple[Index, Derivatives]]:
     """Derivatives of a motion under forces, and of its forces, at times (F,) [s], by parameters: of each phase that holds some of
     the times, with the numbers of those. Raises `MechanismError` where there are none, with the reason."""
-    compiled = simulation.compiled
     parameters = [replace(p, mechanism=cache(p.mechanism)) for p in parameters]  # every phase asks for the same ones
-    kept = {e.name for e in integrating(compiled)}
+    simulation, parameters = with_integrals(simulation, parameters)
+    compiled = simulation.compiled
     stated, moving = _stated(compiled, simulation.duration), []
     last = float(stated[-1]) if len(stated) else 0.0
     horizon = 0.5 * (last + Breakpoints(compiled).stated(max(last, 0.999999 * simulation.duration)))
     for p in parameters:
-        other = compile_mechanism(p.mechanism(p.value + 0.5 * p.width), compiled.accuracy)
-        if {e.name for e in integrating(other)} != kept:
-            raise refusal(f"a servo has an integral part only beside the stated value of {p.name}.", SWEEP_INSTEAD)
+        other = compile_mechanism(p.beside(), compiled.accuracy)
         moving.append(_moving(p, compiled, stated, horizon, _stated(other, horizon)))
     every = [w.a[0, : len(s.independent)] for s in simulation.segments for w in _windows(s)]  # states of effects come after those
     largest = max((float(np.abs(a).max(initial=0.0)) for a in every), default=0.0)
@@ -91,7 +90,7 @@ def derivatives_under_forces(
     parts: list[tuple[Index, Derivatives]] = []
     before: list[tuple[Changes, Real]] = []
     states = jumps.begin(phases[0], start_derivatives(compiled, parameters))
-    states = with_state_rows(states, np.zeros((len(kept), len(parameters))))
+    states = with_state_rows(states, np.zeros((len(integrating(compiled)), len(parameters))))
     needed = int(places.max(initial=0))
     for k, phase in enumerate(phases[: needed + 1]):
         changes = changes_in(phase, states)

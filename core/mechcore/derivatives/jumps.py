@@ -189,7 +189,7 @@ class _Crossing(ImpactCrossing):
     def _refuse_other_laws(self, name: str) -> None:
         """Refuse parameters by which the places may vary at which a law changes its form."""
         for p in self.before.parameters:
-            mechanisms = self.before.compiled.mechanism, p.mechanism(p.value + 0.5 * p.width)
+            mechanisms = self.before.compiled.mechanism, p.beside()
             laws = [[getattr(x, "factor", None) for x in m.loads if x.name == name] for m in mechanisms]
             if laws[0] != laws[1]:
                 raise refusal(f"where the law of {name} changes its form may depend on {p.name}.", SWEEP_INSTEAD)

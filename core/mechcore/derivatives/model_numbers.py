@@ -15,16 +15,17 @@ from numpy.polynomial import chebyshev
 
 from mechcore.arrays import Real
 from mechcore.derivatives.time_pieces import law_on_pieces_of, on_pieces_of
+from mechcore.effects.machines import CylinderGas
 from mechcore.effects.prescribed import factor_of
 from mechcore.errors import Fault, MechanismError
 from mechcore.kinematics.model import Model
 from mechcore.kinematics.state import State, curve_argument
-from mechcore.laws.timed import Free, Rest
+from mechcore.laws.timed import Free, Rest, Table
 from mechcore.motion.compiled import drive_values
 from mechcore.motion.motion import Motion
 from mechcore.motion.solve import compile_mechanism
 from mechcore.records import NumberPlace, dataclass, kept_numbers, numbers_in
-from mechcore.spec.loads import Factor, Prescribed, Servo
+from mechcore.spec.loads import Factor, GasPressure, Prescribed, Servo
 from mechcore.spec.mechanism import CamJoint, Mechanism
 
 ModelNumbers = dict[NumberPlace, Any]  # of a compiled mechanism, by where they are
@@ -46,6 +47,13 @@ class Parameter:
     width: float
     mechanism: Callable[[float], Mechanism]
     contacts: Callable[[float], ModelNumbers] | None = None
+
+    def beside(self) -> Mechanism:
+        """A mechanism beside the value, above it or, where there is none, below. Raises `MechanismError`."""
+        try:
+            return self.mechanism(self.value + 0.5 * self.width)
+        except MechanismError:
+            return self.mechanism(self.value - 0.5 * self.width)
 
 
 def refusal(message: str, remedy: str) -> MechanismError:
@@ -111,6 +119,12 @@ def numbers_of_model(model: Model, at: Motion, time: Real) -> ModelNumbers:
             target = law_on_pieces_of(getattr(_load(at.model.mechanism, i), "target", None), load.target)(at.time)
             numbers |= {("target", i, k): np.broadcast_to(target[k], at.shape) for k in range(2)}
             known = replace(load, target=Rest(0.0))
+        elif isinstance(load, GasPressure):
+            tables, there = _tables(load), _load(at.model.mechanism, i) or load
+            for name, table in tables.items():
+                own = on_pieces_of(getattr(there.cycle, name), table)
+                numbers["table", i, name] = np.broadcast_to(own(CylinderGas(there).displacement(at)), at.shape)
+            known = replace(load, cycle=replace(load.cycle, **dict.fromkeys(tables)))  # type: ignore[type-var]  # of a diagram
         numbers |= {("mechanism", *place): x for place, x in numbers_in(known, ("loads", i))}
         numbers |= {("kept", *place): x for place, x in kept_numbers(known, ("loads", i))}
     for i, stated in enumerate(m.joints):
@@ -122,6 +136,11 @@ def numbers_of_model(model: Model, at: Motion, time: Real) -> ModelNumbers:
                 ("mechanism", *at): x for name, roller in rollers.items() for at, x in numbers_in(roller, ("joints", i, name))
             }
     return numbers
+
+
+def _tables(load: GasPressure) -> dict[str, Table]:
+    """The tables of a measured indicator diagram, by the names of its strokes."""
+    return {name: table for name, table in vars(load.cycle).items() if isinstance(table, Table)}
 
 
 def _load(mechanism: Mechanism, i: int) -> Any:
@@ -145,17 +164,26 @@ def slopes(numbers: Callable[[float], ModelNumbers], nominal: ModelNumbers, para
     """Derivatives of numbers by a parameter, of those that depend on it, to rounding.
 
     A number that lies on a straight line at four values has its slope from the outer ones. Others are followed by a polynomial
-    through 9 Chebyshev points whose last coefficients have to vanish to rounding, in narrower and narrower intervals.
+    through 9 Chebyshev points whose last coefficients have to vanish to rounding, in narrower and narrower intervals. At an end of
+    what the parameter may be, as a coefficient of zero, both reach to one side only.
     """
-    width = parameter.width
+    width, one_sided = parameter.width, None
     for _ in range(MOST_TRIES):
-        try:
-            below, above, between = (numbers(parameter.value + s * width) for s in (-1.0, 1.0, 0.375))
-        except MechanismError as error:
-            reason = error
-            width /= NARROWING
-            continue
-        return _slopes(numbers, nominal, parameter, width, (below, above, between))
+        ends: dict[float, ModelNumbers] = {}
+        for side in (-1.0, 1.0):
+            try:
+                ends[side] = numbers(parameter.value + side * width)
+            except MechanismError as error:
+                reason = error
+        if len(ends) == 2:
+            return _slopes(numbers, nominal, _Interval(parameter.name, parameter.value, width, 0.0), ends[-1.0], ends[1.0])
+        if ends and one_sided is None:
+            one_sided = width, ends
+        width /= NARROWING
+    if one_sided is not None:
+        width, ends = one_sided
+        low, high = ends.get(-1.0, nominal), ends.get(1.0, nominal)
+        return _slopes(numbers, nominal, _Interval(parameter.name, parameter.value, 0.5 * width, -next(iter(ends))), low, high)
     fault = reason.faults[0]
     raise refusal(
         f"there is no such mechanism just beside the stated value of {parameter.name}: {fault.path}: {fault.message}",
@@ -163,40 +191,50 @@ def slopes(numbers: Callable[[float], ModelNumbers], nominal: ModelNumbers, para
     ) from None
 
 
+@dataclass(frozen=True)
+class _Interval:
+    """Values of a parameter over a half ``width`` either way, from -1 to 1, in which its ``value`` is at ``place``: in the middle
+    or at an end."""
+
+    name: str
+    value: float
+    width: float
+    place: float
+
+    def at(self, x: float) -> float:
+        """The value at a place from -1 to 1."""
+        return self.value + (x - self.place) * self.width
+
+
 def _slopes(
-    numbers: Callable[[float], ModelNumbers],
-    nominal: ModelNumbers,
-    parameter: Parameter,
-    width: float,
-    known: tuple[ModelNumbers, ...],
+    numbers: Callable[[float], ModelNumbers], nominal: ModelNumbers, interval: _Interval, below: ModelNumbers, above: ModelNumbers
 ) -> ModelNumbers:
-    below, above, between = known
+    between = numbers(interval.at(0.375))
     slopes: ModelNumbers = {}
     bent = []
-    for place, middle in nominal.items():
+    for place, own in nominal.items():
         low, high, inner = (np.asarray(x[place]) for x in (below, above, between))
-        if np.array_equal(low, middle) and np.array_equal(high, middle) and np.array_equal(inner, middle):
+        if np.array_equal(low, own) and np.array_equal(high, own) and np.array_equal(inner, own):
             continue
-        size = max(float(np.max(np.abs(x), initial=0.0)) for x in (low, middle, high))
-        if max(float(np.max(np.abs(x - middle))) for x in (low, high, inner)) <= MAP_ROUNDING * size:
+        size = max(float(np.max(np.abs(x), initial=0.0)) for x in (low, own, high))
+        if max(float(np.max(np.abs(x - own))) for x in (low, high, inner)) <= MAP_ROUNDING * size:
             continue  # as where a drive of another speed is at a frame
         line = 0.5 * (low + high), 0.5 * (high - low)
-        off = max(float(np.max(np.abs(line[0] - middle))), float(np.max(np.abs(line[0] + 0.375 * line[1] - inner))))
+        known = ((own, interval.place), (inner, 0.375))
+        off = max(float(np.max(np.abs(line[0] + x * line[1] - value))) for value, x in known)
         if off <= MAP_ROUNDING * size:
-            slopes[place] = line[1] / width
+            slopes[place] = line[1] / interval.width
         else:
             bent.append(place)
-    return slopes | _by_polynomials(numbers, bent, parameter, width) if bent else slopes
+    return slopes | _by_polynomials(numbers, bent, interval) if bent else slopes
 
 
-def _by_polynomials(
-    numbers: Callable[[float], ModelNumbers], places: Sequence[NumberPlace], parameter: Parameter, width: float
-) -> ModelNumbers:
+def _by_polynomials(numbers: Callable[[float], ModelNumbers], places: Sequence[NumberPlace], interval: _Interval) -> ModelNumbers:
     nodes = np.cos(np.pi * np.arange(MAP_NODES) / (MAP_NODES - 1))
     fit = np.linalg.inv(chebyshev.chebvander(nodes, MAP_NODES - 1))
-    odd = np.array([k * (-1.0) ** ((k - 1) // 2) if k % 2 else 0.0 for k in range(MAP_NODES)])  # derivatives of T_k at 0
+    there = [float(chebyshev.chebval(interval.place, chebyshev.chebder(row))) for row in np.eye(MAP_NODES)]
     for _ in range(MOST_TRIES):
-        sampled = [numbers(parameter.value + width * float(x)) for x in nodes]
+        sampled = [numbers(interval.at(float(x))) for x in nodes]
         slopes: ModelNumbers = {}
         for place in places:
             values = np.stack([np.asarray(x[place]) for x in sampled])
@@ -204,9 +242,9 @@ def _by_polynomials(
             size = float(np.max(np.abs(coefficients)))
             if not float(np.max(np.abs(coefficients[-2:]))) <= MAP_TAIL * size:
                 break
-            slopes[place] = np.tensordot(odd, coefficients, 1) / width
+            slopes[place] = np.tensordot(there, coefficients, 1) / interval.width
         else:
             return slopes
-        width /= NARROWING
+        interval = replace(interval, width=interval.width / NARROWING)
     where = ".".join(map(str, places[len(slopes)]))
-    raise refusal(f"{where} does not change smoothly with {parameter.name}.", "Vary something else, or sweep it.")
+    raise refusal(f"{where} does not change smoothly with {interval.name}.", "Vary something else, or sweep it.")

@@ -86,6 +86,17 @@ class TracedTarget:
 
 
 @dataclass(frozen=True, eq=False)
+class TracedTable:
+    """A table whose ``values`` (F,) at the arguments of a nominal motion are on a tape."""
+
+    nominal: Table
+    values: Any
+
+    def __call__(self, x: Any) -> Any:
+        return self.nominal(x) + (self.values - value_of(self.values))
+
+
+@dataclass(frozen=True, eq=False)
 class SignalOnPieces:
     """A signal of time, its derivatives and its integral, on the pieces of the ``nominal`` one of its kind."""
 

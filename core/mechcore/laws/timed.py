@@ -6,12 +6,14 @@ import math
 from collections.abc import Sequence
 from dataclasses import field
 from functools import cached_property, lru_cache
-from typing import Any, Literal, Protocol
+from typing import Any, Literal, Protocol, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mechcore.arrays import Real
+from mechcore.numerics.tape import Traced
+from mechcore.numerics.tape_functions import piecewise
 from mechcore.records import dataclass
 
 
@@ -261,6 +263,9 @@ class Table:
 
     def __call__(self, x: ArrayLike, derivative: int = 0) -> Real:
         """Argument (...) -> value (...) or its derivative."""
+        if isinstance(x, Traced) and derivative == 0:
+            within: Any = x.clip(self.x[0], self.x[-1]) if self.period is None else self.x[0] + np.mod(x - self.x[0], self.period)
+            return cast(Real, piecewise(within, *self.pieces()))
         x = np.asarray(x, float)
         if self.period is not None:
             x = self.x[0] + np.mod(x - self.x[0], self.period)

@@ -113,11 +113,35 @@ def test_numbers_of_the_factor_of_a_load_move_the_torque(factor, place, slope):
     assert np.abs(found).max() > 0.1
 
 
-def test_a_table_of_pressures_that_depends_on_the_parameter_is_refused():
-    card = 'displacement = [0, 0.05, 0.2], outward = ["9 bar", "3 bar", "1 bar"], inward = ["9 bar", "2 bar", "1 bar"]'
-    text = PUSHED.replace(" FACTOR", "") + f'gas = {{ gas = "S", bore = 0.08, top = 0.4, stroke = 0.2, diagram = {{ {card} }} }}'
-    with pytest.raises(MechanismError, match="inside the load gas depends on"):
-        sensitivity(run_scene(loads(text)), "drive.A.torque", ["loads.gas.diagram.inward[1]"])
+def test_friction_that_is_zero_takes_the_power_of_what_presses_without_it():
+    """Beside a brake, without which there were no friction at all."""
+    text = PUSHED.replace(" FACTOR", "").replace("run =", 'effects = ["friction"]\nrun =')
+    text = text.replace('"crank"],', '"crank"], friction = { brake = 0.1 },').replace(
+        '"rod"] }', '"rod"], friction = { coefficient = 0, radius = 0.02 } }', 1
+    )
+    run = run_scene(loads(text))
+    found = sensitivity(run, "drive.A.torque", ["joints.B.friction.coefficient"])
+    pressed = np.hypot(*run.forces.reaction("B")[:, :2].T)
+    wanted = 0.02 * pressed * np.abs(run.motion.coordinate("B")[:, 1]) / (2.0 * np.pi)
+    np.testing.assert_allclose(found.slopes[0], wanted, atol=1e-12 * wanted.max())
+
+
+CARD = 'displacement = [0, 0.06, 0.2], outward = ["9 bar", "3 bar", "1 bar"], inward = ["9 bar", "2 bar", "1 bar"]'
+
+
+@pytest.mark.parametrize("place", ["diagram.inward[1]", "diagram.displacement[1]", "top"])
+def test_a_measured_diagram_moves_the_torque_as_its_straight_lines_do(place):
+    """By virtual power, also where the piston goes the other way, and the other line holds."""
+    gas = f'gas = {{ gas = "S", bore = 0.08, top = 0.4, stroke = 0.2, diagram = {{ {CARD} }} }}'
+    run = run_scene(loads(PUSHED.replace(" FACTOR", "") + gas))
+    found = sensitivity(run, "drive.A.torque", [f"loads.gas.{place}"]).slopes[0]
+    s, rate = run.motion.coordinate("S")[:, :2].T
+    first, towards = 0.4 - s < 0.06, rate > 0.0
+    hat = np.interp(0.4 - s, [0.0, 0.06, 0.2], [0.0, 1.0, 0.0])  # bar, by the pressure of the middle point
+    slope = np.where(towards, np.where(first, -7.0 / 0.06, -1.0 / 0.14), np.where(first, -6.0 / 0.06, -2.0 / 0.14))
+    moved = {"diagram.inward[1]": np.where(towards, hat, 0.0), "diagram.displacement[1]": -slope * hat, "top": slope}
+    wanted = 1e5 * moved[place] * np.pi * 0.04**2 * rate / (2.0 * np.pi)
+    np.testing.assert_allclose(found, wanted, atol=1e-10 * np.abs(wanted).max())
 
 
 def test_what_follows_from_others_and_what_is_not_there_is_refused(press):
