@@ -33,7 +33,7 @@ from mechcore.laws.segment_laws import (
 )
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
 from mechcore.reduction.bodies import single_resultant
-from mechcore.reduction.inverse import rates_from_accelerations
+from mechcore.reduction.inverse import inertia_from_two_swings, rates_from_accelerations
 from mechviz.commands.main import app
 from mechviz.figures import chart, save_chart
 from mechviz.runs import run_scene
@@ -257,6 +257,28 @@ def force_task(path: Path) -> None:
         save_chart(figure, path)
 
 
+def evolute(path: Path) -> None:
+    """The evolute of an ellipse that a rod between two guides draws, with a circle of curvature."""
+    changes = {("centrodes",): [], ("trace",): ["rod.P"], ("evolutes",): ["rod.P"], ("links", "rod", "points", "P"): [22, 0]}
+    mechviz.run(mechviz.load("cardan-circles").changed(changes)).shot(path, angle=138.0, size=(900, 620))
+
+
+def swing(path: Path) -> None:
+    """Two periods of a rod about two axes, and its period about every other one: the two decide its inertia and its centre."""
+    mass, apart, periods, gravity = 1.5, 0.55, (1.3415, 1.2113), 9.81
+    first, inertia = inertia_from_two_swings(mass, apart, periods)
+    distance = np.linspace(0.06, 0.5, COUNT)
+    with chart(5.6, 3.6) as figure:
+        axes = figure.subplots()
+        period = 2.0 * np.pi * np.sqrt((inertia + mass * distance**2) / (mass * gravity * distance))
+        axes.plot(1e3 * distance, period, label=f"J = {inertia:.4g} kg m² about S, m = {mass} kg")
+        for name, at, measured in zip("AB", (first, apart - first), periods, strict=True):
+            axes.plot(1e3 * at, measured, "o", label=f"axis {name}: {measured} s, {1e3 * at:.4g} mm from S")
+        axes.set(xlabel="distance of the axis from S [mm]", ylabel="period [s]", title="Inertia from the times of two swings")
+        figure.legend(loc="outside lower center", ncols=1)
+        save_chart(figure, path)
+
+
 def _plain(row: str) -> str:
     """A row of an aligned formula without what matplotlib does not set."""
     return re.sub(r"\\text\{(\w+)\}", r"\\mathrm{\1}", row.removesuffix(r"\\").replace(r"\textstyle", "").replace("&", ""))
@@ -281,6 +303,8 @@ CHARTS: Mapping[str, Callable[[Path], None]] = {
     "equations.png": equations,
     "all-at-once.svg": all_at_once,
     "force-task.svg": force_task,
+    "evolute.svg": evolute,
+    "swing.svg": swing,
 }
 
 

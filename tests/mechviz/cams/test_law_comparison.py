@@ -33,6 +33,25 @@ def test_laws_on_a_cam_have_the_peaks_of_their_factors():
     assert lines[-1].split()[:3] == ["skew", "20", "mm"]
 
 
+def test_what_is_told_of_a_law_is_that_of_the_cam_that_it_makes():
+    """A harmonic rise on a pitch circle of 50 mm: pressure angle and curvature by the formulas of a central follower, and with the
+    least spring that is told the contact force just keeps the margin of the scene's rating."""
+    rows = compare_laws(SCENE, None, {"harmonic": ("harmonic", {})}, 360)
+    row = rows[1]
+    over, stroke, prime = math.radians(120.0), 0.02, 0.05
+    rise = (row.argument > 1e-9) & (row.argument < over - 1e-9)
+    x = np.pi * row.argument[rise] / over
+    s = 0.5 * stroke * (1.0 - np.cos(x))
+    first, second = 0.5 * stroke * np.pi / over * np.sin(x), 0.5 * stroke * (np.pi / over) ** 2 * np.cos(x)
+    h = prime + s
+    np.testing.assert_allclose(np.abs(row.pressure_angle[rise]), np.arctan2(first, h), atol=1e-12)
+    pitch = (h**2 + first**2) ** 1.5 / (h**2 + 2.0 * first**2 - h * second)
+    np.testing.assert_allclose(row.radius[rise], pitch - 0.01, rtol=1e-9)
+    rate = re.search(r"[\d.]+ N/mm$", comparison_lines(rows, SCENE.units)[-1])[0]
+    sprung = SCENE.changed({("loads", "return_spring", "stiffness"): rate})
+    assert compare_laws(sprung, None, {"harmonic": ("harmonic", {})}, 360)[1].force.min() == pytest.approx(40.0, abs=0.05)
+
+
 def test_the_scene_s_own_law_is_the_first_row_and_others_change_nothing_else():
     rows = compare_laws(SCENE, "K", {"same": ("cycloidal", {})}, 36)
     both = with_law(SCENE, "K", "cycloidal", {}).document

@@ -11,6 +11,7 @@ import pytest
 from cam_cases import CASES
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.polynomial import chebyshev
 
 from mechcore.errors import MechanismError
 from mechcore.laws.boundary_conditions import (
@@ -90,6 +91,45 @@ def test_triple_harmonics_have_the_printed_amplitudes(name, printed):
     """By the discrete Fourier transform of the acceleration."""
     a = rise(name)(np.arange(64) / 64, 2)[2]
     np.testing.assert_allclose(-2.0 / 64 * np.fft.fft(a).imag[1:5], (*printed, 0.0), atol=5e-5)
+
+
+@pytest.mark.parametrize(
+    ("name", "harmonics"),
+    [  # amplitudes of the acceleration: PSMotion's to their digits, Gutman's and Freudenstein's series
+        ("triple-harmonic-modified-trapezoid", (6.04, 0.0, 0.7296)),
+        ("triple-harmonic-modified-sine", (5.1968, 1.769, 0.6057)),
+        ("triple-harmonic-zero-jerk", (9 * PI / 4, 0.0, -3 * PI / 4)),
+        ("gutman", (15 * PI / 8, 0.0, 3 * PI / 8)),
+        ("freudenstein", (27 * PI / 14, 0.0, 3 * PI / 14)),
+        ("freudenstein-1-3-5", tuple(1125 * PI / 596 * share for share in (1.0, 0.0, 1 / 6, 0.0, 1 / 50))),
+    ],
+)
+def test_peak_factors_of_sums_of_sines_by_their_polynomials(name, harmonics):
+    """The acceleration is A_k sin(k t), so its extremes are roots of the sum of k A_k T_k(cos t), and those of the jerk of the sum
+    of k^2 A_k U_(k-1)(cos t), or the ends; the velocity is largest where the acceleration vanishes."""
+    k = np.arange(1, len(harmonics) + 1)
+    waves = np.array(harmonics)
+
+    def angles(series):
+        roots = chebyshev.chebroots(np.trim_zeros(series, "b"))
+        return np.arccos([*roots.real[(abs(roots.imag) < 1e-9) & (abs(roots.real) <= 1.0)], 1.0, -1.0])
+
+    at = angles(np.concatenate([[0.0], k * waves]))
+    second = np.zeros(len(waves))  # U_(k-1) by T: twice the sum of every second one from k - 1 down
+    for order, amount in zip(k, k * k * waves, strict=True):
+        second[order - 1 :: -2] += 2.0 * amount
+        second[0] -= amount if order % 2 else 0.0
+    bent = angles(second)
+    first = np.zeros(len(waves))
+    for order, amount in zip(k, waves, strict=True):
+        first[order - 1 :: -2] += 2.0 * amount
+        first[0] -= amount if order % 2 else 0.0
+    fast = angles(first)
+    velocity = (waves / (2 * PI * k)) @ (1.0 - np.cos(np.outer(k, fast)))
+    acceleration, jerk = waves @ np.sin(np.outer(k, at)), 2 * PI * (k * waves) @ np.cos(np.outer(k, bent))
+    f = peak_factors(rise(name))
+    wanted = [np.abs(values).max() for values in (velocity, acceleration, jerk)]
+    assert (f.velocity, f.acceleration, f.jerk) == pytest.approx(wanted, rel=2e-5)
 
 
 def test_laws_whose_jerk_vanishes_at_the_crossover():
