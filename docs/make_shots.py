@@ -31,7 +31,8 @@ ANGLES: Mapping[str, tuple[str, float]] = {  # [deg] of the drive, by picture an
 FLOWER = """<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 100 140">
 <path d="M50 22 C62 -8 80 6 62 32 C92 24 92 48 62 46 C80 72 62 84 50 54 C38 84 20 72 38 46 C8 48 8 24 38 32 C20 6 38 -8 50 22 Z"/>
 <circle cx="50" cy="39" r="7"/>
-<path d="M50 86 L50 134"/><path d="M50 126 C34 124 30 112 28 104 C40 104 48 112 50 126 C56 112 64 106 74 106 C72 116 66 124 50 126"/>
+<path d="M50 86 L50 134"/>
+<path d="M50 126 C34 124 30 112 28 104 C40 104 48 112 50 126 C56 112 64 106 74 106 C72 116 66 124 50 126"/>
 </svg>"""
 
 
