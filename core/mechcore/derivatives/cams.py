@@ -18,6 +18,7 @@ from mechcore.cams.placement.inverse import PlacedInverse
 from mechcore.cams.placement.plane import PlacedCam
 from mechcore.cams.placement.spatial import FlankSliding, PlacedSpatial
 from mechcore.derivatives.model_numbers import ModelNumbers, Parameter, slopes
+from mechcore.joints.base import Relation
 from mechcore.motion.motion import Motion
 from mechcore.spec.mechanism import Mechanism
 
@@ -77,3 +78,13 @@ def rubbing_of(parts: Sequence[Any]) -> tuple[FlankSliding, FlankSliding, Any]:
     """`PlacedSpatial.rubbing` from its numbers."""
     across, along = (FlankSliding(**dict(zip(PARTS, parts[k : k + 4], strict=True))) for k in (0, 4))
     return across, along, parts[8]
+
+
+def shape_of(relation: Relation) -> Any:
+    """What knows where a relation touches: the geometry of a cam, or itself."""
+    return relation if relation.geometry is None else relation.geometry
+
+
+def key_of_signs(x: Real) -> bytes:
+    """A key of the signs of numbers."""
+    return np.packbits(np.atleast_1d(x) >= 0.0).tobytes()

@@ -20,13 +20,14 @@ import numpy as np
 
 from mechcore.arrays import Index, Real, Values
 from mechcore.branches.unwrapped import LinkAngles
-from mechcore.derivatives.cams import by_argument, moved_on, rubbing_of, rubbing_parts, third_derivative
+from mechcore.derivatives.cams import by_argument, key_of_signs, moved_on, rubbing_of, rubbing_parts, shape_of, third_derivative
 from mechcore.derivatives.friction import forces_with_friction
 from mechcore.derivatives.knots import with_nominal_knots
 from mechcore.derivatives.model_numbers import (
     ModelNumbers,
     Parameter,
     argument_of,
+    check_motion,
     check_structure,
     numbers_of_model,
     refusal,
@@ -54,6 +55,7 @@ from mechcore.spec.mechanism import Mechanism, braked
 from mechcore.topology.graph import vector_loops
 
 T = TypeVar("T")
+OPEN_LOOP = 1e-9  # of the length scale: by how much loops that close by themselves may open, over the width of a parameter
 
 
 class Derivatives:
@@ -74,13 +76,14 @@ class Derivatives:
         *,
         under_forces: bool = False,
     ):
-        _check(motion, under_forces)
+        check_motion(motion, under_forces)
         self.nominal = motion
         self.parameters = tuple(with_nominal_knots(p, motion.mechanism, same_times=under_forces) for p in parameters)
         self.times = times or (lambda _: motion.time)
         self.tape = new_tape()
         self.leaves: dict[NumberPlace, Traced] = {}
         self._slopes: dict[int, list[Any]] = {}  # of leaves, by parameters
+        self._redundant: list[tuple[str, Traced]] = []  # loops that close by themselves: a joint, and what stays zero
         self._models: dict[tuple[str, float], Model] = {}  # beside the nominal one, by parameter and value
         self._arms = turning_vectors(motion.model)  # of loops, zero ones left out that stay so
         with np.errstate(**QUIET):
@@ -102,6 +105,7 @@ class Derivatives:
         for name, number in motion.states.items():
             self.leaves["state", name] = self._leaf(number, [None] * len(self.parameters))
         self._refused(self._motion)
+        self._check_closure()
 
     # -- results ------------------------------------------------------------------------------------------------------
     @cached_property
@@ -221,11 +225,11 @@ class Derivatives:
         at, own = self.nominal, self.nominal.model.relations[r]
 
         def of(k: int) -> Callable[[Model], Any]:
-            return lambda model: np.broadcast_to(values(_shape_of(model.relations[r]), at)[k], at.shape)
+            return lambda model: np.broadcast_to(values(shape_of(model.relations[r]), at)[k], at.shape)
 
         argument: Any = None if own.geometry is None else argument_of(self._model, r, self._state)
         moves = isinstance(argument, Traced)
-        found = values(moved_on(own.geometry, at) if moves else _shape_of(own), motion)
+        found = values(moved_on(own.geometry, at) if moves else shape_of(own), motion)
         found = [self.beside(of(k), x, ("relation", r, *key, k)) for k, x in enumerate(found)]
         if moves:
             on = self._refused(lambda: by_argument(lambda cam: values(cam, at), own.geometry, at))
@@ -325,7 +329,7 @@ class Derivatives:
         def contact(motion: Motion, multiplier: Values) -> tuple[Any, Any]:
             m: Any = value_of(multiplier)
             sign = np.where(np.real(m) >= 0.0, 1.0, -1.0)
-            place, along = self._of_cam(r, ("contact", _signs(sign)), motion, lambda x, motion: x.contact(motion, sign))
+            place, along = self._of_cam(r, ("contact", key_of_signs(sign)), motion, lambda x, motion: x.contact(motion, sign))
             return place, along
 
         def couple(motion: Motion, place: Any, force: Any) -> Any:
@@ -339,7 +343,7 @@ class Derivatives:
         def rubbing(motion: Motion, flank: Values) -> Any:
             sign = np.real(np.asarray(flank))
             return rubbing_of(
-                self._of_cam(r, ("rubbing", _signs(sign)), motion, lambda cam, motion: rubbing_parts(cam, motion, flank))
+                self._of_cam(r, ("rubbing", key_of_signs(sign)), motion, lambda cam, motion: rubbing_parts(cam, motion, flank))
             )
 
         bearing = own.bearing if own.bearing is None else replace(own.bearing, couple=couple)
@@ -382,9 +386,17 @@ class Derivatives:
                 state.delta[s] = nominal.delta[s] * np.exp(1j * driven)
                 state.rot[s] = nominal.rot[s] * np.exp(1j * driven)
         for block, columns in zip(model.blocks, self.nominal.columns, strict=True):
-            if block.unknowns:
-                self._settle(block, columns, state)
+            self._settle(block, columns, state)
         return state
+
+    def _check_closure(self) -> None:
+        """Refuse parameters beside whose values redundant constraints contradict each other."""
+        for joint, left in self._redundant:
+            for p, slope in zip(self.parameters, self.of(left)[0], strict=True):
+                known = np.abs(slope[np.isfinite(slope)])  # there is none at singular positions
+                if not len(known) or float(known.max()) * p.width > OPEN_LOOP * self.nominal.model.length_scale:
+                    why = f"beside the stated value of {p.name} redundant constraints contradict each other at {joint}."
+                    raise refusal(why, "Let all that has to fit follow from one parameter.")
 
     def _constant(self, r: int, plain: float) -> Any:
         return self._get(("constant", r), plain)
@@ -406,6 +418,9 @@ class Derivatives:
             residuals.append(known)
         if not any(isinstance(x, Traced) for x in residuals):
             return
+        if not block.unknowns:
+            self._redundant += [(self._closing(block), x) for x in residuals if isinstance(x, Traced)]
+            return
         matrix, _ = matrix_of(columns)
         square = matrix.shape[-1] == matrix.shape[-2]
         with np.errstate(all="ignore"):
@@ -419,6 +434,13 @@ class Derivatives:
                 state.angle[g] = state.angle[g] + change
         for j, change in zip(block.slides, changes[len(block.angles) :], strict=True):
             state.slide[j] = nominal.slide[j] + change
+        if not square:
+            self._redundant += [(self._closing(block), 0.0 * x) for x in changes]  # NaN where equations are left over
+
+    def _closing(self, block: Block) -> str:
+        """A joint at which the loops of a block close, or a relation of it."""
+        model = self.nominal.model
+        return model.joints[model.loops[block.loops[0]].closing].name if block.loops else model.relations[block.relations[0]].name
 
 
 class _TracedMotion(Motion):
@@ -470,26 +492,6 @@ class _TracedAngles(LinkAngles):
         return angle if offset is None else angle + (offset - offset.value)
 
 
-def _check(motion: Motion, under_forces: bool) -> None:
-    """Refuse motions of which no derivatives are known."""
-    if len(motion.parts) > 1 or (not under_forces and any(isinstance(d.law, Free) for d in motion.mechanism.drives)):
-        raise refusal("forces decide the motion: it depends on parameters by way of all that went before.", "Sweep it instead.")
-    if motion.model.designs:
-        raise refusal("several designs are computed side by side.", "Take one.")
-    if motion.accuracy.differentiation != "exact":
-        raise refusal("rates are taken from positions here.", "Leave the accuracy's differentiation exact.")
-
-
 def _group_angle(motion: Motion, group: int) -> Any:
     """A group's angle as relations count it."""
     return motion.state.angle[group] if group in motion.state.angle else motion.group_angle(group)
-
-
-def _shape_of(relation: Relation) -> Any:
-    """What knows where a relation touches: the geometry of a cam, or itself."""
-    return relation if relation.geometry is None else relation.geometry
-
-
-def _signs(x: Real) -> bytes:
-    """A key of the signs of numbers."""
-    return np.packbits(np.atleast_1d(x) >= 0.0).tobytes()

@@ -61,6 +61,16 @@ def refusal(message: str, remedy: str) -> MechanismError:
     return MechanismError(Fault("derivatives", message, remedy))
 
 
+def check_motion(motion: Motion, under_forces: bool) -> None:
+    """Refuse motions of which no derivatives are known."""
+    if len(motion.parts) > 1 or (not under_forces and any(isinstance(d.law, Free) for d in motion.mechanism.drives)):
+        raise refusal("forces decide the motion: it depends on parameters by way of all that went before.", "Sweep it instead.")
+    if motion.model.designs:
+        raise refusal("several designs are computed side by side.", "Take one.")
+    if motion.accuracy.differentiation != "exact":
+        raise refusal("rates are taken from positions here.", "Leave the accuracy's differentiation exact.")
+
+
 def check_structure(nominal: Model, other: Model, name: str) -> None:
     """Refuse a mechanism of other links, loops or blocks."""
     same = (

@@ -16,12 +16,13 @@ from typing import Any
 
 import numpy as np
 
-from mechcore.arrays import Plane, Real, Values
+from mechcore.arrays import Flags, Plane, Real, Values
 from mechcore.constants import SINGULAR
 from mechcore.kinematics.program import LinearConstraint
 from mechcore.motion.motion import Motion
 from mechcore.numerics.frames import added, crossed, stacked
-from mechcore.numerics.tape import Untraced
+from mechcore.numerics.tape import value_of
+from mechcore.numerics.tape_functions import without_slope
 from mechcore.records import dataclass
 
 EquationRow = dict[int, Any]
@@ -264,6 +265,7 @@ def agreement(motion: Motion, most: int = MOST_OPERATIONS) -> Agreement:
 
 
 INDEPENDENT_RATIO = 1e-10  # singular values below this part of the largest are zero
+LEAST_SHARE = 1e-9  # of an unknown in a combination of unit length that balances by itself
 ZERO_UNKNOWN = 1e-12  # unknowns that stay below this part of the largest in all frames are zero
 
 
@@ -315,11 +317,27 @@ def _balanced(matrix: Real, rhs: Real) -> Real:
     return np.where(idle[..., None, :] & np.isfinite(x), 0.0, x)  # or links that carry nothing would balance to rounding of others
 
 
-def _traced(matrix: Any, rhs: Real) -> Any:
-    """The same with its slopes, where there is one solution only."""
-    if matrix.shape[-1] != matrix.shape[-2]:
-        raise Untraced("statics does not determine all reactions")
-    return np.linalg.solve(matrix, rhs[..., None])[..., 0]
+def _traced(matrix: Any, rhs: Any) -> Any:
+    """The same with the slopes of those that statics determines; those of the others are NaN."""
+    plain = value_of(matrix)
+    x = _balanced(plain, value_of(rhs))
+    left: Any = np.sum(matrix * x[..., None, :], axis=-1) - rhs
+    inverse = np.linalg.pinv(plain, rcond=INDEPENDENT_RATIO)
+    changes = left.tape.implicit([left[..., k] for k in range(plain.shape[-2])], plain, inverse)
+    undetermined = _undetermined(plain)
+    return np.stack(
+        [x[..., k] + (without_slope(own) if undetermined[k] else own) for k, own in enumerate(changes)],
+        axis=-1,
+    )
+
+
+def _undetermined(matrix: Real) -> Flags:
+    """Which unknowns (n,) of the equilibria (F, m, n) statics does not determine, at some frame at least."""
+    _, s, vt = np.linalg.svd(matrix)
+    independent = np.zeros(vt.shape[:-1], bool)
+    independent[..., : s.shape[-1]] = s > INDEPENDENT_RATIO * s[..., :1]
+    free = np.where(independent[..., None], 0.0, np.abs(vt))  # combinations that balance by themselves
+    return np.asarray(free.reshape(-1, vt.shape[-1]).max(axis=0, initial=0.0) > LEAST_SHARE)
 
 
 def indeterminate(motion: Motion) -> tuple[str, ...]:
@@ -327,9 +345,7 @@ def indeterminate(motion: Motion) -> tuple[str, ...]:
     model = motion.model
     matrix, labels = equilibrium_matrix(motion, {})
     frame = int(np.argmin(np.where(np.isfinite(motion.condition), motion.condition, np.inf)))
-    _, s, vt = np.linalg.svd(matrix[frame])
-    rank = int((s > INDEPENDENT_RATIO * s[0]).sum())
-    loose = np.abs(vt[rank:]).max(axis=0, initial=0.0) > 1e-9
+    loose = _undetermined(matrix[frame : frame + 1])
     names = [model.relations[i].name if what == "tie" else model.joints[i].name for what, i, _ in labels]
     return tuple(dict.fromkeys(name for name, free in zip(names, loose, strict=True) if free))
 

@@ -234,6 +234,11 @@ def integral(values: Any, time: Any) -> Any:
     return _tape(values, time).step(total, traced, forward, back)
 
 
+def without_slope(x: Traced) -> Traced:
+    """The same value, of which no derivatives are known (NaN)."""
+    return x.tape.step(x.value, [x], lambda given: np.full_like(given[0], np.nan), lambda w: [np.where(w != 0.0, np.nan, 0.0)])
+
+
 def _no_slope(function: Callable[[Any], Any]) -> Callable[[Any], Any]:
     return lambda x: function(value_of(x))
 

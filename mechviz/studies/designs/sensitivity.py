@@ -17,6 +17,7 @@ from mechcore.derivatives.exact import Derivatives
 from mechcore.derivatives.forced import derivatives_under_forces
 from mechcore.derivatives.steady import derivatives_from_steady_run
 from mechcore.errors import Fault, MechanismError
+from mechcore.motion.at_once import indeterminate
 from mechcore.motion.motion import Motion
 from mechcore.motion.solve import default_times
 from mechcore.numerics.tape import value_of
@@ -186,6 +187,7 @@ def traced(exact: Derivatives, quantity: Quantity) -> Any:
     """The values (F, n) of a quantity on the tape, in its unit. Raises `LookupError` where its derivatives are not known, and
     `MechanismError` where those of the forces are not."""
     forces = exact.forces if needs_forces(quantity.path) else None
+    _check_determined(exact, quantity.path)
     try:
         with np.errstate(all="ignore"):
             match quantity.path[1:]:
@@ -198,6 +200,21 @@ def traced(exact: Derivatives, quantity: Quantity) -> Any:
             return quantity.entry.read(rows)
     except TypeError:
         raise LookupError(quantity.key) from None
+
+
+def _check_determined(exact: Derivatives, path: tuple[str, ...]) -> None:
+    """Raises `MechanismError` of what one joint carries and statics does not determine."""
+    match path[1:]:
+        case ("joints", joint, "reaction") | ("cams", joint, "contact"):
+            if exact.nominal.model.needs_global_solve and joint in indeterminate(exact.nominal):
+                raise MechanismError(
+                    Fault(
+                        f"joints.{joint}",
+                        f"statics does not determine what {joint} carries: how redundant constraints share a load follows from how "
+                        "stiff the parts are and how well they fit, which no scene says, so that there is no derivative.",
+                        "Ask for an effort or a reaction that statics determines, or leave the redundant joint out.",
+                    )
+                )
 
 
 def _of_cam(exact: Derivatives, joint: str, what: str) -> Any:

@@ -144,6 +144,20 @@ def test_a_measured_diagram_moves_the_torque_as_its_straight_lines_do(place):
     np.testing.assert_allclose(found, wanted, atol=1e-10 * np.abs(wanted).max())
 
 
+def test_of_redundant_constraints_what_statics_determines_has_derivatives():
+    """Two guides in one line: torque and reactions are those of one guide; how the two share their load nobody knows."""
+    scene, number = load("two-guides"), "links.crank.points.B[0]"
+    one = scene.changed({("joints", "T"): None})
+    keys = ("drive.A.torque", "joint.B.reaction")
+    slopes = [[sensitivity(run, key, [number]).slopes for key in keys] for run in (run_scene(x, frames=30) for x in (scene, one))]
+    for found, wanted in zip(*slopes, strict=True):
+        np.testing.assert_allclose(found, wanted, atol=1e-10 * np.abs(wanted).max())
+    with pytest.raises(MechanismError, match="statics does not determine what S carries"):
+        sensitivity(run_scene(scene, frames=4), "joint.S.reaction", [number])
+    with pytest.raises(MechanismError, match=r"beside .*H\[1\] redundant constraints contradict each other at T"):
+        sensitivity(run_scene(scene, frames=4), "drive.A.torque", ["links.frame.points.H[1]"])
+
+
 def test_what_follows_from_others_and_what_is_not_there_is_refused(press):
     with pytest.raises(MechanismError, match="follows from other parameters"):
         sensitivity(press, "drive.A.torque:max", ["throw"])
