@@ -78,11 +78,13 @@ def plan_motion(
     error: float,
     rise: float,
     size: Callable[[float, float], float] = lambda speed, acceleration: acceleration,
+    *,
+    stated: float | None = None,
 ) -> PenMotion:
     """The motion along strokes (n,) [m] that misses them by at most ``error`` [m], the pen's lifts taking ``rise`` [rad] each.
 
     How quickly the pen comes to full speed is chosen: the least ``size`` of the largest speed [m/rad] and acceleration [m/rad^2],
-    by the shaft's angle. Raises where the error cannot be reached.
+    by the shaft's angle. Raises where the error cannot be reached; ``stated``: that which was asked for, where it is another one.
     """
     if not error > 0.0:
         raise MechanismError(Fault("error", f"{as_length(error)}: a line cannot be drawn without any error.", "Give more."))
@@ -94,7 +96,8 @@ def plan_motion(
     extent = max(np.ptp(every.real), np.ptp(every.imag))
     motions = [motion for part in _RAMPS if (motion := _planned(strokes, error, rise, part * extent)) is not None]
     if not motions:
-        why = f"an error of {as_length(error)} on a drawing of {as_length(float(extent))} cannot be reached."
+        allowed = as_length(error if stated is None else stated)
+        why = f"an error of {allowed} on a drawing of {as_length(float(extent))} cannot be reached."
         raise MechanismError(Fault("error", why, "Allow a larger error, or draw it smaller."))
     return min(motions, key=lambda motion: size(motion.speed, motion.acceleration))
 

@@ -92,6 +92,10 @@ def text_strokes(text: str, font: str = "scripts") -> list[Complex]:
     if font not in pen.default_font_names:
         raise OutputError(f"There is no font '{font}'.", f"Fonts: {', '.join(sorted(pen.default_font_names))}.")
     pen.load_default_font(font)
+    unknown = [letter for letter in dict.fromkeys(text) if not letter.isspace() and not list(pen.strokes_for_text(letter))]
+    if unknown:
+        why = f"The font '{font}' has no {', '.join(unknown)}."
+        raise OutputError(why, "Write letters without accents, digits or signs, or draw the word as paths.")
     strokes = [np.array([complex(x, -y) for x, y in stroke]) for stroke in pen.strokes_for_text(text)]
     strokes = _cleaned(strokes)
     if not strokes:

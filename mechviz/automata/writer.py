@@ -92,7 +92,7 @@ def design_writer(
     share = 0.95
     for _ in range(_TRIES):
         progress("planning the pen's motion")
-        motion = plan_motion(strokes, share * error, rise, cam_size)
+        motion = plan_motion(strokes, share * error, rise, cam_size, stated=error)
         if not levers:
             return Writer(None, motion, motion.error)
         progress("sizing the cams")
@@ -182,7 +182,7 @@ def _least(wanted: Sequence[_Wanted], roller: float, limit: float, low: float, h
             return middle
         middle *= _GROWTH
     why = f"no cam up to a radius of {as_length(high, 3)} keeps to a pressure angle of {as_angle(limit, 3)} without undercut."
-    raise MechanismError(Fault("pressure_limit", why, "Allow a larger angle or a larger error, or draw less in one turn."))
+    raise MechanismError(Fault("pressure angle", why, "Allow a larger angle or a larger error, or draw less in one turn."))
 
 
 def _fits(cam: Cam, roller: float, limit: float) -> bool:

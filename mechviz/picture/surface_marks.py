@@ -268,6 +268,7 @@ STROKE_COLOR: Color = (44, 66, 138)
 SHEET_COLOR: Color = (150, 156, 168)
 PAPER_COLOR: Color = (252, 249, 240)
 STROKE_RADIUS, SHEET_EDGE_RADIUS = 0.0022, 0.0012  # radii of ink and of the sheet's edge, in sizes of the mechanism
+_WIDEST_STROKE = 0.005  # radius of ink, in sizes of what is drawn: small drawings of large machines stay legible
 _STROKE_TOLERANCE = 2e-4  # in sizes of the mechanism: ink is drawn to this
 PAPER_THICKNESS = 0.004  # in sizes of the mechanism
 _SHEET_MARGIN = 0.12  # of what is drawn: the sheet is larger by this on all sides
@@ -289,7 +290,11 @@ def stroke_nodes(run: Run, solids: Solids) -> Iterator[Lines | Body]:
         strokes = [s for s in drawn_strokes(pen_down(run, pen)) if len(s) > 1]
         if not strokes:
             continue
-        strips = tuple(in_space(strip, height) for strip in growing(places, strokes, _STROKE_TOLERANCE * size))
+        inked = places[np.concatenate(strokes)]
+        low, high = inked.min(axis=0), inked.max(axis=0)
+        extent = float((high - low).max())
+        radius, fine = min(STROKE_RADIUS * size, _WIDEST_STROKE * extent), _STROKE_TOLERANCE * min(size, extent)
+        strips = tuple(in_space(strip, height) for strip in growing(places, strokes, fine))
         common: dict[str, Any] = {"owner": ("point", f"{pen.link}.{pen.point}"), "height": height}
         yield Lines(
             f"ink.{pen.name}",
@@ -297,13 +302,10 @@ def stroke_nodes(run: Run, solids: Solids) -> Iterator[Lines | Body]:
             entity=("mechanism", "ink", pen.name),
             strips=strips,
             colors=(STROKE_COLOR,),
-            radii=(STROKE_RADIUS * size,),
+            radii=(radius,),
             **common,
         )
-        inked = places[np.concatenate(strokes)]
-        low, high = inked.min(axis=0), inked.max(axis=0)
-        edge = _SHEET_MARGIN * float((high - low).max())
-        (x0, y0), (x1, y1) = low - edge, high + edge
+        (x0, y0), (x1, y1) = low - _SHEET_MARGIN * extent, high + _SHEET_MARGIN * extent
         corners = np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1], [x0, y0]])
         sheet = (in_space(corners[None], height),)
         entity = ("mechanism", "sheets", pen.name)
@@ -317,10 +319,10 @@ def stroke_nodes(run: Run, solids: Solids) -> Iterator[Lines | Body]:
             **common,
         )
         vertices, faces, normals = _box(x1 - x0, y1 - y0, PAPER_THICKNESS * size)
-        behind = height - 0.5 * PAPER_THICKNESS * size - STROKE_RADIUS * size  # ink is as thick as it is wide
-        vertices = vertices + np.array([0.5 * (x0 + x1), 0.5 * (y0 + y1), behind], np.float32)
+        behind = height - (0.5 * PAPER_THICKNESS + STROKE_RADIUS) * size  # ink is as thick as it is wide
+        middle = np.array([0.5 * (x0 + x1), 0.5 * (y0 + y1), behind])
         colors = np.tile(np.array(PAPER_COLOR, np.uint8), (len(vertices), 1))
-        paper = Mesh(vertices.astype(np.float32), faces, normals, colors)
+        paper = Mesh((vertices + middle).astype(np.float32), faces, normals, colors)
         yield Body(f"paper.{pen.name}", group="sheet", entity=(*entity, "paper"), parent="", mesh=paper, **common)
 
 

@@ -15,6 +15,7 @@ from mechviz.automata.pen_linkages import CrossSlides
 from mechviz.automata.pen_motion import plan_motion, plotter_scene
 from mechviz.automata.strokes import joined_strokes, on_sheet, ordered_strokes, svg_strokes, text_strokes
 from mechviz.automata.writer import design_writer
+from mechviz.files import OutputError
 from mechviz.meshes.solids import build_solids
 from mechviz.picture.build import solids_of
 from mechviz.picture.surface_marks import drawn_strokes, growing, stroke_nodes
@@ -89,13 +90,16 @@ def test_a_corner_is_cut_as_the_spline_says():
     assert near[k] * np.abs(second[k]) / np.abs(rate[k]) ** 2 == pytest.approx(28.0 / 45.0, rel=0.06)
 
 
-def test_a_smaller_error_takes_a_slower_corner_and_a_larger_acceleration():
+def test_a_smaller_error_takes_a_slower_corner_and_a_larger_acceleration(monkeypatch):
     loose, tight = (plan_motion([HOOK, RING], e, RISE) for e in (5e-4, 5e-5))
     assert tight.error <= 5e-5 < loose.error <= 5e-4
     assert tight.acceleration > loose.acceleration
     assert 0.3 < tight.even < 1.0
     with pytest.raises(MechanismError, match="without any error"):
         plan_motion([HOOK], 0.0, RISE)
+    monkeypatch.setattr("mechviz.automata.pen_motion._planned", lambda *_: None)  # what is too fine takes long to find out
+    with pytest.raises(MechanismError, match=r"an error of 0\.0001 mm on a drawing of 35 mm cannot be reached"):
+        plan_motion([HOOK], 0.9e-7, RISE, stated=1e-7)
 
 
 @pytest.mark.parametrize(("made", "link"), [("writer", "left rod"), ("slides", "pen slide")])
@@ -214,6 +218,11 @@ def test_strokes_are_put_in_a_short_order_and_joined():
     assert np.allclose(joined, [0, 1, 2, 3])
 
 
+def test_letters_that_a_font_lacks_are_told():
+    with pytest.raises(OutputError, match="has no Ż, ó, ł"):
+        text_strokes("Żółw", "scripts")
+
+
 def test_words_are_written_from_letter_to_letter():
     """As one writes; the shortest way between strokes would begin with the last letters and go backwards through some."""
     strokes = text_strokes("Ada", "scripts")
@@ -230,7 +239,8 @@ def test_the_sheet_of_paper_lies_just_behind_all_ink():
     places = np.concatenate([strip[-1] for strip in ink.strips])
     low, high = paper.mesh.vertices.min(axis=0), paper.mesh.vertices.max(axis=0)
     assert np.all(places[:, :2] > low[:2]) and np.all(places[:, :2] < high[:2])
-    assert np.all(places[:, 2] - high[2] == pytest.approx(ink.radii[0], rel=1e-3))
+    gap = places[:, 2] - high[2]
+    assert np.ptp(gap) == 0.0 and ink.radii[0] <= gap[0] < 2.0 * ink.radii[0]
     assert edge.strips[0][0, :, :2].max(axis=0) == pytest.approx(high[:2])
     assert paper.group == edge.group and paper.poses is None
 
