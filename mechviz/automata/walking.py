@@ -68,15 +68,21 @@ def walk_of(scene: Scene, feet: Sequence[tuple[str, str]], touch: float) -> Walk
     back = -np.diff(z.real, axis=1)[foot[1:], frames[1:] - 1]  # while a foot stands the body goes as its point goes backwards
     x = np.concatenate([[0.0], np.cumsum(np.where(step > 0.0, back, 0.0))])
     body = x - 1j * z[foot, frames].imag
-    low = z.imag - z.imag.min(axis=0) <= touch
-    slips = []
-    for k in range(len(feet)):
-        along = np.abs((v[k] + speed).real)
-        on = low[k] & (foot != k)
-        slips.append(float(np.sum(np.where(on[1:] & on[:-1], 0.5 * (along[1:] + along[:-1]) * step, 0.0))))
+    above = z.imag - z.imag.min(axis=0) - touch
+    slips = [_way_where(np.abs((v[k] + speed).real), above[k], step) for k in range(len(feet))]
     stands = [float(np.sum(step[(foot[1:] == k) & (foot[:-1] == k)]) / (t[-1] - t[0])) for k in range(len(feet))]
     bounce = float(np.ptp(body.imag))
     return Walk(names, t, body, speed, foot, float(x[-1]), bounce, tuple(stands), tuple(slips), touch)
+
+
+def _way_where(speed: Real, above: Real, step: Real) -> float:
+    """The way [m] at speeds (F,) [m/s] while a height (F,) is not above zero, both straight between the frames, ``step`` apart."""
+    a, b = above[:-1], above[1:]
+    on = (a <= 0.0) | (b <= 0.0)
+    change = np.where((a <= 0.0) == (b <= 0.0), 0.0, a / np.where(a == b, 1.0, a - b))
+    start, end = np.where(a <= 0.0, 0.0, change), np.where(b <= 0.0, 1.0, change)
+    mean = speed[:-1] + 0.5 * (start + end) * np.diff(speed)
+    return float(np.sum(np.where(on, mean * (end - start) * step, 0.0)))
 
 
 def _with_changes(time: Real, place: Complex, rate: Complex) -> tuple[Real, Complex, Complex, Index]:
