@@ -110,6 +110,16 @@ def ribbon_faces(places: int) -> Integers:
     return np.vstack([np.column_stack([k, k + 2, k + 1]), np.column_stack([k + 1, k + 2, k + 3])])
 
 
+DEEP = 0.75  # depth of a mechanism over its width or height, the larger one, at which one part hides the others from the front
+ANGLED = (-0.55, 0.45, 1.0)  # direction from which it is then seen
+
+
+def is_deep(bounds: Real) -> bool:
+    """Whether what fills a box (2, 3) [m] is to be seen at an angle rather than from the front."""
+    wide, high, deep = bounds[1] - bounds[0]
+    return bool(deep > DEEP * max(wide, high))
+
+
 def about_z(angle: Values) -> Real:
     """Unit quaternions (..., 4) of turns by ``angle`` (...) [rad]; continuous where the angle is."""
     half = 0.5 * np.asarray(angle, float)

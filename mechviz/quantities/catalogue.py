@@ -196,18 +196,24 @@ class Catalogue:
         """Quantities that are plotted at the start: driving efforts, then the motion of the output or of a traced point."""
         n = self.numbers
         wanted = [f"drive.{name}.{effort}" for name in n.drives for effort in ("torque", "force")]
-        output = self.output
-        if output is not None and n.slides(output):
-            wanted += [f"joint.{output}.{what}" for what in ("displacement", "velocity", "acceleration")]
-        elif output is not None:
-            link = next((name for name in n.joints[output].links if name != n.frame), "")
-            # of a link on a pin its own angle, which counts from the world's x axis whichever way round the joint is written
-            wanted += [f"link.{link}.{what}" for what in ("angle", "angular_velocity", "angular_acceleration")]
+        wanted += self._moves(self.output)
         wanted += [f"point.{name}.{what}" for name in n.traced for what in ("position", "velocity", "acceleration")]
+        wanted += self._moves(next(iter(self._outputs), None))  # of several outputs the first
         passive = [name for name in n.joints if name not in n.drives]
         wanted += [q.key for name in passive[-1:] for q in self.quantities if q.item == f"joint {name}"]
         keys = [key for key in dict.fromkeys([*wanted, *self.by_key]) if key in self.by_key]
         return tuple(self.by_key[key] for key in keys[:MOST_FIRST])
+
+    def _moves(self, joint: str | None) -> list[str]:
+        """Keys of the motion of a joint on the frame; none of no joint."""
+        n = self.numbers
+        if joint is None:
+            return []
+        if n.slides(joint):
+            return [f"joint.{joint}.{what}" for what in ("displacement", "velocity", "acceleration")]
+        link = next((name for name in n.joints[joint].links if name != n.frame), "")
+        # of a link on a pin its own angle, which counts from the world's x axis whichever way round the joint is written
+        return [f"link.{link}.{what}" for what in ("angle", "angular_velocity", "angular_acceleration")]
 
     @property
     def output(self) -> str | None:
@@ -215,10 +221,16 @@ class Catalogue:
 
         None if there are several or none.
         """
+        return self._outputs[0] if len(self._outputs) == 1 else None
+
+    @cached_property
+    def _outputs(self) -> list[str]:
+        """The joints on the frame that no drive moves: the slides, or else the pins; welds do not move."""
         n = self.numbers
-        grounded = [name for name, joint in n.joints.items() if name not in n.drives and n.frame in joint.links]
-        candidates = [name for name in grounded if n.slides(name)] or grounded
-        return candidates[0] if len(candidates) == 1 else None
+        grounded = [
+            name for name, joint in n.joints.items() if name not in n.drives and n.frame in joint.links and joint.kind != "weld"
+        ]
+        return [name for name in grounded if n.slides(name)] or grounded
 
     @cached_property
     def health(self) -> tuple[Health, ...]:

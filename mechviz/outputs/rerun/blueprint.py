@@ -27,6 +27,7 @@ from mechviz.outputs.rerun.plots import (
 )
 from mechviz.picture.fixtures import looks_of
 from mechviz.picture.overlays import HIDDEN_DIAGRAMS, SECTION_DIAGRAMS
+from mechviz.picture.proportions import ANGLED, is_deep
 from mechviz.quantities.items import joint_unit, links_with_mass
 from mechviz.quantities.vectors import FORCE_FAMILIES, plotted_against
 
@@ -39,8 +40,6 @@ SECONDS_A_CYCLE = 5.0  # a cycle on the screen
 SHORTEST_SHOW, LONGEST_SHOW = 4.0, 20.0  # seconds on the screen of a motion under forces
 FIELD_OF_VIEW = np.radians(55.0)  # vertical, of rerun's eye
 EYE_TILT = 0.06  # how far the eye stands above the plane's normal: the layers show, and straight lines stay upright
-DEEP = 0.75  # depth of a mechanism over its width or height, the larger one, that is seen at an angle
-ANGLED = (-0.55, 0.45, 1.0)
 LEGEND_ROW = 0.085  # of a plot's height, that a line of its legend takes
 CONSTANT_RANGE = 1e-9  # curves that vary by less than this part of their size are constants
 LEGEND_WIDTH = 0.3  # of a plot's width, that its legend takes
@@ -174,7 +173,7 @@ def eye_on(bounds: Real) -> tuple[Real, Real]:
     middle = 0.5 * (low + high)
     half = 0.5 * (high - low)
     margin, slope = 1.1, np.tan(0.5 * FIELD_OF_VIEW)
-    if half[2] > DEEP * max(half[:2]):  # from the front one part hides the others
+    if is_deep(bounds):
         direction = np.array(ANGLED) / np.linalg.norm(ANGLED)
         right = np.cross([0.0, 1.0, 0.0], direction)
         right /= np.linalg.norm(right)

@@ -36,7 +36,7 @@ from mechviz.outputs.viewer.server import ViewerError
 from mechviz.outputs.viewer.session import Contribution, EditSession, Status
 from mechviz.outputs.viewer.view_model import ColoredPart, LinkSolid
 from mechviz.outputs.viewer.viser_adapter import buffer_of
-from mechviz.outputs.viewer.world.camera import VIEW_PRESETS, fit_view
+from mechviz.outputs.viewer.world.camera import VIEW_PRESETS, first_preset, fit_view
 from mechviz.outputs.viewer.world.constructions import OVERLAY_GROUPS
 from mechviz.outputs.viewer.world.handles import Pivots, traced_at, with_traced
 from mechviz.outputs.viewer.world.solids import sectioned
@@ -764,6 +764,12 @@ def test_every_preset_sees_the_whole_box(name):
     assert (np.abs((corners - view.look_at) @ up / depth) < half).all()
     assert (np.abs((corners - view.look_at) @ right / depth) < 1.3 * half).all()
     assert np.dot(away, preset.away) > 0.0
+
+
+def test_a_stack_of_cams_is_looked_at_from_an_angle_at_first():
+    """From the front its first follower hides the eleven behind it; of a flat mechanism the front shows most."""
+    deep, flat = (np.asarray(solids_of(run_scene(scene.load(name), frames=6)).bounds) for name in ("wave-machine", "theatre"))
+    assert (first_preset(deep), first_preset(flat)) == ("angled", "front")
 
 
 def test_2d_is_nearly_without_perspective():

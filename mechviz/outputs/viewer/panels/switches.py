@@ -45,7 +45,7 @@ class Switches:
         with tab:
             self.cameras = gui.add_button_group("Look from", tuple(p.label for p in VIEW_PRESETS.values()), hint=CAMERA_HINT)
             self.cameras.on_click(callback("Moving the camera", lambda event: self._look(event)))
-            reset_to(server, uuid_of(self.cameras), VIEW_PRESETS["front"].label)
+            reset_to(server, uuid_of(self.cameras), VIEW_PRESETS[scene.cameras.first].label)
             self.arrows = gui.add_folder("Arrows")
             with self.arrows:
                 for name in VECTOR_FAMILIES:

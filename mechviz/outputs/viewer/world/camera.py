@@ -12,6 +12,7 @@ import viser
 from mechcore.arrays import Real
 from mechcore.records import dataclass
 from mechviz.outputs.viewer.viser_adapter import run_script
+from mechviz.picture.proportions import ANGLED, is_deep
 from mechviz.scene.units import Units
 
 FIELD_OF_VIEW = np.radians(18.0)  # little perspective: lengths can be compared, and yet plates have thickness
@@ -70,7 +71,7 @@ class Preset:
 VIEW_PRESETS: Mapping[str, Preset] = {
     "front": Preset("Front", (0.0, 0.0, 1.0)),
     "flat": Preset("2D", (0.0, 0.0, 1.0), float(FLAT_FIELD_OF_VIEW)),
-    "angled": Preset("Angled", (-0.55, 0.45, 1.0), ground=True),
+    "angled": Preset("Angled", ANGLED, ground=True),
     "isometric": Preset("Isometric", (-1.0, 1.0, 1.0), float(FLAT_FIELD_OF_VIEW), ground=True),
     "top": Preset("Top", (0.0, 1.0, TOP_VIEW_TILT), float(FLAT_FIELD_OF_VIEW), ground=True),
     "side": Preset("Side", (1.0, 0.0, 0.0), float(FLAT_FIELD_OF_VIEW), ground=True),
@@ -125,9 +126,15 @@ def _view_on(bounds: Real, aspect: float, preset: Preset) -> View:
     return View(centre + distance * away, centre, preset.fov)
 
 
+def first_preset(core: Real) -> str:
+    """The preset with which browsers begin: from the front, unless one part of the mechanism in a box (2, 3) [m] hides the
+    others."""
+    return "angled" if is_deep(core) else "front"
+
+
 def set_first_view(server: viser.ViserServer, bounds: Real, core: Real) -> None:
     """The view of new browsers and of viser's own "Reset View"."""
-    view = fit_view(bounds, USUAL_ASPECT, core=core)
+    view = fit_view(bounds, USUAL_ASPECT, VIEW_PRESETS[first_preset(core)], core)
     camera = server.initial_camera
     camera.fov = view.fov
     camera.near = view.distance / 100.0
@@ -165,7 +172,7 @@ class FittedCameras:
             return
         self._stage.face(client, ground=VIEW_PRESETS[self.preset(client)].ground)
         # viser's default, and our first
-        first = fit_view(self._bounds, USUAL_ASPECT, core=self._core)
+        first = fit_view(self._bounds, USUAL_ASPECT, VIEW_PRESETS[self.preset(client)], self._core)
         self._known[client.client_id] = [View(np.array([3.0, 3.0, 3.0]), np.zeros(3)), first]
         loop = self._server.get_event_loop()
         timer: asyncio.TimerHandle | None = None
@@ -202,7 +209,12 @@ class FittedCameras:
 
     def preset(self, client: viser.ClientHandle) -> str:
         """The preset that a browser has chosen last."""
-        return self._presets.get(client.client_id, "front")
+        return self._presets.get(client.client_id) or self.first
+
+    @property
+    def first(self) -> str:
+        """The preset with which browsers begin."""
+        return first_preset(self._core)
 
     def look(self, client: viser.ClientHandle, preset: str) -> None:
         """Bring a browser's camera to one of the ``VIEW_PRESETS``, and follow its window again. In 2D it cannot be turned."""
