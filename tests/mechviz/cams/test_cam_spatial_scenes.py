@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from dataclasses import replace
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 from cam_scenes import changed, refused, text_of
 
 import mechviz
+from mechcore.errors import MechanismError
 from mechcore.forces.cam_events import cam_events
 from mechcore.forces.cam_rating import contact_force, placed_cams
 from mechcore.forces.kinetostatics import solve_forces
@@ -229,6 +231,15 @@ def test_the_crank_of_an_inverse_cam_may_swing_about_any_angle(turned):
         computed.append((rows.lift, contact_force(forces, cam), rows.pressure_angle, cam.segment(motion)))
     for before, after in zip(*computed, strict=True):
         np.testing.assert_allclose(after, before, atol=1e-9 * np.abs(before).max())
+
+
+@pytest.mark.parametrize(("beside", "passes"), [(-110, True), (0, False), (-7, False), (7, False)])
+def test_a_roller_does_not_reach_the_pivot_of_the_link_that_it_drives(beside, passes):
+    """A pin 60 mm from O comes within 1 mm of a pivot 60 mm along and so far beside: its roller of 8 mm would lie on it."""
+    text = text_of("cam-inverse").replace("P = [60, -110]", f"P = [60, {beside}]")
+    told = pytest.raises(MechanismError, match="roller of 8 mm reaches the driven link's pivot")
+    with contextlib.nullcontext() if passes else told:
+        compile_mechanism(mechviz.loads(text).mechanism)
 
 
 @pytest.mark.parametrize(

@@ -126,8 +126,23 @@ class PlacedInverse(PlacedRoller):
         return float(self.cam.law(self.travel[0], 0)[0])
 
     def check(self) -> None:
-        """Raises where the roller jams in its groove, or undercuts a flank."""
+        """Raises where the roller reaches the driven link's pivot, jams in its groove, or undercuts a flank."""
         theta = np.linspace(*self.travel, 721)
+        if self.cam.turns:
+            pin = self.cam.pin(theta, 0)[0]
+            step = np.diff(pin)
+            way = np.clip(-np.real(pin[:-1] * np.conj(step)) / np.abs(step) ** 2, 0.0, 1.0)
+            far = np.abs(pin[:-1] + way * step)
+            k = int(np.argmin(far))
+            if far[k] <= max(self.cam.radius, 1e-9 * self.cam.crank):
+                raise MechanismError(
+                    Fault(
+                        "cam.radius",
+                        f"at {self._where(theta[k])} the roller of {as_length(self.cam.radius)} reaches the driven link's pivot,"
+                        f" {as_length(far[k])} from its centre: a groove there could not turn the link.",
+                        "Move the driven link's pivot off the roller's way, or give a smaller range.",
+                    )
+                )
         steep = self.cam.pressure_angle(theta)
         k = int(np.argmax(steep))
         if not steep[k] < STEEPEST:
