@@ -185,8 +185,9 @@ class Inspector:
                 self.scene.update(view_model)
                 if self.pivots is not None:
                     self.pivots.update(view_model)
-                if self.synthesis is not None:
-                    self.synthesis.update(view_model)
+                for tab in (self.synthesis, self.optimiser):
+                    if tab is not None:
+                        tab.update(view_model)
                 self.scene.show(frame)
             if view_model.exact:
                 self.scene.refit()
@@ -278,8 +279,9 @@ class Inspector:
                 self.controls.settle()
             if self.pivots is not None:
                 self.pivots.update(self.view_model)
-            if self.synthesis is not None:
-                self.synthesis.update(self.view_model)
+            for tab in (self.synthesis, self.optimiser):
+                if tab is not None:
+                    tab.update(self.view_model)
             self.playback.hold(False)
         self._server.flush()
         if self._player.playing:

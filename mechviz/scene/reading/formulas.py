@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from mechcore.arrays import Real
+from mechcore.arrays import Flags, Real
 from mechcore.errors import Fault
 from mechcore.records import dataclass
 from mechviz.scene.annotations import Leaf, Place, leaf_at, raw_leaves
@@ -30,6 +30,7 @@ from mechviz.scene.faults import did_you_mean, path_text
 from mechviz.scene.fields import QuantityMark
 from mechviz.scene.units import UNIT_KINDS, QuantityError, Units
 
+RANGE_ROUNDING = 1e-12  # relative: by how much a value may be beyond an end of its range
 
 @dataclass(frozen=True)
 class ParameterValue:
@@ -41,6 +42,11 @@ class ParameterValue:
     high: float = math.inf
     tolerance: float = 0.0
     own: bool = True
+
+    def allows(self, numbers: Real) -> Flags:
+        """Which numbers (...) lie in its range, but for rounding."""
+        low, high = (end + sign * RANGE_ROUNDING * abs(end) for end, sign in ((self.low, -1.0), (self.high, 1.0)))
+        return np.asarray((numbers >= low) & (numbers <= high))
 
 
 @dataclass

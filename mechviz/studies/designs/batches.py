@@ -136,8 +136,7 @@ class DesignBatch:
         reasons = [""] * count
         for name, known in self.scene.parameters.items():
             numbers = np.broadcast_to(amounts[name].number, (count,))
-            outside = ~((numbers >= known.low * (1 - 1e-12)) & (numbers <= known.high * (1 + 1e-12)))
-            for k in map(int, np.flatnonzero(outside)):
+            for k in map(int, np.flatnonzero(~known.allows(numbers))):
                 reasons[k] = f"parameters.{name}: is outside of its range"
         points, masses, wrong = self._varied(values, count)
         for k in wrong:

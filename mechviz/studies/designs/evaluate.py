@@ -113,8 +113,7 @@ def study_of(
     for v in variations:
         known = scene.parameters[v.name]
         ends = (*v.values, v.low, v.high) if not v.values else v.values
-        values = [x * v.factor for x in ends if np.isfinite(x)]
-        if min(values) < known.low * (1.0 - 1e-12) or max(values) > known.high * (1.0 + 1e-12):
+        if not known.allows(np.array([x * v.factor for x in ends if np.isfinite(x)])).all():
             remedy = "Vary it inside of that, or widen its range in the scene."
             raise MechanismError(Fault(f"--vary {v.name}", f"goes beyond the range that the scene gives '{v.name}'.", remedy))
     twice = {v.name for v in variations if sum(v.name == other.name for other in variations) > 1}

@@ -223,15 +223,14 @@ class Optimum:
             change = f"{100.0 * term.sign * (new - old) / abs(old):+.3g} %" if np.isfinite(old) and old else ""
             yield term.text, term.shown(old) if np.isfinite(old) else "none", term.shown(new), change
         for k, limit in enumerate(problem.limits):
-            low, high = (f"{x:.6g}" if np.isfinite(x) else "" for x in (limit.least, limit.most))
             violation = float(limit.violation(values[1:, k])[0])
             state = "missed" if violation > LIMIT_ROUNDING else "reached" if _reached(limit, values[1, k]) else "kept"
             row = [f"{x:.6g} {limit.unit}".strip() for x in values[:, k]]
-            yield f"{limit.text} in {low}..{high}", row[0], row[1], state
+            yield limit.words, row[0], row[1], state
         for v, x in zip(problem.variables, rounded, strict=True):
             close = AT_BOUND * (v.high - v.low)
             end = "at its least value" if x - v.low < close else "at its greatest value" if v.high - x < close else ""
-            yield v.name, f"{v.value:.6g} {v.unit}".strip(), f"{x:.9g} {v.unit}".strip(), end
+            yield v.name, f"{v.value:.6g} {v.unit}".strip(), f"{x:.6g} {v.unit}".strip(), end
 
 
 def _limited(problem: Problem, designs: Real) -> Real:

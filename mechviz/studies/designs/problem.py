@@ -155,6 +155,16 @@ class Limit:
         low, high = (self.least - values) / self.scale, (values - self.most) / self.scale
         return np.asarray(np.maximum(np.maximum(low, high), 0.0))
 
+    @property
+    def words(self) -> str:
+        """What is limited, and how, in words."""
+        least, most = (f"{x:.6g} {self.unit}".strip() for x in (self.least, self.most))
+        if self.loop is not None:
+            return self.text
+        if np.isfinite(self.least) and np.isfinite(self.most):
+            return f"{self.text} from {least} to {most}"
+        return f"{self.text} at least {least}" if np.isfinite(self.least) else f"{self.text} at most {most}"
+
 
 @dataclass(frozen=True, eq=False)
 class Judged:

@@ -15,7 +15,7 @@ from mechcore.compiled.toolchain import compiler
 from mechcore.errors import MechanismError
 from mechviz.commands.main import app
 from mechviz.runs import run_scene
-from mechviz.scene.scene import loads
+from mechviz.scene.scene import load, loads
 from mechviz.studies.designs.evaluate import evaluate, study_of
 from mechviz.studies.designs.measures import parse_measure
 from mechviz.studies.designs.sampling import grid, parse_sample, parse_variation, sampled
@@ -128,6 +128,13 @@ def test_a_drive_that_would_turn_round_is_run_by_itself(press):
     assert study.batch is None
     slow, fast = evaluate(study, grid(study.variations)).values[0]
     assert fast == pytest.approx(3.5 * slow, rel=1e-12)
+
+
+def test_a_range_that_begins_below_zero_has_its_ends():
+    text = load("crank-rocker").to_toml() + '\n[parameters]\nheight = { value = "-20 mm", range = ["-30 mm", "30 mm"] }\n'
+    scene = loads(text).changed({("links", "coupler", "points", "E"): [90, "height"], ("trace",): ["coupler.E"]})
+    study = question(scene, ["height=-30mm,30mm"], ["point.coupler.E.position[y]:max"])
+    assert not any(evaluate(study, grid(study.variations)).reasons)
 
 
 TWO_DRIVES = """

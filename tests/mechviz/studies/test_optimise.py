@@ -121,7 +121,7 @@ def test_limits_decide_where_they_are_reached():
     best = optimise(Search(problem_of(press(goal), frames=12), seed=3))
     np.testing.assert_allclose(best.design, [70.0, 3.0], rtol=1e-8)
     rows = {row[0]: row for row in best.lines()}
-    assert "reached" in str(rows) and rows["ratio"][3] == "at its least value"
+    assert rows["joint.S.displacement:range at least 70 mm"][3] == "reached" and rows["ratio"][3] == "at its least value"
     assert best.scene.parameters["stroke"].amount.number == pytest.approx(0.07)
 
 

@@ -12,7 +12,7 @@ from patience import PATIENCE
 
 from mechviz.outputs.viewer.app import Viewer
 from mechviz.outputs.viewer.panels import designs
-from mechviz.outputs.viewer.panels.designs import optimise, scatter
+from mechviz.outputs.viewer.panels.designs import goal_words, optimise, scatter
 from mechviz.outputs.viewer.world.solids import link_path
 from mechviz.runs import run_scene
 from mechviz.scene.scene import load
@@ -54,6 +54,20 @@ def test_marks_stand_where_the_values_are_and_name_their_design():
     places = {int(k): (float(x), float(y)) for k, x, y in marks}
     assert places[2][0] > places[0][0] and places[2][1] < places[0][1]
     assert drawn.count("data-mv-pick") == 3 and drawn.count("<path d=") == 2 and "a &lt; b" in drawn
+
+
+def test_a_goal_is_said_in_words_and_its_way_marked_in_the_scene():
+    assert goal_words(load("parametric-press")) == [
+        "<b>Sought:</b> least drive.A.torque:peak",
+        "<b>Kept:</b> joint.S.displacement:range at least 70 mm, joint.B.reaction:peak at most 4.96 kN",
+        "<b>May vary:</b> stroke, ratio",
+    ]
+    way = {"path": {"point": "ram.C", "through": [[100, 0], [200, 10]]}, "box": [[0, 0], [300, 200]]}
+    scene = load("parametric-press").changed({("goal",): way, ("trace",): ["ram.C"]})
+    assert goal_words(scene)[:2] == ["<b>Sought:</b> ram.C on its stated way", "<b>Kept:</b> all points within a box"]
+    with Viewer(run_scene(scene, frames=12), port=0) as shown:
+        marks = shown.server.scene._handle_from_node_name["/goal/way"].points
+    np.testing.assert_allclose(marks.reshape(2, 4, 3).mean(axis=1)[:, :2], [[0.1, 0.0], [0.2, 0.01]], atol=1e-7)
 
 
 def test_a_search_shows_its_best_design_and_stopping_keeps_it(viewer, monkeypatch):

@@ -17,15 +17,19 @@ from mechcore.errors import MechanismError
 from mechviz.outputs.viewer import words
 from mechviz.outputs.viewer.server import Callback, finite
 from mechviz.outputs.viewer.session import EditSession
+from mechviz.outputs.viewer.view_model import ViewModel
 from mechviz.outputs.viewer.viser_adapter import uuid_of
+from mechviz.scene.scene import Scene
 from mechviz.studies.designs.figures import MISSING, StoredStudy
 from mechviz.studies.designs.optimise import VALUE_DIGITS, Search, optimise
 from mechviz.studies.designs.problem import LIMIT_ROUNDING, Problem, problem_of
+from mechviz.studies.designs.variables import parameters_of
 
 LOOK_INTERVAL = 0.25  # [s] between looks at the best design so far
 HISTORY_HEIGHT = 150  # [px]
 CHART_WIDTH, CHART_HEIGHT = 350.0, 250.0  # of the chart of a study
 MOST_MARKS = 2000
+CROSS_SIZE, WAY_COLOR = 0.012, (214, 40, 90)  # of the mechanism's size; of places that a point has to pass
 DESIGN_COLOR, CHOSEN_COLOR = "#2563c9", "#d97706"
 
 
@@ -43,7 +47,7 @@ class Optimiser:
         gui = server.gui
         fonts: Any = {"font": "11px sans-serif", "labelFont": "12px sans-serif", "labelSize": 18}
         with folder:
-            gui.add_html(words.hint("Looks for the values of parameters that the scene's goal asks for."))
+            gui.add_html(words.html_rows(goal_words(session.run.scene)))
             self.seed = gui.add_slider("Seed", 0, 99, 1, 0, hint="another one searches on other ways")
             self.start = gui.add_button("Optimise", icon=viser.Icon.TARGET)
             self.stop = gui.add_button("Stop and keep the best", icon=viser.Icon.PLAYER_STOP, visible=False)
@@ -55,10 +59,28 @@ class Optimiser:
                 axes=(uplot.Axis(label="designs looked at", size=34, labelGap=-2, **fonts), uplot.Axis(size=60, space=24, **fonts)),
                 legend=uplot.Legend(show=False),
                 height=HISTORY_HEIGHT,
+                padding=(14, 16, 0, 0),  # or the topmost number is cut off
                 visible=False,
             )
         self.start.on_click(callback("Optimising", lambda _: self.begin()))
         self.stop.on_click(callback("Stopping the search", lambda _: self._stopped.set()))
+
+        self._way: viser.LineSegmentsHandle | None = None
+        self.update(session.view_model)
+
+    def update(self, view_model: ViewModel) -> None:
+        """Mark the places that a traced point has to pass, where the goal is a way, over the mechanism as it is now."""
+        goal, units = self._session.run.scene.document.goal, self._session.run.scene.units
+        if goal is None or goal.path is None:
+            return
+        places = np.array([[units.si(x, "length") for x in place] for place in goal.path.through])
+        segments = crosses(places, CROSS_SIZE * view_model.size, view_model.z_top)
+        if self._way is None:
+            self._way = self._server.scene.add_line_segments(
+                "/goal/way", segments, WAY_COLOR, thickness=2.5, thickness_units="screen"
+            )
+        else:
+            self._way.points = segments
 
     def begin(self) -> None:
         """Search from the scene as it is now, in a thread of its own. Raises `MechanismError` where its goal cannot be had."""
@@ -79,6 +101,9 @@ class Optimiser:
 
     def _search(self, search: Search) -> None:
         try:
+            begin = search.problem.judged(search.problem.start[None])
+            if begin.feasible[0]:
+                self._draw(search.problem, 0, float(begin.objectives[0, 0]))
             optimum = optimise(search)
             self._take(search.problem, optimum.design)
             how = "Stopped: the best design so far." if search.interrupted else "Done."
@@ -101,11 +126,17 @@ class Optimiser:
         best = term.shown(value) if np.isfinite(value) else "none yet"
         self.report.content = words.hint(f"{stage}: {search.evaluations} designs. {term.text}: {best}; {limits_text}.")
         if kept and objective == 0:
-            self._history.append((float(search.evaluations), term.sign * value))
-            x, y = np.array(self._history).T
-            self.chart.data = x, y
-            self.chart.visible = True
+            self._draw(search.problem, search.evaluations, value)
             self._take(search.problem, search.best(0)[0])
+
+    def _draw(self, problem: Problem, evaluations: int, value: float) -> None:
+        """Add the best objective after so many designs to the chart."""
+        term = problem.terms[0]
+        self._history.append((float(evaluations), term.sign * value))
+        x, y = np.array(self._history).T
+        self.chart.data = x, y
+        self.chart.title = f"{term.text} [{term.unit}]" if term.unit else term.text
+        self.chart.visible = True
 
     def _take(self, problem: Problem, design: Real) -> None:
         """Have a design shown, unless it is."""
@@ -113,6 +144,31 @@ class Optimiser:
             self._shown = design
             values = {v.name: v.stated(float(f"{x:.{VALUE_DIGITS}g}")) for v, x in zip(problem.variables, design, strict=True)}
             self._session.change("optimise", lambda draft: draft.with_parameters(values))
+
+
+def crosses(places: Real, size: float, height: float) -> Real:
+    """Segments (2 n, 2, 3) of crosses on places (n, 2)."""
+    strokes = size * np.array([[[-1.0, -1.0], [1.0, 1.0]], [[-1.0, 1.0], [1.0, -1.0]]])
+    ends = (places[:, None, None, :] + strokes).reshape(-1, 2, 2)
+    return np.concatenate([ends, np.full((len(ends), 2, 1), height)], axis=2)
+
+
+def goal_words(scene: Scene) -> list[str]:
+    """What a scene's goal asks for, and what may vary, as lines of HTML."""
+    goal = scene.document.goal
+    assert goal is not None  # else there is no such panel
+    wanted = [f"least {name}" for name in goal.minimise] + [f"greatest {name}" for name in goal.maximise]
+    wanted += [f"{goal.follow.quantity} as stated"] if goal.follow is not None else []
+    wanted += [f"{goal.path.point} on its stated way"] if goal.path is not None else []
+    kept = [
+        f"{name} " + " and ".join(f"at {end} {x}" for end, x in (("least", limit.least), ("most", limit.most)) if x is not None)
+        for name, limit in goal.limits.items()
+    ]
+    kept += [f"Grashof's rule ({goal.grashof})"] if goal.grashof is not None else []
+    kept += ["all points within a box"] if goal.box is not None else []
+    varied = goal.vary or [v.name for v in parameters_of(scene) if np.isfinite(v.high - v.low)]
+    rows = [("Sought", wanted), ("Kept", kept), ("May vary", varied)]
+    return [f"<b>{title}:</b> {escape(', '.join(names))}" for title, names in rows if names]
 
 
 class StudyChart:
