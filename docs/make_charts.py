@@ -263,6 +263,12 @@ def evolute(path: Path) -> None:
     mechviz.run(mechviz.load("cardan-circles").changed(changes)).shot(path, angle=138.0, size=(900, 620))
 
 
+def cam_by_inversion(path: Path) -> None:
+    """The synthesis of a disc cam by inversion, without forces."""
+    scene = mechviz.load("cam-by-inversion").changed({("effects",): [], ("loads",): {}})
+    mechviz.run(scene).shot(path, angle=36.0, size=(900, 620))
+
+
 def swing(path: Path) -> None:
     """Two periods of a rod about two axes, and its period about every other one: the two decide its inertia and its centre."""
     mass, apart, periods, gravity = 1.5, 0.55, (1.3415, 1.2113), 9.81
@@ -304,6 +310,7 @@ CHARTS: Mapping[str, Callable[[Path], None]] = {
     "all-at-once.svg": all_at_once,
     "force-task.svg": force_task,
     "evolute.svg": evolute,
+    "cam-by-inversion.svg": cam_by_inversion,
     "swing.svg": swing,
 }
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from html import escape
 from pathlib import Path
 from typing import Any
@@ -128,9 +128,9 @@ def _drawn(
     stroke: str,
     height: int,
 ) -> Iterator[str]:
-    """Arrows, lines, points and names as SVG elements; what moves with a link only is left out."""
+    """Arrows, lines, points and names as SVG elements; those in the axes of a link go with it."""
     if "link" in d:
-        return
+        place = _carried(place, _at(arrays[header["links"][d["link"]]["pose"]].reshape(-1, 3), frame))
     frames, name = header["frames"], d["group"]
     if d["kind"] == "points" and name == "joints":
         if d["labels"] and d["labels"][0]:
@@ -171,6 +171,13 @@ def _drawn(
             points = " ".join(f"{x:.1f},{y:.1f}" for x, y in xy)
             look = f'stroke="{colors[k % len(colors)]}" stroke-width="{widths[k % len(widths)]:.1f}" stroke-linejoin="round"'
             yield f'<polyline points="{points}" fill="none" {look}/>'
+
+
+def _carried(place: Callable[[Real], Real], pose: Real) -> Callable[[Real], Real]:
+    """The places on the drawing of points in the axes of a link at a pose (x, y, angle)."""
+    c, s = np.cos(pose[2]), np.sin(pose[2])
+    turn = np.array([[c, s], [-s, c]])
+    return lambda xy: place(np.asarray(xy, float) @ turn + pose[:2])
 
 
 def _arrow(start: Real, tip: Real, color: str, width: float, unit: float) -> Iterator[str]:

@@ -17,6 +17,7 @@ from mechviz.picture.surface_marks import MARK_KINDS
 from mechviz.quantities.vectors import VECTOR_FAMILIES
 
 PageShape = dict[str, Any]
+MOST_CARRIED = 36  # poses of a link, about, at which the box around what goes with it is looked at
 
 
 def pack_links(picture: Picture, frames: ChosenFrames, pack: Pack) -> list[PageShape]:
@@ -81,7 +82,9 @@ def pack_drawables(
         shape, points = drawn
         parent = node.parent if isinstance(node, Points | Lines) else ""
         place = {"link": numbers[parent]} if parent else {}
-        shapes.append(({"group": node.group, "name": node.owner[1], **place, **shape}, None if parent else _box(points)))
+        if parent:
+            points = _carried(points, picture.poses[parent])
+        shapes.append(({"group": node.group, "name": node.owner[1], **place, **shape}, _box(points)))
     progress(len(picture.nodes), len(picture.nodes))
     return shapes
 
@@ -218,6 +221,14 @@ def _height(points: Real | Single) -> float:
     """Height z [m] at which something planar lies."""
     z = np.asarray(points, float)[..., 2]
     return float(np.nanmean(z)) if np.isfinite(z).any() else 0.0
+
+
+def _carried(points: Real, poses: Real) -> Real:
+    """Points (..., 2) in the axes of a link at some of its poses (F, 3) over the run: (n, ..., 2) in the world."""
+    x, y, angle = poses[:: max(1, len(poses) // MOST_CARRIED)].T
+    z = np.multiply.outer(np.exp(1j * angle), points[..., 0] + 1j * points[..., 1])
+    z += (x + 1j * y).reshape(-1, *[1] * (z.ndim - 1))
+    return np.stack([z.real, z.imag], axis=-1)
 
 
 def _box(points: Real) -> Real | None:

@@ -351,6 +351,25 @@ def test_a_drawing_shows_every_link_in_its_colour_where_it_is():
     assert {t.text for t in svg.iter(f"{space}text")} >= {"A", "B", "C"}
 
 
+def test_a_drawing_has_what_is_drawn_on_a_link_where_the_link_is():
+    """Of a cam by inversion thirty rollers about it: after seven steps of the cam the eighth is where the roller is."""
+    from xml.etree import ElementTree
+
+    scene = load("cam-by-inversion").changed({("effects",): [], ("loads",): {}})
+    run = run_scene(scene, frames=30)
+    shown = presentation_of(run)
+    svg = ElementTree.fromstring(svg_of(shown, time=float(run.motion.time[7]), width=1000, height=600))
+    low, high = np.array(content(make_page(shown, most=2)[0])[0]["drawn"])[:, :2]
+    scale = 0.94 * min(1000 / (high[0] - low[0]), 600 / (high[1] - low[1]))
+    lines = [line.get("points").split() for line in svg.iter("{http://www.w3.org/2000/svg}polyline")]
+    strips = [np.array([[float(v) for v in xy.split(",")] for xy in line]) for line in lines]
+    boxes = [(0.5 * (s.min(axis=0) + s.max(axis=0)), np.ptp(s, axis=0)) for s in strips]
+    rollers = [middle for middle, extent in boxes if extent == pytest.approx(2.0 * 10e-3 * scale, abs=0.4)]
+    assert len(rollers) >= 29
+    place = [500, 300] + (run.motion.point("follower", "T")[7] - 0.5 * (low + high)) * scale * [1, -1]
+    assert min(np.hypot(*(middle - place)) for middle in rollers) < 0.2
+
+
 def test_a_round_cam_is_drawn_without_holes():
     """All that the eye sees of a barrel cam is in the drawing: its pieces cover the cam's silhouette."""
     barrel = made("cam-barrel")
