@@ -32,6 +32,7 @@ from mechviz.scene.units import UNIT_KINDS, QuantityError, Units
 
 RANGE_ROUNDING = 1e-12  # relative: by how much a value may be beyond an end of its range
 
+
 @dataclass(frozen=True)
 class ParameterValue:
     """A parameter in SI units: its value, its range and its tolerance; ``own``: stated by itself, not by other parameters."""

@@ -6,6 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+import shapely
 from design_cases import design_case
 
 import mechviz
@@ -17,6 +18,7 @@ from mechviz.automata.strokes import joined_strokes, on_sheet, ordered_strokes, 
 from mechviz.automata.writer import design_writer
 from mechviz.files import OutputError
 from mechviz.meshes.solids import build_solids
+from mechviz.outputs.exports.cam_profiles import _chain, cam_outlines
 from mechviz.picture.build import solids_of
 from mechviz.picture.surface_marks import drawn_strokes, growing, stroke_nodes
 from mechviz.runs import run_scene
@@ -146,6 +148,22 @@ def test_its_cams_keep_to_the_pressure_angle_and_are_not_undercut(writer):
         assert largest == pytest.approx(np.degrees(stated), abs=0.1) and largest < 40.1
         convex = cam_at.radius[cam_at.radius > 0.0]
         assert convex.min() == pytest.approx(sharp, rel=0.05) and sharp > 0.15 * cam.cam.follower.radius
+
+
+def test_the_rollers_of_the_machine_touch_its_cams_as_they_are_cut(writer):
+    """At every angle of the shaft each roller lies on its profile as drawings hold it: on arcs a bulge b turns by 4 atan(b)."""
+    run = run_scene(writer.scene.changed({("run", "frames"): 24}))
+    pose, joints = run.motion.pose("cams"), {joint.name: joint for joint in run.motion.mechanism.joints}
+    for outline in cam_outlines(run):
+        z, bulges = _chain(outline)
+        turn, part = 4.0 * np.arctan(bulges)[:, None], np.linspace(0.0, 1.0, 6, endpoint=False)
+        along = np.where(abs(turn) > 1e-9, (np.exp(1j * turn * part) - 1.0) / (np.exp(1j * turn) - 1.0 + (turn == 0.0)), part)
+        profile = (z[:, None] + (np.roll(z, -1) - z)[:, None] * along).ravel()
+        lever = joints[outline.cam].links[1]
+        centre = (run.motion.point(lever, "R") - pose[:, :2]) @ np.array([1.0, 1.0j]) * np.exp(-1j * pose[:, 2])
+        ring = shapely.LinearRing(np.column_stack([profile.real, profile.imag]))
+        gaps = shapely.distance(ring, shapely.points(1e3 * np.column_stack([centre.real, centre.imag])))
+        np.testing.assert_allclose(gaps, 1e3 * joints[outline.cam].face.radius, atol=2e-3)  # mm
 
 
 def test_the_program_for_motors_goes_the_same_way(motion):
