@@ -335,8 +335,9 @@ class Derivatives:
         def couple(motion: Motion, place: Any, force: Any) -> Any:
             under = value_of(place), value_of(force)
 
-            def values(cam: Any, motion: Motion) -> list[Any]:
-                return [cam.couple(motion, *(under if motion is self.nominal else (place, force)))]
+            def values(shape: Any, motion: Motion) -> list[Any]:
+                of = getattr(shape, "bearing", shape)  # of a screw
+                return [of.couple(motion, *(under if motion is self.nominal else (place, force)))]
 
             return self._of_cam(r, ("couple", *(np.asarray(x).tobytes() for x in under)), motion, values)[0]
 

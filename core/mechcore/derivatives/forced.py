@@ -13,8 +13,9 @@ import numpy as np
 
 from mechcore.arrays import Index, Real
 from mechcore.derivatives.exact import Derivatives
+from mechcore.derivatives.instants import Source, stated_instants
 from mechcore.derivatives.jumps import Jumps
-from mechcore.derivatives.model_numbers import Parameter, refusal, slopes
+from mechcore.derivatives.model_numbers import ModelNumbers, Parameter, refusal, slopes
 from mechcore.derivatives.phases import (
     SWEEP_INSTEAD,
     Changes,
@@ -74,17 +75,18 @@ def derivatives_under_forces(
     parameters = [replace(p, mechanism=cache(p.mechanism)) for p in parameters]  # every phase asks for the same ones
     simulation, parameters = with_integrals(simulation, parameters)
     compiled = simulation.compiled
-    stated, moving = _stated(compiled, simulation.duration), []
-    last = float(stated[-1]) if len(stated) else 0.0
+    stated, moving = stated_instants(compiled, simulation.duration), []
+    last = max((float(times[-1]) for times in stated.values()), default=0.0)
     horizon = 0.5 * (last + Breakpoints(compiled).stated(max(last, 0.999999 * simulation.duration)))
     for p in parameters:
         other = compile_mechanism(p.beside(), compiled.accuracy)
-        moving.append(_moving(p, compiled, stated, horizon, _stated(other, horizon)))
+        moving.append(_moving(p, compiled, stated, horizon, stated_instants(other, horizon)))
     every = [w.a[0, : len(s.independent)] for s in simulation.segments for w in _windows(s)]  # states of effects come after those
     largest = max((float(np.abs(a).max(initial=0.0)) for a in every), default=0.0)
     speeds = simulation(np.linspace(simulation.start, simulation.duration, START_SAMPLES))[1][:, : len(free_of(compiled))]
     largest = max(largest, EVEN * float(np.abs(speeds).max(initial=0.0)) / simulation.duration)
-    jumps = Jumps(simulation, parameters, (stated, np.array(moving).reshape(len(parameters), len(stated)).T), largest)
+    instants = {source: (times, np.array([own[source] for own in moving]).T) for source, times in stated.items()}
+    jumps = Jumps(simulation, parameters, instants, largest)
     phases = [p for s in simulation.segments for p in _phases(s, simulation, tuple(parameters), jumps)]
     places = np.searchsorted(np.array([p.end for p in phases[:-1]]), times, side="left")
     parts: list[tuple[Index, Derivatives]] = []
@@ -118,40 +120,41 @@ def _phases(segment: MotionSegment, simulation: Simulation, parameters: tuple[Pa
     windows, free = _windows(segment), len(segment.independent)
     for before, after in pairwise(windows):
         last, first = before.a.sum(axis=0), (after.a * (-1.0) ** np.arange(len(after.a))[:, None]).sum(axis=0)
-        shift = jumps.stated_shift(after.start)
-        stays = shift is not None and not shift.any()
-        jumps_there = (shift is not None and not stays) or jumps.jumps(last[:free], first[:free])
+        shifts = jumps.stated_shifts(after.start)
+        moves = any(shift.any() for shift in shifts.values())
+        stays = bool(shifts) and not moves
+        jumps_there = moves or jumps.jumps(last[:free], first[:free])
         if after.start < segment.end and jumps_there and not stays:
             cuts.append(int(np.argmin(np.abs(edges - after.start))))
     own = parameters_in_chart(segment.compiled, simulation.compiled, parameters)
     return [SmoothPhase(segment, edges[a : b + 1], own) for a, b in pairwise([*dict.fromkeys(cuts), len(edges) - 1]) if b > a]
 
 
-def _stated(compiled: Compiled, until: float) -> Real:
-    """Instants [s] at which laws say that they change their form."""
-    breaks, times = Breakpoints(compiled), [0.0]
-    while (t := breaks.stated(times[-1])) < until:
-        times.append(np.nextafter(t, np.inf) + 4.0 * float(np.spacing(t)))
-    return np.array(times[1:])
-
-
-def _moving(parameter: Parameter, compiled: Compiled, stated: Real, until: float, beside: Real) -> Real:
+def _moving(
+    parameter: Parameter, compiled: Compiled, stated: dict[Source, Real], until: float, beside: dict[Source, Real]
+) -> dict[Source, Real]:
     """Derivatives (n,) by a parameter of the instants (n,) that laws state; ``beside``: those beside the parameter's value."""
-    if len(beside) == len(stated) and np.allclose(beside, stated, rtol=1e-12, atol=0.0):
-        return np.zeros(len(stated))
+
+    def same(known: dict[Source, Real]) -> bool:
+        return {k: len(x) for k, x in known.items()} == {k: len(x) for k, x in stated.items()}
+
+    still = {source: np.zeros(len(times)) for source, times in stated.items()}
+    if same(beside) and all(np.allclose(beside[k], times, rtol=1e-12, atol=0.0) for k, times in stated.items()):
+        return still
 
     reason = refusal(f"forces change at other instants beside the stated value of {parameter.name}.", SWEEP_INSTEAD)
 
-    def at(x: float) -> dict[tuple[object, ...], Any]:
-        found = _stated(compile_mechanism(parameter.mechanism(x), compiled.accuracy), until)
-        if len(found) != len(stated):
+    def at(x: float) -> ModelNumbers:
+        found = stated_instants(compile_mechanism(parameter.mechanism(x), compiled.accuracy), until)
+        if not same(found):
             raise reason
-        return {(): found}
+        return dict(found)
 
     try:
-        return np.asarray(slopes(at, {(): stated}, parameter).get((), np.zeros(len(stated))))
+        known: dict[Source, Real] = slopes(at, dict(stated), parameter)
     except MechanismError:
         raise reason from None
+    return still | known
 
 
 def start_derivatives(compiled: Compiled, parameters: Sequence[Parameter]) -> Real:

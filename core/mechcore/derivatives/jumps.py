@@ -17,6 +17,7 @@ from numpy.polynomial import chebyshev
 
 from mechcore.arrays import Real
 from mechcore.derivatives.impacts import SAME_SPEED, Conditions, ImpactCrossing, Instant, side_of
+from mechcore.derivatives.instants import Source, with_changes
 from mechcore.derivatives.model_numbers import Parameter, refusal
 from mechcore.derivatives.phases import SWEEP_INSTEAD, PhaseDerivatives, SmoothPhase
 from mechcore.dynamics.contact.dry_friction import DrySystem
@@ -31,9 +32,11 @@ END_NODES = 16  # by which a number is differentiated along the end of a phase
 
 class Jumps(Conditions):
     """Jumps of the changes of a motion at the instants between its phases. ``stated``: instants (n,) at which laws say that they
-    change their form, and the derivatives (n, P) of these; ``largest``: the size of its accelerations."""
+    change their form, and the derivatives (n, P) of these, of each source; ``largest``: the size of its accelerations."""
 
-    def __init__(self, simulation: Simulation, parameters: Sequence[Parameter], stated: tuple[Real, Real], largest: float):
+    def __init__(
+        self, simulation: Simulation, parameters: Sequence[Parameter], stated: dict[Source, tuple[Real, Real]], largest: float
+    ):
         super().__init__(simulation, parameters)
         self._stated, self._largest = stated, largest
 
@@ -55,15 +58,11 @@ class Jumps(Conditions):
         start_rates = np.array(at.along(asked, states, np.zeros(2 * len(q)), (0,)))[:, : len(self.parameters)]
         return np.concatenate([start_rates[0::2], start_rates[1::2]])
 
-    def stated_shift(self, t: float) -> Real | None:
-        """How an instant moves (P,) at which a law says by itself that it changes its form; None where none does."""
-        times, slopes = self._stated
-        near = np.flatnonzero(np.abs(times - t) <= 1e-9 * self.simulation.duration)
-        if not len(near):
-            return None
-        if not np.allclose(slopes[near], slopes[near[0]], rtol=1e-9):
-            raise refusal(f"instants at t = {t:.6g} s at which forces change move apart.", SWEEP_INSTEAD)
-        return np.asarray(slopes[near[0]])
+    def stated_shifts(self, t: float) -> dict[Source, Real]:
+        """How an instant moves (P,) at which laws say by themselves that they change their form, of each that does."""
+        near = 1e-9 * self.simulation.duration
+        places = {source: int(np.argmin(np.abs(times - t))) for source, (times, _) in self._stated.items()}
+        return {source: self._stated[source][1][k] for source, k in places.items() if abs(self._stated[source][0][k] - t) <= near}
 
     def jumps(self, before: Real, after: Real) -> bool:
         return float(np.abs(after - before).max(initial=0.0)) > LEAST_JUMP * self._largest
@@ -75,6 +74,9 @@ class _Crossing(ImpactCrossing):
     def result(self) -> tuple[Real, Real]:
         if self.struck:
             return super().result()
+        shifts = list((changing := self.jumps.stated_shifts(self.t)).values())
+        if any(not np.allclose(shift, shifts[0], rtol=1e-9, atol=0.0) for shift in shifts):
+            return self._apart(changing)
         v, a = self._mapped()
         largest = max(float(np.abs(self.v).max(initial=0.0)), float(np.abs(self.new[1]).max(initial=0.0)))
         if (
@@ -102,13 +104,29 @@ class _Crossing(ImpactCrossing):
         scale = max(float(np.abs(w.v[: len(self.v)]).max(initial=0.0)) for w in windows)
         return float(np.abs(v - self.new[1]).max()) <= SAME_SPEED * scale
 
+    def _apart(self, shifts: dict[Source, Real]) -> tuple[Real, Real]:
+        """The result where the instants at which laws change their form move apart: what each change makes of the accelerations
+        adds up, whatever comes first."""
+        one, other = (p.segment for p in (self.before, self.after))
+        rubs = isinstance(one.system, DrySystem) or isinstance(other.system, DrySystem)
+        if rubs or one.resting or other.resting or one.independent != other.independent:
+            why = f"at t = {self.t:.6g} s forces change that a parameter takes apart, where friction or stops decide what follows."
+            raise refusal(why, SWEEP_INSTEAD)
+        those = with_changes(self.before.compiled, self.t, *self.sides[0][1:3])
+        a, power = those(shifts)
+        states, lost = self.after_instant(np.zeros(self.count), None, np.zeros((self.count, 2)))
+        for source, shift in shifts.items():
+            changed, supplied = those([x for x in shifts if x != source])
+            states[len(states) // 2 :] -= np.multiply.outer(changed - a, shift)
+            lost -= np.multiply.outer(shift, (supplied - power)[1:] * [1.0, -1.0])
+        return states, lost
+
     # -- when -----------------------------------------------------------------------------------------------------------
     def _moved(self, a: Real) -> Real:
         """How the instant moves (P,), zero where nothing jumps there."""
         still = np.zeros(self.count)
-        stated = self.jumps.stated_shift(self.t)
-        if stated is not None:
-            return stated
+        for stated in self.jumps.stated_shifts(self.t).values():
+            return stated  # the same of all
         if not self.jumps.jumps(a, self.new[2]):
             return still
         shift = self._turned()

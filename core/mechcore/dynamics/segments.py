@@ -144,7 +144,7 @@ class Breakpoints(Programmed):
     def stated(self, after: float) -> float:
         """The first time [s] later than another one at which a law says that it changes its form; infinite where none does."""
         k = int(np.searchsorted(self.breaks, after, side="right"))
-        first = float(min([*self.breaks[k : k + 1], *(_next_break(law, after) for law in self.laws)], default=np.inf))
+        first = float(min([*self.breaks[k : k + 1], *(next_break(law, after) for law in self.laws)], default=np.inf))
         if not np.isfinite(first):
             return first
         return first - 2.0 * float(np.spacing(first))  # the last node of a window that ends there is before it, however rounded
@@ -186,7 +186,7 @@ def breakpoint_finder(compiled: Compiled) -> Breakpoints | None:
     return finder if finder.searched or len(finder.breaks) or finder.laws else None
 
 
-def _next_break(law: Law, after: float) -> float:
+def next_break(law: Law, after: float) -> float:
     """The first time [s] later than ``after`` at which a prescribed drive's acceleration may jump, within cycles or between."""
     begun = np.floor(after / law.duration) * law.duration if np.isfinite(law.duration) else 0.0
     times = begun + np.array([0.0, law.duration])[:, None] + np.array([0.0, *law.breaks])

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 from test_driven_cams import CAM, DRAG_LINK, FRAMES, RISING, agree
 
+from mechviz.runs import run_scene
 from mechviz.scene.scene import load, loads
+from mechviz.studies.designs.sensitivity import sensitivity
+from mechviz.studies.designs.variables import variables_of
 
 BARREL = ["drive.O.torque", "joint.K.reaction", "joint.O.reaction", "joint.S.reaction"]
 
@@ -32,3 +36,14 @@ def test_a_barrel_cam(number, effects):
     """Its shaft lies in the plane, so that its bearings carry a couple."""
     scene = load("cam-barrel").changed({("effects",): effects, ("run", "frames"): FRAMES})
     agree(scene, number, 1e-3 if "mass" in number else 1e-2, BARREL)
+
+
+def test_a_screw_whose_thread_rubs():
+    """Its shaft lies in the plane, too, and it is no cam. All goes straight with the mass that it lifts."""
+    scene = load("screw-jack").changed({("run", "frames"): 8})
+    (mass,) = variables_of(scene, ["links.table.mass"])
+    run, heavier = run_scene(scene), run_scene(mass.changed(scene, mass.value + 1.0))
+    for key in ("drive.S.torque", "joint.S.reaction[Fy]"):
+        one = sensitivity(run, key, [mass.name])
+        beside = heavier.catalogue[one.quantity.key].values()[:, one.measure.column(one.quantity)]
+        np.testing.assert_allclose(one.slopes[0], beside - one.curve, atol=1e-11 * np.abs(one.curve).max())
