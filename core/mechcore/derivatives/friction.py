@@ -81,6 +81,11 @@ class TracedFriction(FrictionResult):
     def value(self, i: int) -> Any:
         return self._values[i]
 
+    def wrench(self, joint: str) -> Any:
+        if any(e.joint == joint and e.kind == "guide" and e.friction.height for e in self.elements):
+            raise Untraced(f"friction acts on the two faces of the guide {joint}")
+        return self.applied(joint)
+
 
 def _flanks(nominal: Motion, known: FrictionResult) -> dict[int, Real]:
     """On which side each relation carries (F,), +1 or -1, with the friction that is known: raised from none to its full size, it

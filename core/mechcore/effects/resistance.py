@@ -15,6 +15,7 @@ import numpy as np
 
 from mechcore.arrays import Complex, Index, Plane, Real, unit_vectors
 from mechcore.effects.base import Configuration, Effect, LoadEffect, Wrench, joint_wrench, rate, relative_speed
+from mechcore.numerics.tape import value_of
 from mechcore.spec.loads import BeltTension, Drag, JournalContact, JournalLoss, Viscous
 
 if TYPE_CHECKING:
@@ -119,7 +120,7 @@ def spans(at: Configuration, relation: Relation) -> tuple[Plane, Plane, float]:
     (one, up), (other, down) = (relation.contact(at, side) for side in (1.0, -1.0))  # type: ignore[arg-type]  # a configuration is all that it looks at
     pull = up - down
     lean = np.imag(np.conj(up) * pull) / np.abs(pull)
-    return 0.5 * (one + other), pull, float(np.mean(lean))
+    return 0.5 * (one + other), pull, float(np.mean(value_of(lean)))
 
 
 class BeltPull(LoadEffect[BeltTension]):

@@ -97,16 +97,8 @@ def power_labels(forces: Forces) -> tuple[str, ...]:
 
 def power_table(forces: Forces) -> PowerTable:
     """Every force of a run with its classes, its mean and peak power, and the work that it supplies and absorbs."""
-    motion = forces.motion
+    motion, rows = forces.motion, _power_rows(forces)
     uses = {load.name: load.use for load in motion.mechanism.loads}
-    rows: list[tuple[str, str, str, Literal["external", "internal"], Real]] = [
-        (d.joint, "drive", "drive", "external", forces.power(d.joint)) for d in motion.mechanism.drives
-    ]
-    rows += [(w.name, w.kind, w.cause, _place(w), power) for w, power in forces.powers()]
-    if forces.friction is not None:
-        rows += [
-            (joint, "friction", "dry friction", "internal", -forces.friction.losses(joint)) for joint in forces.friction.joints
-        ]
     largest = max((float(np.nanmax(np.abs(row[-1]), initial=0.0)) for row in rows), default=0.0)
     return PowerTable(
         items=tuple(
@@ -115,6 +107,25 @@ def power_table(forces: Forces) -> PowerTable:
         ),
         time=motion.time,
     )
+
+
+PowerRow = tuple[str, str, str, Literal["external", "internal"], Real]  # name, kind, cause, place, power (F,) [W]
+
+
+def _power_rows(forces: Forces) -> list[PowerRow]:
+    drives = forces.motion.mechanism.drives
+    rows: list[PowerRow] = [(d.joint, "drive", "drive", "external", forces.power(d.joint)) for d in drives]
+    rows += [(w.name, w.kind, w.cause, _place(w), power) for w, power in forces.powers()]
+    if forces.friction is not None:
+        rows += [
+            (joint, "friction", "dry friction", "internal", -forces.friction.losses(joint)) for joint in forces.friction.joints
+        ]
+    return rows
+
+
+def powers_by_label(forces: Forces) -> dict[str, Real]:
+    """Power (F,) [W] of every force by its label, see `power_labels`."""
+    return {force_label(kind, name): power for name, kind, _, _, power in _power_rows(forces)}
 
 
 def _place(w: Wrench) -> Literal["external", "internal"]:

@@ -224,7 +224,7 @@ class Traced(NDArrayOperatorsMixin):
         return len(self.value)
 
     def __array__(self, *_: Any, **__: Any) -> Any:
-        raise Untraced("a part of this mechanism, such as a cam in space, is computed in a way whose derivatives are not known")
+        raise Untraced("a part of this mechanism is computed in a way whose derivatives are not known")
 
     __float__ = __complex__ = __int__ = __array__
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,6 +19,7 @@ from mechcore.arrays import Plane, Real, Values
 from mechcore.errors import Fault, MechanismError
 from mechcore.kinematics.dyads import cross
 from mechcore.motion.motion import Motion
+from mechcore.numerics.tape import value_of
 from mechcore.records import dataclass
 from mechcore.reduction.bodies import RigidBody, combine
 from mechcore.spec.mechanism import Link, Mechanism, Prismatic, Revolute
@@ -80,11 +82,11 @@ def shaking(motion: Motion, about: ArrayLike = (0.0, 0.0), masses: Sequence[tupl
         if k and (mass or inertia):
             single = -mass * motion.of_point(k, centre, 2)
             force = force + single
-            most = max(most, float(np.nanmax(np.abs(single), initial=0.0)))
+            most = max(most, float(np.nanmax(np.abs(value_of(single)), initial=0.0)))
             moment = moment + cross(motion.of_point(k, centre) - o, single)
             moment = moment - inertia * motion.accelerations.angular[model.angles.rotation_class[k]]
-    rows = np.column_stack([force.real, force.imag])
-    return Shaking(force=rows, moment=np.asarray(moment, float), about=(o.real, o.imag), single=most)
+    rows = np.stack([force.real, force.imag], axis=-1)
+    return Shaking(force=rows, moment=cast(Real, moment), about=(o.real, o.imag), single=most)
 
 
 @dataclass(frozen=True)

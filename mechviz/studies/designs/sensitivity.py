@@ -17,11 +17,14 @@ from mechcore.derivatives.exact import Derivatives
 from mechcore.derivatives.forced import derivatives_under_forces
 from mechcore.derivatives.steady import derivatives_from_steady_run
 from mechcore.errors import Fault, MechanismError
+from mechcore.forces.powers import powers_by_label
 from mechcore.motion.at_once import indeterminate
 from mechcore.motion.motion import Motion
 from mechcore.motion.solve import default_times
 from mechcore.numerics.tape import value_of
 from mechcore.records import dataclass
+from mechcore.reduction.balancing import shaking
+from mechcore.spec.loads import Servo
 from mechviz.figures import chart
 from mechviz.quantities.catalogue import Quantity
 from mechviz.runs import Run
@@ -190,16 +193,36 @@ def traced(exact: Derivatives, quantity: Quantity) -> Any:
     _check_determined(exact, quantity.path)
     try:
         with np.errstate(all="ignore"):
-            match quantity.path[1:]:
-                case ("energy",):
-                    rows = exact.energy
-                case ("cams", joint, "contact" | "lift" as what):
-                    rows = _of_cam(exact, joint, what)
-                case _:
-                    rows = table_values(quantity.path, exact.motion, forces)
-            return quantity.entry.read(rows)
+            rows = _rows(exact, quantity)
+            return quantity.entry.read(table_values(quantity.path, exact.motion, forces) if rows is None else rows)
     except TypeError:
         raise LookupError(quantity.key) from None
+
+
+def _rows(exact: Derivatives, quantity: Quantity) -> Any:
+    """The table of a quantity on the tape, where it is none of those that designs side by side have, too. Raises `LookupError`."""
+    match quantity.path[1:]:
+        case ("energy",):
+            return exact.energy
+        case ("power",):
+            powers = powers_by_label(exact.forces)
+            return np.stack([powers[label] for label in quantity.curves], axis=-1)
+        case ("shaking",) if (study := exact.nominal.mechanism.studies.shaking) is not None:
+            shaken = shaking(exact.motion, study.about)
+            return np.column_stack([shaken.force, shaken.moment])
+        case ("cams", joint, "contact" | "lift" as what):
+            return _of_cam(exact, joint, what)
+        case ("loads", *names):
+            if quantity.key.endswith("point_of_action"):  # which may be drawn elsewhere
+                raise LookupError(quantity.key)
+            return exact.forces.loads["/".join(names)].values
+        case ("joints", joint, "friction" | "friction_loss" as what) if (friction := exact.forces.friction) is not None:
+            return friction.wrench(joint) if what == "friction" else np.stack([friction.losses(joint)], axis=-1)
+        case ("servos", name, "position" | "error" as what):
+            servo = next(x for x in exact.motion.mechanism.loads if isinstance(x, Servo) and x.name == name)
+            target, reached = servo.target(exact.motion.time)[0], exact.motion.coordinate(servo.joint)[:, 0]
+            return np.stack([target, reached] if what == "position" else [target - reached], axis=-1)
+    return None
 
 
 def _check_determined(exact: Derivatives, path: tuple[str, ...]) -> None:

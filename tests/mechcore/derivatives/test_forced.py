@@ -49,6 +49,17 @@ def test_a_damped_oscillator_moves_as_its_closed_form_says():
         np.testing.assert_allclose(slopes, x(*turned).imag / 1e-30, atol=1e-10)
 
 
+def test_loads_and_their_powers_move_with_the_motion():
+    run = run_scene(loads(OSCILLATOR, "oscillator"))
+    x, v = run.motion.coordinate("O")[:, :2].T
+    keys = ("joint.O.displacement", "joint.O.velocity", "load.spring.force[Fx]", "power[spring]", "power[oil]")
+    found = sensitivities(run, [parse_measure(run.scene, key) for key in keys], variables_of(run.scene, ["loads.spring.stiffness"]))
+    by_x, by_v, *others = (one.slopes[0] for one in found)
+    pull = -x - 50.0 * by_x  # -k x, and k itself
+    for slopes, wanted in zip(others, (pull, pull * v - 50.0 * x * by_v, -8.0 * v * by_v), strict=True):
+        np.testing.assert_allclose(slopes * np.sign(slopes @ wanted), wanted, atol=1e-12 * np.abs(wanted).max())
+
+
 def differences(scene, name, of, step, weights, frames=None):
     """Slopes of curves by a number of a scene, from runs beside it."""
     (variable,) = variables_of(scene, [name])

@@ -64,6 +64,9 @@ def test_a_cart_on_its_way_to_a_target_follows_the_exponential_of_its_equations(
     places = ["links.cart.mass", *loaded, "loads.oil.linear", "joints.O.free.position", "joints.O.free.speed"]
     computed = sensitivity(run, "joint.O.displacement", places)
 
+    behind = sensitivity(run, "servo.pid.error", places).slopes
+    np.testing.assert_allclose(behind, np.eye(8)[4][:, None] - computed.slopes, atol=1e-15)  # target less place
+
     def x(m, kp, kd, ki, target, oil, x0, v0):
         rows = [[0, 1, 0, 0], [-kp / m, -(kd + oil) / m, ki / m, kp * target / m], [-1, 0, 0, target], [0, 0, 0, 0]]
         start = np.array([x0, v0, 0.0, 1.0])  # position, speed, integral of the error, one

@@ -126,6 +126,24 @@ def test_friction_that_is_zero_takes_the_power_of_what_presses_without_it():
     np.testing.assert_allclose(found.slopes[0], wanted, atol=1e-12 * wanted.max())
 
 
+def test_friction_and_its_losses_are_in_proportion_to_the_only_load():
+    text = PUSHED.replace(" FACTOR", "").replace("run =", 'effects = ["friction"]\nrun =')
+    run = run_scene(loads(text.replace('"rod"] }', '"rod"], friction = { coefficient = 0.2, radius = 0.02 } }', 1)))
+    keys = ("joint.B.friction_moment", "joint.B.friction_loss", "power[friction B]", "load.push.force[Fx]")
+    for key in keys:
+        found = sensitivity(run, key, ["loads.push.force[0]"])
+        assert np.abs(found.curve).max() > 0.1
+        np.testing.assert_allclose(found.slopes[0], found.curve / -100.0, atol=1e-12 * np.abs(found.curve).max())
+
+
+def test_shaking_forces_are_in_proportion_to_a_mass():
+    scene, key = load("counterweighted-four-bar"), "shaking.force[Fx]"
+    run, heavier = (run_scene(x, frames=12) for x in (scene, scene.changed({("links", "crank", "mass"): 1.8})))
+    found = sensitivity(run, key, ["links.crank.mass"])
+    wanted = heavier.catalogue["shaking.force"].values()[:, 0] - found.curve
+    np.testing.assert_allclose(found.slopes[0], wanted, atol=1e-12 * np.abs(wanted).max())
+
+
 CARD = 'displacement = [0, 0.06, 0.2], outward = ["9 bar", "3 bar", "1 bar"], inward = ["9 bar", "2 bar", "1 bar"]'
 
 
@@ -163,8 +181,8 @@ def test_what_follows_from_others_and_what_is_not_there_is_refused(press):
         sensitivity(press, "drive.A.torque:max", ["throw"])
     with pytest.raises(MechanismError, match=r"neither a parameter nor a number.*stroke"):
         sensitivity(press, "drive.A.torque:max", ["stoke"])
-    with pytest.raises(MechanismError, match="derivatives of power"):
-        sensitivity(press, "power[drive A]:max", ["stroke"])
+    with pytest.raises(MechanismError, match="derivatives of health"):
+        sensitivity(press, "health.condition:max", ["stroke"])
 
 
 def test_the_command_ranks_and_writes_what_it_found(tmp_path, capsys, monkeypatch):

@@ -126,10 +126,11 @@ def test_uniform_parts_fill_their_tolerance():
 def test_what_has_no_derivatives_is_fitted_to_samples():
     scene = load("parametric-press")
     run = run_scene(scene, frames=4)
-    key = next(f"{key}[{q.curves[0]}]:max" for key, q in run.catalogue.by_key.items() if key.startswith("power"))
-    computed = tolerances(run, [parse_measure(scene, key)], toleranced(scene, ["ratio=0.01"]), samples=16)[0]
-    assert not computed.exact and computed.shares().sum() == pytest.approx(1.0)
-    assert computed.shares()[0] > 0.5  # the stroke decides how fast the masses go
+    measure = parse_measure(scene, "load.work.point_of_action[x]:max")  # throw + rod
+    computed = tolerances(run, [measure], toleranced(scene, ["ratio=0.01"]), samples=16)[0]
+    assert not computed.exact
+    off = np.array([0.5 * 0.1 * 5.0, 40.0 * 0.01])
+    np.testing.assert_allclose(computed.shares(), off**2 / (off @ off), rtol=1e-3)
 
 
 def test_nonsense_is_refused():
