@@ -253,9 +253,13 @@ class EventIntegrator:
             return None
         made: list[MotionSegment] = []
         limited = [e for e in self.compiled.model.once(applied_effects) if e.limited]
+        systems: dict[bytes, System] = {}
         for phase in run.phases:
             self.friction.go_on(phase.start, phase.signs)
-            segment = MotionSegment(phase.start, phase.end, self.compiled, Solution(phase.windows), self._system())
+            key = phase.signs.tobytes()
+            if key not in systems:
+                systems[key] = self._system()
+            segment = MotionSegment(phase.start, phase.end, self.compiled, Solution(phase.windows), systems[key])
             made.append(segment)
             if limited or self.progress is not None or self.observe is not None:
                 self._tell(segment, limited)

@@ -6,7 +6,7 @@ A phase is one choice of which joints slide which way and which stick: what ends
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from functools import partial
+from functools import lru_cache, partial
 
 import numpy as np
 
@@ -33,6 +33,7 @@ from mechcore.kinematics.model import Model
 from mechcore.motion.compiled import Compiled
 from mechcore.motion.motion import Motion
 from mechcore.spec.mechanism import braked
+from mechcore.texts import Text
 
 TURN_BACK_WINDOWS = 10.0  # windows shorter than so many times `soon` are those of prescribed drives that turn back
 
@@ -123,11 +124,16 @@ class FrictionState:
 
     def _log_event(self, t: float, joint: str, sign: int) -> None:
         """A joint begins to stick (sign 0) or to slide."""
-        kind = EventKind.SLIP if sign else EventKind.STICK
-        text = f"{joint} slides in the {'+' if sign > 0 else '-'} direction" if sign else f"{joint} sticks"
-        event = SimulationEvent(t, kind, joint, text, sign)
-        if not any(e.time == t and e == event for e in self._log.events[-4:]):  # a joint may have friction of several kinds
+        event, known = SimulationEvent(t, *_slip_or_stick(joint, sign), sign), self._log.events
+        if not (known and known[-1].time == t and event in known[-4:]):  # a joint may have friction of several kinds
             self._log.add(event)
+
+
+@lru_cache(256)
+def _slip_or_stick(joint: str, sign: int) -> tuple[EventKind, str, Text]:
+    if not sign:
+        return EventKind.STICK, joint, Text(f"{joint} sticks")
+    return EventKind.SLIP, joint, Text(f"{joint} slides in the {'+' if sign > 0 else '-'} direction")
 
 
 ElementKey = tuple[str, str, str]
