@@ -9,9 +9,10 @@ Where the triangle would be more than flat the group cannot be assembled: such a
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cache, cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -92,34 +93,58 @@ class SingularPoints:
         return [g for g in moved if g.end > start and g.start < end]
 
     @cached_property
-    def _flips(self) -> dict[int, Real]:
+    def _flips(self) -> dict[int, _Flips]:
         """When the modes of each block are exchanged."""
         times: dict[int, list[float]] = {}
         for c in self.points:
             if c.flips:
                 times.setdefault(c.block, []).append(c.time)
-        return {block: np.sort(t) for block, t in times.items()}
+        return {block: _flips_of(t, self.period) for block, t in times.items()}
 
     def signs(self, block: int, time: Real) -> Real | float:
         """+1 or -1 by how often the block's modes have met between the start and ``time`` (...)."""
-        times = self._flips.get(block)
-        return 1.0 if times is None else _signs(times, self.period, *_cycles(time, self.period))
+        flips = self._flips.get(block)
+        return 1.0 if flips is None else flips.signs(*_cycles(time, self.period))
+
+    def all_signs(self, time: Real) -> Iterator[tuple[int, Real]]:
+        """Blocks whose modes meet, each with its `signs` (...)."""
+        cycles = _cycles(time, self.period) if self._flips else None
+        return ((block, flips.signs(*cycles)) for block, flips in self._flips.items() if cycles is not None)
+
+    def near(self, time: Real, steps: float) -> bool:
+        """Whether one of the times (n,) is nearer to a singular point than so many of its steps."""
+        times, widths = self._places
+        far = (time - times) / self.period
+        return bool((np.abs(far - np.round(far)) < steps / self.period * widths).any())
+
+    @cached_property
+    def _places(self) -> tuple[Real, Real]:
+        """Times and steps (p, 1) of the points."""
+        return np.array([[c.time] for c in self.points]), np.array([[c.step] for c in self.points])
+
+
+class _Flips(NamedTuple):
+    """How many exchanges of modes a period has, and when they are, but for one at its start: that has been passed already."""
+
+    number: int
+    times: Real
+
+    def signs(self, parity: Index, local: Real) -> Real:
+        """+1 or -1 by how often modes have met before `_cycles` (...)."""
+        count = parity * self.number + self.times.searchsorted(local, side="left")
+        return np.asarray(1.0 - 2.0 * (count & 1))
+
+
+def _flips_of(times: Sequence[float], period: float) -> _Flips:
+    tiny = 1e-9 * period
+    within = sorted(t - period if t > period - tiny else t for t in times)  # one at the very end is one at the start
+    return _Flips(len(within), np.array([t for t in within if t > tiny]))
 
 
 def _cycles(time: Real, period: float) -> tuple[Index, Real]:
     """The parity of the periods that times (...) are in, and how far within them these are [s]."""
     cycle = np.floor((time + 1e-12 * period) / period)
     return (cycle % 2.0).astype(int), time - cycle * period
-
-
-def _signs(flips: Real, period: float, parity: Index, local: Real) -> Real:
-    """+1 or -1 by how often modes, which are exchanged at some times of every period, have met before `_cycles` (...)."""
-    tiny = 1e-9 * period
-    times = np.where(flips > period - tiny, flips - period, flips)  # a change at the very end is one at the start
-    times.sort()
-    after_start = times[times > tiny]  # one at the start itself has been passed already
-    count = parity * len(times) + np.searchsorted(after_start, local, side="left")
-    return np.asarray(1.0 - 2.0 * (count & 1))
 
 
 def find_singular_points(
@@ -228,7 +253,7 @@ def _sampled(
                 own = [(t, flips) for t, flips in instants if -1e-9 * period <= t < period * (1.0 - 1e-9)]
                 exchanged = [t for t, flips in own if flips]
                 if exchanged:
-                    sign = _signs(np.array(exchanged), period, *sampled_cycles)
+                    sign = _flips_of(exchanged, period).signs(*sampled_cycles)
             place_block(model, block, state, mode * sign)
             for t, flips in own:  # what hangs on this block must not see its ill-conditioned positions
                 resolving, fine = _smoothed(model, block, state, time, t, period, step, finer, blurred)
@@ -249,8 +274,10 @@ def _smoothed(
     there, and whether it does."""
     best = np.inf
     width = finer
+    first, last = float(time[0]), float(time[-1])
+    instants = [at for at in (instant - period, instant, instant + period) if first < at < last]
     while width >= 1:
-        smoothed = [smooth(model, block, state, time, instant + turn, step * width) for turn in (-period, 0.0, period)]
+        smoothed = [smooth(model, block, state, time, at, step * width) for at in instants]
         tail = max(t for t, _ in smoothed)
         if tail < 0.5 * best:
             best, interpolants, resolving = tail, [p for _, p in smoothed if p is not None], step * width
@@ -329,12 +356,12 @@ def dead_point_instants(
     for height in dead_point_margin(model, block, state):
         h = np.broadcast_to(height, time.shape)
         unreachable += _ranges_below_zero(time, h, max(INTERPOLATED_DEAD_POINT, rounding))
-        inner = h[1:-1]
-        low = (inner <= h[:-2]) & (inner < h[2:]) & (inner < 1e-2) & (inner > -max(INTERPOLATED_DEAD_POINT, rounding))
-        for k in (np.flatnonzero(low) + 1).tolist():
+        inside = np.flatnonzero((h[1:-1] < 1e-2) & (h[1:-1] > -max(INTERPOLATED_DEAD_POINT, rounding))) + 1
+        low = (h[inside] <= h[inside - 1]) & (h[inside] < h[inside + 1])
+        for k in inside[low].tolist():
             a, b = max(k - WINDOW_SAMPLES, 0), min(k + WINDOW_SAMPLES + 1, len(time))
             y = h[a:b]
-            if not np.isfinite(y).all() or y.max() - y.min() < ROUNDING:
+            if not ROUNDING <= np.maximum.reduce(y) - np.minimum.reduce(y) < np.inf:  # or not all are known
                 continue
             fit = _LocalPolynomial(y, k - a, b - 1 - k)
             at, curvature = 0.0, 0.0
@@ -384,9 +411,9 @@ def _inverse(before: int, after: int) -> Real:
 
 def _ranges_below_zero(time: Real, h: Real, rounding: float) -> list[tuple[float, float]]:
     """Ranges of samples below zero, their ends between samples by straight lines."""
-    below = h < -rounding
-    if not below.any():
+    if not np.fmin.reduce(h) < -rounding:
         return []
+    below = h < -rounding
     edges = np.flatnonzero(np.diff(np.concatenate([[0], below.astype(int), [0]])))
     out = []
     for a, b in zip(edges[::2], edges[1::2], strict=True):

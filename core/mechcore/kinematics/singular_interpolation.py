@@ -45,14 +45,11 @@ FIT_TAIL = 1e-12  # last terms of that polynomial: below, what it leaves out is 
 
 def unknowns_of(model: Model, block: Block, state: State, at: Index) -> Real:
     """A block's positions (n, unknowns) at the places ``at``: angles without jumps [rad], then slides [m]."""
-    rows = [_unwrapped(np.asarray(wrapped_angle(model, state, g, at))) for g in block.angles]
-    return np.array([*rows, *(np.asarray(state.slide[j])[at] for j in block.slides)]).T
-
-
-def _unwrapped(angle: Real) -> Real:
-    """As `np.unwrap`, which takes four times as long for few angles."""
-    turns = np.rint((angle[1:] - angle[:-1]) / TURN)
-    return angle - TURN * np.append(0.0, np.cumsum(turns)) if turns.any() else angle
+    angles = np.array([wrapped_angle(model, state, g, at) for g in block.angles])
+    turns = np.rint((angles[..., 1:] - angles[..., :-1]) * (1.0 / TURN))
+    if turns.any():  # as `np.unwrap`, which takes four times as long for few angles
+        angles[:, 1:] -= TURN * np.cumsum(turns, axis=1)
+    return np.array([*angles, *(np.asarray(state.slide[j])[at] for j in block.slides)]).T if block.slides else angles.T
 
 
 def smooth(model: Model, block: Block, state: State, time: Real, instant: float, step: float) -> tuple[float, Interpolant | None]:
@@ -67,13 +64,12 @@ def smooth(model: Model, block: Block, state: State, time: Real, instant: float,
     fit, near, terms, inverse = _samples(round((place - before) * FRACTIONS), round(step / apart))
     if before + fit[0] < 0 or before + fit[-1] >= len(time):
         return 0.0, None
-    values = unknowns_of(model, block, state, before + fit)
-    scale = np.where(np.arange(values.shape[1]) < len(block.angles), 1.0, model.length_scale)
-    with np.errstate(**QUIET):
-        coefficients = inverse @ values
-        tail = float(np.max(np.abs(coefficients[-2:]) / scale))
-        at_samples = np.asarray(terms @ coefficients, float)
-    return tail, Interpolant(before + near, at_samples, at_samples, at_samples)
+    coefficients = inverse @ unknowns_of(model, block, state, before + fit)
+    last = np.abs(coefficients[-2:])
+    if block.slides:
+        last[:, len(block.angles) :] /= model.length_scale
+    at_samples = terms @ coefficients
+    return float(np.maximum.reduce(last, axis=None)), Interpolant(before + near, at_samples, at_samples, at_samples)
 
 
 @lru_cache(64)
