@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import ctypes
 import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from array import array
+from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from functools import cache, reduce
 from itertools import pairwise
@@ -14,6 +15,7 @@ from struct import Struct
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+from numpy import ndarray
 
 from mechcore.arrays import Complex, Real
 from mechcore.compiled.operands import ExpressionNode, Operand, OperandNames
@@ -171,6 +173,11 @@ class Kernel:
         return len(self._reals)
 
     @property
+    def planes(self) -> int:
+        """How many rows of plane vectors it has."""
+        return len(self._planes)
+
+    @property
     def lines(self) -> int:
         """How many numbers it computes."""
         return len(self.code.written(self._outputs, []))
@@ -273,53 +280,63 @@ class Kernel:
         self._function.restype = ctypes.c_int
         self._function.argtypes = [*[ctypes.c_long] * 4, *[ctypes.c_void_p] * 4]
         self._own = np.array(self.parameters or [0.0])
-        self._layout = Struct(f"{len(self.keys)}P"), Struct(f"{len(self.keys)}l")
+        self._at_own = address(self._own)
+        self._layout = Struct(f"{len(self.keys)}P").pack, Struct(f"{len(self.keys)}l").pack
+        self._zeros = bytes(16 * len(self.keys))
 
     def __call__(self, n: int, given: Mapping[str, Any], frames: int = 1) -> tuple[Complex, Real]:
         """Rows of plane vectors (frames, rows, n) and of real numbers at n lanes, for given numbers, (n,) or (frames,) as they were
-        asked for, or one for all.
-
-        Many lanes are shared out to the processor's cores. Raises `MemoryError`.
-        """
-        kept, pointers, steps = [], [], []
-        for key in self.keys:
-            x = given[key]
-            if not (type(x) is np.ndarray and x.ndim == 1 and x.dtype in PLAIN_TYPES):
-                x = np.array(x, ndmin=1)
-                x = x if x.dtype in PLAIN_TYPES else x.astype(float)
-            kept.append(x)
-            pointers.append(_address(x))
-            steps.append(x.strides[0] // 8 if len(x) > 1 else 0)
-        planes, reals = len(self._planes), len(self._reals)
-        out = np.empty((frames, 2 * planes + reals, n))
-        arguments = (
-            n,
-            frames,
-            _address(self._own),
-            self._layout[0].pack(*pointers),
-            self._layout[1].pack(*steps),
-            _address(out),
-        )
-
-        def part(ends: tuple[int, int]) -> bool:
-            return bool(self._function(*ends, *arguments))
-
-        shares = min(cores(), n * frames // LEAST_A_THREAD, n // BLOCK_LANES)
-        bounds = [BLOCK_LANES * (n * k // (shares * BLOCK_LANES)) for k in range(shares)] + [n]
-        if not (all(_threads().map(part, pairwise(bounds))) if shares > 1 else part((0, n))):
-            raise MemoryError
-        step = out.strides[0]
+        asked for, or one for all. Raises `MemoryError`."""
+        out = self.rows_at(n, [given[key] for key in self.keys], frames)
+        planes, reals, step = len(self._planes), len(self._reals), out.strides[0]
         return (
             np.ndarray((frames, planes, n), complex, out, 0, (step, 16 * n, 16)),
             np.ndarray((frames, reals, n), float, out, 16 * planes * n, (step, 8 * n, 8)),
         )
+
+    def rows_at(self, n: int, given: Sequence[Any], frames: int = 1) -> Real:
+        """All rows (frames, rows, n), those of plane vectors first, two numbers each lane; ``given``: in the order of the keys.
+
+        Many lanes are shared out to the processor's cores. Raises `MemoryError`.
+        """
+        kept, pointers, steps = [], [], []
+        plain = array("d", self._zeros)  # numbers for all, two for each key
+        place, _ = plain.buffer_info()
+        for k, x in enumerate(given):
+            if type(x) is ndarray:
+                row = x if x.ndim == 1 and x.dtype in PLAIN_TYPES else _plain_row(x)
+                kept.append(row)
+                pointers.append(address(row))
+                steps.append(row.strides[0] // 8 if len(row) > 1 else 0)
+            else:
+                plain[2 * k], plain[2 * k + 1] = x.real, x.imag
+                pointers.append(place + 16 * k)
+                steps.append(0)
+        out = np.empty((frames, 2 * len(self._planes) + len(self._reals), n))
+        pack_pointers, pack_steps = self._layout
+        arguments = n, frames, self._at_own, pack_pointers(*pointers), pack_steps(*steps), address(out)
+        done: bool
+        if n * frames < 2 * LEAST_A_THREAD or (shares := min(cores(), n * frames // LEAST_A_THREAD, n // BLOCK_LANES)) < 2:
+            done = self._function(0, n, *arguments)
+        else:
+            bounds = [BLOCK_LANES * (n * k // (shares * BLOCK_LANES)) for k in range(shares)] + [n]
+            done = all(_threads().map(lambda ends: self._function(*ends, *arguments), pairwise(bounds)))
+        if not done:
+            raise MemoryError
+        return out
 
 
 PLAIN_TYPES = (np.dtype(float), np.dtype(complex))
 _from_buffer = ctypes.c_char.from_buffer
 
 
-def _address(array: Any) -> int:
+def _plain_row(values: Any) -> Any:
+    """Numbers (n,), real or complex ones, of an array of another shape or type."""
+    row = np.array(values, ndmin=1)
+    return row if row.dtype in PLAIN_TYPES else row.astype(float)
+
+
+def address(array: Any) -> int:
     """Where the numbers of an array are in memory; `numpy` says it for every array, in four times the time."""
     try:
         return ctypes.addressof(_from_buffer(array))
@@ -350,8 +367,8 @@ class Results:
     def __init__(self, kernel: Kernel):
         self._kernel = kernel
         self._plain: list[Any] = []
-        self._sources: dict[tuple[bool, Operand, Operand], tuple[int, Any]] = {}
-        self._values: list[tuple[int, Any]] = []  # of each: whether plain, given, a plane vector or real; its key or number there
+        self._sources: dict[tuple[bool, Operand, Operand], tuple[int, int]] = {}
+        self._values: list[tuple[int, int]] = []  # of each: whether plain, given, a plane vector or real; its number there
 
     def put(self, value: Any, plane: bool = False) -> None:
         """A real number, or a plane vector."""
@@ -361,18 +378,22 @@ class Results:
             self._sources[place] = self._source(value, plane, re, im)
         self._values.append(self._sources[place])
 
-    def _source(self, value: Any, plane: bool, re: Operand, im: Operand) -> tuple[int, Any]:
+    def _source(self, value: Any, plane: bool, re: Operand, im: Operand) -> tuple[int, int]:
         if not isinstance(re, ExpressionNode) and not isinstance(im, ExpressionNode):
             self._plain.append(complex(re, im) if plane else float(re))
             return 0, len(self._plain) - 1
         if plane is isinstance(im, ExpressionNode) and (re, im) in self._kernel.inputs:
-            return 1, self._kernel.inputs[re, im]
+            return 1, self._kernel.keys.index(self._kernel.inputs[re, im])
         return (2, self._kernel.put_plane(value)) if plane else (3, self._kernel.put(value))
 
-    def __call__(self, n: int, known: Mapping[str, Any] | Sequence[Any]) -> Iterator[Any]:
-        """The values at n frames in the order in which they were put, (n,) or one for all. What the program is given is known by
-        its keys, or in the order in which it asked for it."""
-        given = known if isinstance(known, Mapping) else dict(zip(self._kernel.keys, known, strict=True))
-        planes, reals = self._kernel(n, given)
-        tables = self._plain, given, planes[0], reals[0]
-        return iter([tables[k][key] for k, key in self._values])
+    def __len__(self) -> int:
+        return len(self._values)
+
+    def __call__(self, n: int, known: Mapping[str, Any] | tuple[Any, ...]) -> Callable[[int, int], list[Any]]:
+        """The values at n frames, (n,) or one for all: those of any range of the order in which they were put. What the program is
+        given is known by its keys, or in the order in which it asked for it."""
+        kernel = self._kernel
+        given = known if isinstance(known, tuple) else [known[key] for key in kernel.keys]
+        rows, planes = kernel.rows_at(n, given), kernel.planes
+        tables = self._plain, given, list(ndarray((planes, n), complex, rows)), list(rows[0, 2 * planes :])
+        return lambda first, last: [tables[k][place] for k, place in self._values[first:last]]

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from itertools import islice
-from typing import Any, Literal, NamedTuple
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from itertools import accumulate, islice, pairwise
+from typing import Any, Literal
 
 import numpy as np
 
@@ -19,6 +20,7 @@ from mechcore.kinematics.columns import all_columns, all_vectors
 from mechcore.kinematics.model import Model
 from mechcore.kinematics.rates import Rates, SolvedRates, accelerations, velocities
 from mechcore.kinematics.state import State, initial_state
+from mechcore.numerics.frames import lazy
 
 Executor = Literal["auto", "numpy", "c"]
 """The executor of a mechanism's program: numpy over all frames, or a program in C that is compiled when first needed."""
@@ -26,12 +28,38 @@ LEAST_FRAMES_TO_COMPILE = 1_000_000  # frames from which on compiling a program 
 MOST_LINES = 40_000  # of a program: compiling that takes some 20 s
 
 
-class CompiledRates(NamedTuple):
-    """First or second rates, derivatives of all rotations, and rates of the origins of all moving links."""
+Rows = Callable[[int, int], list[Any]]
+"""Values of a program, of any range of their order."""
 
-    rates: Rates
-    turned: list[Plane]
-    origins: list[Plane]
+
+class CompiledRates:
+    """First or second rates, derivatives of all rotations, and rates of the origins of all moving links, read off a program's
+    values from one of them on when they are asked for."""
+
+    def __init__(self, program: MotionProgram, values: Rows, state: State, drives: Sequence[Values], before: CompiledRates | None):
+        self._program, self._values, self._state, self._drives, self._before = program, values, state, drives, before
+        self._first = 0 if before is None else program.of_rates
+
+    @lazy
+    def rates(self) -> Rates:
+        """Rates of all rotation classes, sliding joints and groups."""
+        program, driven = self._program, self._program.model.program.driven_slides
+        angular, slides, groups, _, _ = program.parts_of_rates
+        slide = {j: self._drives[d] for j, d in driven} | dict(zip(program.slides, self._part(slides), strict=True))
+        group = dict(zip(program.groups, self._part(groups), strict=True))
+        before = None if self._before is None else self._before.rates
+        return SolvedRates(self._drives, self._state.curve_values, before, self._part(angular), slide, group)
+
+    @lazy
+    def turned(self) -> list[Plane]:
+        return self._part(self._program.parts_of_rates[3])
+
+    @lazy
+    def origins(self) -> list[Plane]:
+        return self._part(self._program.parts_of_rates[4])
+
+    def _part(self, part: tuple[int, int]) -> list[Any]:
+        return self._values(self._first + part[0], self._first + part[1])
 
 
 class MotionProgram:
@@ -42,10 +70,10 @@ class MotionProgram:
         self.model = model
         turning, program = model.angles, model.program
         self._classes = [s for g in range(1, turning.groups) for s in program.classes_of[g]]
-        self._slides = [j for b in model.blocks for j in b.slides]
-        self._groups = [g for b in model.blocks for g in b.angles]
+        self.slides = [j for b in model.blocks for j in b.slides]
+        self.groups = [g for b in model.blocks for g in b.angles]
         self._general = [b for b in model.blocks if b.kind == "general"]
-        self._sliding = [*self._slides, *(j for j, _ in program.driven_slides)]
+        self._sliding = [*self.slides, *(j for j, _ in program.driven_slides)]
         self._driven = [s for s, driven in enumerate(turning.class_drives) if driven]
         self._kernels = [Kernel("positions"), Kernel("rates")]
         self._positions, self._rates = self._of_positions(self._kernels[0]), self._of_rates(self._kernels[1])
@@ -72,7 +100,7 @@ class MotionProgram:
         )
         for s in self._classes:
             results.put(state.rot[s], plane=True)
-        for j in self._slides:
+        for j in self.slides:
             results.put(state.slide[j])
         self._angles = list(state.angle)
         for g in self._angles:
@@ -81,6 +109,7 @@ class MotionProgram:
         for r in self._curves:
             for k in range(3):
                 results.put(state.curve_values[r][k])
+        self._of_state = len(results)
         for place in origins(model, state.rot, {j: s * state.rot[model.guides[j][0]] for j, s in state.slide.items()})[1:]:
             results.put(place, plane=True)
         return results
@@ -103,12 +132,15 @@ class MotionProgram:
             c = model.guides[j][0]
             along[j] = speeds.slide[j] * known[c] + s * once[c]
             faster[j] = bent.slide[j] * known[c] + 2.0 * speeds.slide[j] * once[c] + s * twice[c]
+        counts = len(known), len(self.slides), len(self.groups), len(known), len(model.links) - 1
+        self.of_rates = sum(counts)  # values, of the first as of the second ones
+        self.parts_of_rates = tuple(pairwise(accumulate(counts, initial=0)))
         for rates, turned, slid in ((speeds, once, along), (bent, twice, faster)):
             for s in range(len(turned)):
                 results.put(rates.angular[s])
-            for j in self._slides:
+            for j in self.slides:
                 results.put(rates.slide[j])
-            for g in self._groups:
+            for g in self.groups:
                 results.put(rates.group[g])
             for z in (*turned, *origins(model, turned, slid)[1:]):
                 results.put(z, plane=True)
@@ -129,36 +161,34 @@ class MotionProgram:
         constants: Sequence[float],
         n: int,
         tolerance: float = DEFAULT.position,
-    ) -> tuple[State, list[Plane]]:
-        """Positions of all blocks at n frames, as `mechcore.kinematics.positions.place_all`, and origins of moving links."""
+    ) -> tuple[State, Callable[[], list[Plane]]]:
+        """Positions of all blocks at n frames, as `mechcore.kinematics.positions.place_all`; what gives the origins of moving
+        links."""
         state = initial_state(self.model, drives, constants, starts, tolerance)
-        near = [state.near[f"angle {g}"] for g in self.model.multi_turn]
-        for block in self._general:
-            near.extend(np.moveaxis(np.asarray(state.near[block.name]), -1, 0))
-        known = *drives, *(state.delta[s] for s in self._driven), *near, *constants, *modes, tolerance
+        near: list[Any] = []
+        if starts:
+            near += [state.near[f"angle {g}"] for g in self.model.multi_turn]
+            for block in self._general:
+                near.extend(np.moveaxis(np.asarray(state.near[block.name]), -1, 0))
+        known = *drives, *map(state.delta.__getitem__, self._driven), *near, *constants, *modes, tolerance
         values = self._positions(n, known)
+        own = iter(values(0, self._of_state))
         for s in self._classes:
-            state.rot[s] = next(values)
-        state.slide |= {j: next(values) for j in self._slides}
-        state.angle |= {g: next(values) for g in self._angles}
-        state.curve_values |= {r: np.stack(np.broadcast_arrays(*islice(values, 3))) for r in self._curves}
-        return state, list(values)
+            state.rot[s] = next(own)
+        for j in self.slides:
+            state.slide[j] = next(own)
+        for g in self._angles:
+            state.angle[g] = next(own)
+        for r in self._curves:
+            state.curve_values[r] = np.stack(np.broadcast_arrays(*islice(own, 3)))
+        return state, partial(values, self._of_state, len(self._positions))
 
     def rates(self, state: State, first: Sequence[Values], second: Sequence[Values], n: int) -> tuple[CompiledRates, CompiledRates]:
         """First and second rates at n frames, as `mechcore.kinematics.rates`, for rates of the drives."""
         curves = [x for r in self._curves for x in state.curve_values[r][1:]]
         values = self._rates(n, (*state.rot[1:], *(state.slide[j] for j in self._sliding), *first, *second, *curves))
-        links = len(self.model.links) - 1
-
-        def taken(drives: Sequence[Values], before: Rates | None) -> CompiledRates:
-            angular = list(islice(values, len(state.rot)))
-            slide = {j: drives[d] for j, d in self.model.program.driven_slides} | {j: next(values) for j in self._slides}
-            group = {g: next(values) for g in self._groups}
-            rates = SolvedRates(drives, state.curve_values, before, angular, slide, group)
-            return CompiledRates(rates, list(islice(values, len(state.rot))), list(islice(values, links)))
-
-        speeds = taken(first, None)
-        return speeds, taken(second, speeds.rates)
+        speeds = CompiledRates(self, values, state, first, None)
+        return speeds, CompiledRates(self, values, state, second, speeds)
 
 
 def written_motion(model: Model) -> MotionProgram | str:

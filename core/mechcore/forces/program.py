@@ -143,7 +143,7 @@ class ForcesProgram:
             elements = elements_of(motion)
             given |= {f"sign {i}": e.sign for i, e in enumerate(elements)} | {"tolerance": motion.accuracy.friction}
         n = motion.frames
-        values = self._results(n, given)
+        values = iter(self._results(n, given)(0, len(self._results)))
         transmitted = [(next(values), next(values)) for _ in range(self._transmitted)]
         contacts = {name: (next(values), next(values)) for name in self._contacts}
         if not self._solution:

@@ -8,6 +8,7 @@ from operator import add, mul
 from typing import Any, TypeVar
 
 import numpy as np
+from numpy import ndarray
 
 from mechcore.accuracy import DEFAULT, Accuracy
 from mechcore.arrays import Index, Plane, Real, Values
@@ -50,7 +51,7 @@ class Motion:
         singular_points: Sequence[SingularPoint] = (),
         again: Callable[[Real], Motion] | None = None,
         accuracy: Accuracy = DEFAULT,
-        by_c: tuple[MotionProgram, Sequence[Plane]] | None = None,
+        by_c: tuple[MotionProgram, Callable[[], list[Plane]]] | None = None,
     ):
         self.model = model
         self.time = time
@@ -62,14 +63,13 @@ class Motion:
         self.again = again  # the same motion at other times, where laws lead it
         self.accuracy = accuracy
         self._program = None if by_c is None else by_c[0]  # compiled, in place of numpy
+        self._placed_origins = None if by_c is None else by_c[1]
         self.singular_points = tuple(singular_points)  # change points and dead points that the run passes
         # worked out once when first needed
         self._arms: dict[tuple[int, int, int], Plane] = {}
         self._slid: dict[tuple[int, int], Plane] = {}
         self._offsets: dict[tuple[int, complex], Plane] = {}
         self._origins: dict[tuple[int, int], Plane] = {(0, 0): 0j, (0, 1): 0j, (0, 2): 0j}
-        if by_c is not None:
-            self._origins |= {(k, 0): place for k, place in enumerate(by_c[1], 1)}
 
     def __repr__(self) -> str:
         return f"Motion of {self.mechanism.name}: {self.frames} frames, {len(self.model.links)} links"
@@ -138,7 +138,10 @@ class Motion:
         """Position (F, 2) [m] of a named point of a link, or its first or second derivative."""
         total = self.model.named_points.get((link, point))
         if total is not None:
-            return self._rows(self.summed(total, derivative), fresh=True)
+            z = self.summed(total, derivative)
+            if type(z) is ndarray and z.dtype is COMPLEX and z.shape == self.shape:
+                return ndarray((*z.shape, 2), float, z)  # the same numbers, in a quarter of a view's time
+            return self._rows(z)
         k = self.model.index[link]
         return self._rows(self.of_point(k, self.model.points[k][point], derivative))
 
@@ -204,9 +207,7 @@ class Motion:
         """First and second rates by the compiled program."""
         assert self._program is not None
         first, second = ([d[k] for d in self._drives] for k in (1, 2))
-        computed = self._program.rates(self.state, first, second, self.frames)
-        self._origins |= {(k, d): z for d, solved in enumerate(computed, 1) for k, z in enumerate(solved.origins, 1)}
-        return computed
+        return self._program.rates(self.state, first, second, self.frames)
 
     @lazy
     def accelerations(self) -> Rates:
@@ -298,8 +299,9 @@ class Motion:
     def origin(self, k: int, derivative: int = 0) -> Plane:
         """Position of the origin of a link [m], or its first or second derivative, along the tree from the frame."""
         tree, ends, known = self.model.tree, self.model.ends, self._origins
-        if derivative and self.compiled:
-            _ = self._rates
+        if (k, derivative) not in known and self._placed_origins is not None and (self.compiled or not derivative):
+            places = self._rates[derivative - 1].origins if derivative else self._placed_origins()
+            known |= {(link, derivative): place for link, place in enumerate(places, 1)}
         chain = []
         while (k, derivative) not in known:
             chain.append(k)
@@ -336,6 +338,9 @@ class Motion:
         """A sum of vectors in the world, or its first or second derivative; a new array where it is one."""
         still, arms, slides = total
         turned = self.turned(derivative)
+        if len(arms) == 1 and not slides:
+            ((s, a),) = arms
+            return a * turned[s] if derivative else added(a * turned[s], still)
         terms = [a * turned[s] for s, a in arms]
         if slides:
             terms += [d * self.slid(j, derivative) for j, _, d in slides]
@@ -348,15 +353,14 @@ class Motion:
         side = 1 if joint.slide is not None and joint.guide == 0 else 0
         return self.of_point(ends[side], joint.b if side else joint.a, derivative)
 
-    def _rows(self, z: Plane, angle: Values | None = None, *, fresh: bool = False) -> Real:
-        """Plane vectors, and an angle where given, as rows of numbers of their own; ``fresh``: nobody else holds ``z``."""
+    def _rows(self, z: Plane, angle: Values | None = None) -> Real:
+        """Plane vectors, and an angle where given, as rows of numbers of their own."""
         if angle is not None:
             return plane_rows(self.shape, z, angle)
         if not isinstance(z, PLAIN):
             return stacked([z.real, z.imag], self.shape)
-        if not isinstance(z, np.ndarray) or z.shape != self.shape or z.dtype is not COMPLEX:
-            z, fresh = np.broadcast_to(np.asarray(z, complex), self.shape), False
-        return np.ndarray((*self.shape, 2), float, z if fresh else z.copy())  # the same numbers, in a quarter of a view's time
+        own = np.broadcast_to(np.asarray(z, complex), self.shape).copy()
+        return ndarray((*self.shape, 2), float, own)
 
     # -- health -------------------------------------------------------------------------------------------------------
     @cached_property
