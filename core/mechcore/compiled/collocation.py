@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Sequence
-from functools import cache, cached_property
+from functools import cache, cached_property, lru_cache
+from itertools import accumulate
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
 from mechcore.arrays import Index, Real
+from mechcore.compiled.kernels import address
 from mechcore.compiled.operands import Operand
 from mechcore.compiled.symbols import HELPERS, Code
-from mechcore.compiled.toolchain import library
+from mechcore.compiled.toolchain import MOST_LIBRARIES, library
 
 AROUND, PHASES = (Path(__file__).with_name(name) for name in ("collocation.c", "phases.c"))
 HEAD = 10  # numbers before the coordinates in what tells where windows begin, see `collocation.c`
@@ -201,6 +203,17 @@ class _Rule(ctypes.Structure):
     _fields_ = [("s", ctypes.c_long), *((name, ctypes.c_void_p) for name in ("nodes", "once", "twice", "legendre"))]
 
 
+@lru_cache(MOST_LIBRARIES)
+def _functions(loaded: ctypes.CDLL) -> ctypes.CDLL:
+    """A library whose functions say what they return."""
+    loaded.window.restype = loaded.windows.restype = ctypes.c_long
+    if hasattr(loaded, "phases"):
+        loaded.phases.restype = ctypes.c_long
+    for function in ("evaluated", "formed", "reduced_at", "strained_at", "resting"):
+        getattr(loaded, function).restype = None
+    return loaded
+
+
 def _at(x: Real) -> ctypes.c_void_p:
     return ctypes.c_void_p(x.__array_interface__["data"][0])
 
@@ -222,21 +235,22 @@ class CompiledEquations:
     Raises `MechanismError` where they cannot be compiled.
     """
 
-    def __init__(self, written: WrittenEquations, modes: Real, scale: Real, laws: Sequence[Sequence[float]] | None = None):
+    def __init__(
+        self,
+        written: WrittenEquations,
+        modes: Sequence[float],
+        scale: Sequence[float],
+        laws: Sequence[Sequence[float]] | None = None,
+    ):
         self.freedoms, self.given, self.angles = written.freedoms, written.given, written.angles
-        self._loaded = library(written.source)
-        self._loaded.window.restype = self._loaded.windows.restype = ctypes.c_long
-        if written.contacts is not None:
-            self._loaded.phases.restype = ctypes.c_long
-        for function in ("evaluated", "formed", "reduced_at", "strained_at", "resting"):
-            getattr(self._loaded, function).restype = None
+        self._loaded = _functions(library(written.source))
         self.coordinates = written.coordinates
         self.kinds, self._additional = written.forms, written.additional
-        starts = np.cumsum([len(laws or ()), *map(len, laws or ())])[:-1]
-        given = written.parameters, list(modes), list(scale), [*starts, *(x for law in laws or () for x in law)]
+        starts = accumulate(map(len, laws[:-1]), initial=len(laws)) if laws else ()
+        given = written.parameters, modes, scale, [*starts, *(x for law in laws or () for x in law)]
         self._kept: list[Real] = [np.array(x or [0.0], float) for x in given]
         self.modes = self._kept[1]
-        self._system = ctypes.byref(_System(self.freedoms, self.given, self.angles, *(_at(x) for x in self._kept)))
+        self._system = ctypes.byref(_System(self.freedoms, self.given, self.angles, *map(address, self._kept)))
 
     def strain(self, q: Real, v: Real, t: Real, d: Real, near: Real) -> Real:
         """Largest ratio of a joint's rate to that of a coordinate (n,), for what `accelerations` is given."""

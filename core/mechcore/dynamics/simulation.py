@@ -111,6 +111,8 @@ class Simulation:
 
     def _rows(self, t: Real) -> list[tuple[MotionSegment, Index]]:
         """The segments that hold some of the times, with the places of those."""
+        if len(self.segments) == 1:
+            return [(self.segments[0], np.arange(len(t)))] if len(t) else []
         which = np.searchsorted(np.array([p.end for p in self.segments[:-1]]), t, side="left")
         return [(self.segments[k], np.flatnonzero(which == k)) for k in np.unique(which)]
 

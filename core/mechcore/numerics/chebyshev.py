@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from functools import lru_cache
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -15,10 +17,12 @@ from mechcore.records import dataclass
 PANEL_NODES = 16  # of a panel
 TAIL_NOISE = 1e-9  # tails below this that stay where they are come from rounding
 MANY_ARGUMENTS = 48  # arguments, from which on the recurrence of the polynomials is quicker than their cosines
-_X = -np.cos(
+LONG_RUNS = 12  # places in a row on one panel, in the mean, from which on it pays to evaluate panel by panel
+_ORDERS = np.arange(PANEL_NODES + 2.0)[None]
+NODES = -np.cos(
     np.pi * (np.arange(PANEL_NODES) + 0.5) / PANEL_NODES
-)  # first kind: no node on a boundary, where assembly modes may meet
-_FIT = np.linalg.inv(chebyshev.chebvander(_X, PANEL_NODES - 1))
+)  # of a panel in [-1, 1], of the first kind: none on a boundary, where assembly modes may meet
+FIT = np.linalg.inv(chebyshev.chebvander(NODES, PANEL_NODES - 1))
 
 
 @lru_cache
@@ -118,6 +122,8 @@ class Panels:
 
     def __call__(self, x: Real) -> Real:
         """Values of the functions at x (n,) -> (n, c); NaN beyond the panels where they do not repeat."""
+        if len(x) == 1 and math.isfinite(place := float(x[0])):
+            return self._at_one(place)
         if self.boundaries is not None:
             if self.periodic:
                 x = x - (self.high - self.low) * np.floor((x - self.low) / (self.high - self.low))
@@ -140,7 +146,31 @@ class Panels:
     def _at(self, cell: Index, z: Real) -> Real:
         """Values of the functions at places z (n,) in [-1, 1] of panels ``cell`` (n,)."""
         basis = _polynomials(np.minimum(np.maximum(z, -1.0), 1.0), self.coefficients.shape[1])
-        return np.asarray((basis[:, None, :] @ self.coefficients.take(cell, axis=0))[:, 0, :])
+        ends = np.flatnonzero(cell[1:] != cell[:-1]) + 1
+        if len(cell) < LONG_RUNS * (len(ends) + 1):
+            return np.asarray((basis[:, None, :] @ self.coefficients.take(cell, axis=0))[:, 0, :])
+        out = np.empty((len(cell), self.coefficients.shape[2]))
+        for first, last in pairwise([0, *ends.tolist(), len(cell)]):  # all places in a row on one panel at once
+            np.matmul(basis[first:last], self.coefficients[cell[first]], out=out[first:last])
+        return out
+
+    def _at_one(self, x: float) -> Real:
+        """Values of the functions at one place (1, c)."""
+        cells = self.count
+        if self.boundaries is not None:
+            if self.periodic:
+                x -= (self.high - self.low) * math.floor((x - self.low) / (self.high - self.low))
+            cell = int(self.boundaries[1:-1].searchsorted(x, side="right"))
+            low, high = float(self.boundaries[cell]), float(self.boundaries[cell + 1])
+            z = 2.0 * (x - low) / (high - low) - 1.0
+        else:
+            u = (x - self.low) / self.width
+            k = math.floor(u) if self.periodic else min(max(int(u), 0), cells - 1)
+            cell, z = k % cells, 2.0 * (u - k) - 1.0
+            if not self.periodic and abs(z) > 1.0 + 1e-9:
+                return np.full((1, self.coefficients.shape[2]), np.nan)
+        basis = np.cos(math.acos(min(max(z, -1.0), 1.0)) * _ORDERS[:, : self.coefficients.shape[1]])
+        return np.asarray(basis @ self.coefficients[cell])
 
     def _with(self, coefficients: Real) -> Panels:
         """Other functions on the same panels. (`dataclasses.replace` takes several times as long.)"""
@@ -199,7 +229,7 @@ def nodes_of(low: float, high: float, count: int) -> Real:
     """Nodes (count * NODES,) of panels between ``low`` and ``high``, in order."""
     width = (high - low) / count
     centres = low + width * (np.arange(count) + 0.5)
-    return np.asarray((centres[:, None] + 0.5 * width * _X).ravel())
+    return np.asarray((centres[:, None] + 0.5 * width * NODES).ravel())
 
 
 def fit_panels(
@@ -222,7 +252,7 @@ def fit_panels(
         width = (high - low) / count
         values = function(nodes_of(low, high, count)) if known is None else known
         known = None
-        coefficients = _FIT @ values.reshape(count, PANEL_NODES, -1)
+        coefficients = FIT @ values.reshape(count, PANEL_NODES, -1)
         panels = Panels(low, width, coefficients, periodic)
         tail = float(panels.tail().max())
         if previous < TAIL_NOISE and tail > 0.3 * previous:  # what is left is rounding, which smaller panels do not mend
@@ -251,8 +281,8 @@ def fit_where_needed(
     count = 0
     while True:
         low, width = edges[:, 0], edges[:, 1] - edges[:, 0]
-        nodes = (low + 0.5 * width)[:, None] + 0.5 * width[:, None] * _X
-        coefficients = _FIT @ function(nodes.ravel()).reshape(len(edges), PANEL_NODES, -1)
+        nodes = (low + 0.5 * width)[:, None] + 0.5 * width[:, None] * NODES
+        coefficients = FIT @ function(nodes.ravel()).reshape(len(edges), PANEL_NODES, -1)
         sizes = np.abs(coefficients)
         largest = np.maximum(largest, sizes.max(axis=(0, 1)))
         tail = (sizes[:, -3:].max(axis=1) / np.where(largest > 0, largest, 1.0)).max(axis=1)

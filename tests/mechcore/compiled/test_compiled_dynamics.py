@@ -9,8 +9,10 @@ from functools import partial
 import numpy as np
 import pytest
 from dynamic_mechanisms import chain, damped_squeezer, double_pendulum, swinging_five_bar
+from dynamic_mechanisms import pendulum as swung
 from mechanisms import case
 from random_mechanisms import draw
+from scipy.special import ellipk
 
 from mechcore import spec as sp
 from mechcore.arrays import Real
@@ -137,6 +139,23 @@ def test_tables_of_a_turn_are_the_same(made: Callable[[], Mechanism], most: int,
     q = np.linspace(0.2, 0.2 + TURN, 301)
     np.testing.assert_allclose(by_c.table(q), by_numpy.table(q), rtol=0, atol=1e-12 * np.abs(by_numpy.table(q)).max())
     assert sum(asked) <= most
+
+
+@pytest.mark.parametrize("speed", [8.0, -9.0, 7.6])
+def test_a_pendulum_goes_round_by_its_energy(speed: float) -> None:
+    """A uniform rod of a metre from its lowest place, w^2 = 3 g / 2: beyond 2 w = 7.67 rounds take (4 / v) K(2 w / v), below swings
+    (4 / w) K(v / 2 w); between them numpy says where it is."""
+    w = np.sqrt(1.5 * 9.81)
+    goes_round, share = abs(speed) > 2.0 * w, (2.0 * w / speed) ** 2
+    period = 4.0 / abs(speed) * ellipk(share) if goes_round else 4.0 / w * ellipk(1.0 / share)
+    compiled = compile_mechanism(swung(inertia=1.0, mass=3.0, distance=0.5, angle=0.0, speed=speed))
+    by_numpy, by_c = (simulate(replace(compiled, executor=e), 2.5 * period, method="energy") for e in ("numpy", "c"))
+    turns = np.arange(3.0)
+    there = by_c(turns * period)[0][:, 0] - by_c([0.0])[0][0]
+    np.testing.assert_allclose(there, np.sign(speed) * TURN * turns * goes_round, atol=1e-11)
+    t = np.linspace(0.0, 2.5 * period, 200)
+    for a, b in zip(by_numpy(t), by_c(t), strict=True):
+        np.testing.assert_allclose(a, b, atol=1e-10)
 
 
 def test_a_camshaft_is_turned_by_forces() -> None:

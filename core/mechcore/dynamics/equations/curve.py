@@ -177,10 +177,10 @@ def _fitted(
 ) -> tuple[Panels, bool]:
     """A table of values: equal panels, or panels that end where cams change their form, and shorter ones where a group comes close
     to a singular position; and whether one does. ``unit``: a motion at a unit rate whose last frames are those ends of panels."""
-    boundaries = np.linspace(low, high, EQUAL_PANELS + 1)
+    plain = True
     if compiled.singular_points is None or not compiled.singular_points.points:
-        boundaries = beside_singular(compiled, boundaries, unit)
-    plain = bool(np.diff(boundaries).min() > SHORT_PANEL * (high - low) / EQUAL_PANELS)
+        boundaries = beside_singular(compiled, np.linspace(low, high, EQUAL_PANELS + 1), unit)
+        plain = bool(np.diff(boundaries).min() > SHORT_PANEL * (high - low) / EQUAL_PANELS)
     bends = _bends(compiled, low, high)
     if plain and not len(bends):
         return fit_panels(values, low, high, periodic=periodic, tolerance=tolerance, first=FIRST_PANELS, known=known), False
@@ -341,11 +341,13 @@ def _curve(compiled: Compiled, table: Panels, singular: bool, rest: Sequence[Eff
 def _clear_of(singular_points: SingularPoints, start: float, q: float) -> float:
     """Where the first panels have to begin, next to ``q``, so that no node comes close to a change, where positions are
     interpolated."""
-    places = np.unique(np.round([start + c.time for c in singular_points.points], 9))
-    if not len(places):
+    if not singular_points.points:
         return q
-    width = TURN / FIRST_PANELS  # after which the nodes repeat
-    shifts = width * np.arange(32) / 32
-    away = shifts[:, None, None] + nodes_of(q, q + width, 1)[:, None] - places
-    away = np.abs(away - width * np.round(away / width))
-    return q + float(shifts[np.argmax(away.min(axis=(1, 2)))])
+    places = np.array([start + c.time for c in singular_points.points])
+    away = _SHIFTED + (q - places) * (FIRST_PANELS / TURN)
+    away = np.abs(away - np.round(away))
+    return q + TURN / FIRST_PANELS * float(_SHIFTS[np.argmax(away.min(axis=(1, 2)))])
+
+
+_SHIFTS = np.arange(32) / 32  # of a panel's width
+_SHIFTED = _SHIFTS[:, None, None] + nodes_of(0.0, 1.0, 1)[:, None]  # nodes of the first panel, which the others repeat

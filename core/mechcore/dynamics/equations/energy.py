@@ -13,6 +13,7 @@ import numpy as np
 from numpy.polynomial.chebyshev import chebvander
 
 from mechcore.arrays import Real, numbers
+from mechcore.compiled.energy import LAST_STEP, parameters_at, time_of_turn
 from mechcore.constants import MOST_TURNS
 from mechcore.dynamics.equations.curve import CurveEquations
 from mechcore.errors import Fault, MechanismError
@@ -29,13 +30,14 @@ _ALTERNATING = (-1.0) ** np.arange(PANEL_NODES + 1)[:, None]
 @dataclass(frozen=True, eq=False)
 class Leg:
     """A way without turning back: ``q = start + length f(u)``, u in [0, 1], f by ``ends`` (which ends are turning points);
-    ``clock``: dt/du and t(u) - ``time`` as panels."""
+    ``clock``: dt/du and t(u) - ``time`` as panels, which are evaluated ``by_c`` or by numpy."""
 
     start: float
     length: float
     ends: tuple[bool, bool]
     time: float
     clock: Panels
+    by_c: bool = False
 
     @cached_property
     def edges(self) -> Real:
@@ -55,11 +57,15 @@ class Leg:
         clock[:, 0] += self.duration
         assert self.clock.boundaries is not None
         panels = Panels(0.0, np.nan, np.stack([rate, clock], axis=2), False, 1.0 - self.clock.boundaries[::-1])
-        return Leg(self.start + self.length, -self.length, self.ends, self.time + self.duration, panels)
+        return Leg(self.start + self.length, -self.length, self.ends, self.time + self.duration, panels, self.by_c)
 
     def __call__(self, t: Real) -> tuple[Real, Real]:
         """Position and speed (n,) at times (n,) within the leg."""
         edges = self.edges
+        known = parameters_at(self.clock, edges, t - self.time) if self.by_c else None
+        if known is not None:
+            f, _, slope = _displacement(known[:, 0], self.ends)
+            return self.start + self.length * f, self.length * slope / known[:, 1]
         assert self.clock.boundaries is not None
         boundaries = self.clock.boundaries
         local = np.minimum(np.maximum(t - self.time, 0.0), self.duration)
@@ -111,14 +117,16 @@ class EnergyMotion:
         t = numbers(t)
         turns: Real = np.zeros_like(t)
         if self.period is not None:
-            end = self.last
-            turns = np.where(t > end, np.ceil((t - end) / self.period), 0.0)
+            turns = np.maximum(np.ceil((t - self.last) / self.period), 0.0)
         local = t - turns * (self.period or 0.0)
-        which = np.array([leg.time for leg in self.legs[1:]], float).searchsorted(local, side="right")
-        q, v = np.empty_like(t), np.empty_like(t)
-        for k in np.unique(which):
-            rows = which == k
-            q[rows], v[rows] = self.legs[k](local[rows])
+        if len(self.legs) == 1:
+            q, v = self.legs[0](local)
+        else:
+            which = np.array([leg.time for leg in self.legs[1:]], float).searchsorted(local, side="right")
+            q, v = np.empty_like(t), np.empty_like(t)
+            for k in np.unique(which):
+                rows = which == k
+                q[rows], v[rows] = self.legs[k](local[rows])
         q += turns * self.advance
         a = self.curve(q[:, None], v[:, None], t)
         return q[:, None], v[:, None], a
@@ -151,7 +159,7 @@ SAME_BEND = 1e-9  # of a leg: bends that are so close to each other are one
 FIRST_PANELS = 16  # panels of a leg's clock, at least: so few cost no more than one
 FIRST_PANELS_ROUND = 40  # the same of a leg that turns back nowhere: fewer would be halved, which costs more than they do
 NO_GAIN = 1e-13  # of the largest energy: what a turn brings less than that is the table's rounding
-LAST_STEP = 1e-10  # a last step of Newton's method that is shorter leaves an error of its square
+LEAST_LEFT = 1e-6  # of the largest energy: where more kinetic energy is left everywhere, the motion turns back nowhere
 
 
 def by_energy(
@@ -169,6 +177,15 @@ def by_energy(
     speed for more than `MOST_TURNS`."""
     if curve.beside_singular:
         return None
+    by_c = curve.compiled.executor == "c"
+    if by_c and v0 and curve.table.periodic and curve.table.boundaries is None:
+        first, limits = max(FIRST_PANELS_ROUND, curve.table.count), (NO_GAIN, SMALL_ENERGY, LEAST_LEFT)
+        turn = time_of_turn(curve.table, q0, v0, tolerance, first, limits)
+        if turn is not None:
+            around = Leg(q0, float(np.copysign(curve.table.high - curve.table.low, v0)), (False, False), 0.0, turn, by_c)
+            if progress is not None:
+                progress(min(around.duration, duration))
+            return EnergyMotion(curve, (around,), around.duration, around.length)
     work = _Work(curve)
     inertia, force, _, slope, _ = (float(x) for x in curve.both(np.array([q0]))[0])
     kinetic = 0.5 * inertia * v0 * v0
@@ -202,7 +219,7 @@ def by_energy(
         if clock is None:
             return None
         passed = float(clock(np.array([_place(before, travel, ends)]))[0, 1]) if before else 0.0
-        leg = Leg(start, sign * length, ends, t - passed, clock)
+        leg = Leg(start, sign * length, ends, t - passed, clock, by_c)
         legs.append(leg)
         if ends == (True, True):
             legs.append(leg.back)
@@ -266,7 +283,7 @@ class _Work:
             return False
         turns = np.floor((q - self.low) / (self.high - self.low))
         done = self.at(q) - float(turns) * self.per_turn
-        return kinetic + self.lowest - done > 1e-6 * self.largest
+        return kinetic + self.lowest - done > LEAST_LEFT * self.largest
 
     def near(self, q: float, travel: Real) -> Real:
         """Work (n,) on signed ways (n,) from q on that are no longer than a panel, to all digits however short they are."""

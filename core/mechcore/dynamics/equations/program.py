@@ -72,12 +72,12 @@ class EquationsProgram:
     def __init__(self, compiled: Compiled, written: WrittenEquations, followed: tuple[Unknown, ...], more: int = 0):
         self.compiled, self.followed = compiled, followed
         self._laws = [d.law for d in compiled.mechanism.drives if not isinstance(d.law, Free)]
-        scales = np.append(compiled.once(coordinate_scales), np.ones(len(integrating(compiled))))
+        scales = [*compiled.once(coordinate_scales).tolist(), *(1.0 for _ in integrating(compiled))]
         self._of_time = written.of_time
         curves = [numbers_of_time(function) for function in (*self._laws, *self._of_time)]
         known = [numbers for numbers in curves if numbers is not None]
         self.timed = len(known) == len(curves)  # C knows all functions of the time
-        modes = np.append(compiled.assembly.modes, np.zeros(more))
+        modes = [*compiled.assembly.modes, *[0.0] * more]
         self._equations = CompiledEquations(written, modes, scales, known if self.timed else None)
         points = compiled.singular_points
         self._singular = points if points is not None and points.by_drive and points.points else None
@@ -123,12 +123,10 @@ class EquationsProgram:
         away = q - self.compiled.start[0]
         modes = np.repeat(self._equations.modes[None], len(q), axis=0)
         if self._singular is not None:
-            points, period = self._singular.points, self._singular.period
-            far = away - np.array([[c.time] for c in points])
-            if (np.abs(far - period * np.round(far / period)) < NEAR_STEPS * np.array([[c.step] for c in points])).any():
+            if self._singular.near(away, NEAR_STEPS):
                 return None
-            for i in range(len(self.compiled.assembly.modes)):
-                modes[:, i] *= self._singular.signs(i, away)
+            for i, sign in self._singular.all_signs(away):
+                modes[:, i] *= sign
         return self._equations.at_rest(q, modes)
 
     def _drives(self, t: Real) -> Real:
