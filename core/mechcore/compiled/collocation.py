@@ -215,7 +215,7 @@ def _functions(loaded: ctypes.CDLL) -> ctypes.CDLL:
 
 
 def _at(x: Real) -> ctypes.c_void_p:
-    return ctypes.c_void_p(x.__array_interface__["data"][0])
+    return ctypes.c_void_p(address(x) if x.size else x.__array_interface__["data"][0])
 
 
 @cache
