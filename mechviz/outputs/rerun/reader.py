@@ -259,7 +259,7 @@ class Recording:
     def scalars(self, *parts: str) -> tuple[Integers, Real]:
         """Times (F,) [ns] and float64 values (F, n) of an entity of scalars."""
         rows = self.rows(*parts, component="Scalars:scalars")
-        return rows.time, rows.values.reshape(len(rows.time), -1)
+        return rows.time, np.asarray(rows.values, float).reshape(len(rows.time), -1)
 
     def at(self, times: Any, *parts: str) -> Real:
         """Values (n, m) of an entity of scalars at any times (n,) [s], read between the frames by the interpolation that the
@@ -368,6 +368,8 @@ def _numpy(values: Any) -> NDArray[Any]:
             strips[k] = points[end - lengths[k] : end]
         return strips
     plain = np.asarray(values.to_numpy(zero_copy_only=False))
+    if plain.dtype == np.float16:  # of a damaged file: limits are beyond what these hold
+        plain = plain.astype(np.float32)
     if plain.dtype.kind == "f" and (unknown := np.isnan(plain)).any():
         return np.where(unknown, plain.dtype.type(np.nan), plain)  # of a damaged file it may be one that signals: numpy would warn
     return plain

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import shutil
 import struct
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -45,14 +47,14 @@ def test_damage_is_an_error_of_ours_or_nothing(whole, tmp_path):
                 pytest.fail(f"seed {seed}, {words}: {type(error).__name__} {error}")
 
 
-def changed(whole: Path, target: Path, path: str, name: str, change) -> Path:
-    """A recording in which a column of an entity has other rows."""
+def changed(whole: Path, target: Path, path: str, name: str, change, kind: pa.DataType | None = None) -> Path:
+    """A recording in which a column of an entity has other rows, of another ``kind`` where one is given."""
     rows = batches(whole)
     for k, batch in enumerate(rows):
         if entity_of(batch) == path and name in batch.schema.names:
             c = batch.schema.names.index(name)
-            field = batch.schema.field(c)
-            rows[k] = batch.set_column(c, field, pa.array([change(row) for row in batch.column(c).to_pylist()], field.type))
+            field = batch.schema.field(c) if kind is None else batch.schema.field(c).with_type(kind)
+            rows[k] = batch.set_column(c, field, pa.array([change(row) for row in batch.column(c).to_pylist()], kind or field.type))
     return write(target, rows)
 
 
@@ -77,6 +79,16 @@ def test_what_is_wrong_is_named(whole, tmp_path, path, name, change, words):
     with pytest.raises(RecordingError, match=words) as error:
         Recording(target)
     assert error.value.remedy and len(str(error.value)) < 2000
+
+
+@pytest.mark.parametrize("number", [pa.float16(), pa.float32()])
+def test_numbers_of_fewer_digits_are_read_or_refused(whole, tmp_path, number):
+    """The bound of what a table may hold is beyond what such a number reaches."""
+    target = changed(whole, tmp_path / "a.rrd", "/data/joints/B/reaction", "Scalars:scalars", list, pa.list_(number))
+    warnings.simplefilter("error")
+    for read in read_all(target):
+        with contextlib.suppress(OutputError):
+            read()
 
 
 def test_a_value_that_is_none_signals_nothing(whole, tmp_path):
