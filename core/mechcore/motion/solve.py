@@ -24,7 +24,7 @@ from mechcore.errors import Fault, MechanismError
 from mechcore.kinematics.build import build_model
 from mechcore.kinematics.model import Model
 from mechcore.kinematics.program import Block
-from mechcore.laws.timed import ConstantSpeed
+from mechcore.laws.timed import ConstantSpeed, moves
 from mechcore.motion.compiled import Compiled, drive_values, follow, place
 from mechcore.motion.events import at_drive, runs
 from mechcore.motion.motion import Motion
@@ -33,6 +33,8 @@ from mechcore.motion.structure import gruebler, rank_mobility
 from mechcore.numerics.frames import keep_freed_memory
 from mechcore.spec.mechanism import Mechanism, PinSlot, Prismatic
 from mechcore.texts import Text, as_coordinate, as_length
+
+MOST_CYCLES = 1e9  # of a drive in a run: beyond, times of 16 digits are known to less than a millionth of a cycle
 
 
 def compile_mechanism(mechanism: Mechanism, accuracy: Accuracy = DEFAULT, executor: Executor = "numpy") -> Compiled:
@@ -125,6 +127,8 @@ def solve_motion(
         return follow(compiled, time, drives)
     model, given = compiled.model, drives is not None
     time = numbers(time)
+    if not given and len(time):
+        _check_places_in_cycles(model.mechanism, float(time[-1]))
     values = drive_values(model.mechanism, time, drives)
     if not given and len(time):
         _check_direction(compiled, [v[0] for v in values])
@@ -144,6 +148,21 @@ def solve_motion(
     if not given and not model.mechanism.moving and len(time) and (model.mechanism.loads or model.mechanism.effects):
         _check_statics(motion)
     return motion
+
+
+def _check_places_in_cycles(mechanism: Mechanism, last: float) -> None:
+    """Refuse times up to ``last`` [s] of which the digits do not say where in the cycle of a drive they are."""
+    for drive in mechanism.drives:
+        cycle = drive.law.duration
+        if last > MOST_CYCLES * cycle and moves(drive.law):
+            raise MechanismError(
+                Fault(
+                    "run.cycles",
+                    f"a run of {last:.6g} s goes through {last / cycle:.3g} cycles of the drive of {drive.joint}, of {cycle:.6g} s each: "
+                    "numbers of 16 digits do not say where in them.",
+                    "Give fewer cycles, or drives whose cycles are alike.",
+                )
+            )
 
 
 def _check_statics(motion: Motion) -> None:

@@ -122,6 +122,13 @@ def test_a_run_of_any_length_ends_at_its_stop():
     np.testing.assert_allclose(ends[1], ends[0], rtol=0.0, atol=1e-9)
 
 
+def test_a_run_that_blurs_the_cycle_of_a_drive_is_refused():
+    """The other drive of the five-bar has cycles of 1.2 s: looking for change points in them took 5 GB."""
+    with pytest.raises(MechanismError, match=r"8\.33e\+28 cycles of the drive of E, of 1\.2 s each") as error:
+        run_scene(changed("five-bar", (("joints", "A", "drive", "segments", 1, "duration"), 1e29)))
+    assert error.value.faults[0].path == "run.cycles" and error.value.faults[0].remedy
+
+
 def test_a_link_beside_which_the_others_vanish_is_refused_by_name():
     run = run_scene(changed("contour-lever", (("links", "slider", "points", "D"), [1e29, 0])))
     with pytest.raises(MechanismError, match=r"links\.slider: the solids cannot be made") as error:
