@@ -173,7 +173,10 @@ def test_plots_have_the_bands_of_tolerances():
     by_stroke = np.abs(np.cos(q) + (16.0 - np.sin(q) ** 2) / np.sqrt(16.0 - np.sin(q) ** 2))
     np.testing.assert_allclose(arrays[plots["Joint S: displacement"]["half"]], 0.05 * by_stroke, rtol=1e-6)
     together = plots["Joint reactions, magnitude"]
-    assert len(arrays[together["half"]]) == len(q) * len(together["names"]) and "half" not in plots["Power"]
+    assert len(arrays[together["half"]]) == len(q) * len(together["names"]) and "half" not in plots["Health: closure"]
+    by_torque = run.scene.mechanism.drives[0].law(0.0)[1] * arrays[plots["Drive A: torque"]["half"]]
+    of_drive = arrays[plots["Power"]["half"]][:: len(plots["Power"]["names"])]
+    np.testing.assert_allclose(of_drive, np.abs(by_torque), rtol=1e-6)
     notes = header["notes"]
     assert "<li>stroke: 80 mm ± 0.1 mm</li>" in notes and "Tolerances" not in content(make_page(recorded().shown)[0])[0]["notes"]
     first = header["plots"][header["first"][0]]
