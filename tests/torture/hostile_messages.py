@@ -169,14 +169,13 @@ def drained(socket: ClientConnection) -> None:
 def heard(port: int, socket: ClientConnection, frame: int) -> None:
     """Wait until the viewer has dealt with all that a socket has sent: it shows the frame that is asked for last, or has closed
     the socket."""
-    end = time.monotonic() + PATIENCE
+    end, shown = time.monotonic() + PATIENCE, -1
     with opened(port) as page:
         slider = next(m for m in replay(page) if "props" in m and m["props"].get("label") == "Frame")["uuid"]
-    shown = -1
-    with contextlib.suppress(ConnectionClosed):
-        send(socket, {"type": "GuiUpdateMessage", "uuid": slider, "updates": {"value": frame}})
     while shown != frame and socket.protocol.state is State.OPEN:
         assert time.monotonic() < end, "the viewer does not hear"
+        with contextlib.suppress(ConnectionClosed):  # again: an edit asked for before may show another frame only now
+            send(socket, {"type": "GuiUpdateMessage", "uuid": slider, "updates": {"value": frame}})
         with opened(port) as page:
             told = [m for m in replay(page) if m.get("uuid") == slider]
         shown = next(v for m in reversed(told) for v in (m.get("value"), m.get("updates", {}).get("value")) if v is not None)

@@ -286,6 +286,8 @@ def test_what_is_left_over_is_collected_before_it_is_much(viewer, monkeypatch):
     monkeypatch.setattr("mechviz.outputs.viewer.app.left_over", lambda: told.append(1))  # browsers before may still be leaving
     rings = []
     gc.disable()  # what is collected is collected by us
+    begun = weakref.ref(Ring())
+    until(lambda: gc.collect() >= 0 and begun() is None, "that no thread is collecting")
     try:
         for _ in range(3 * OFTEN):
             rings.append(weakref.ref(Ring()))
