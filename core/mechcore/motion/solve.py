@@ -158,8 +158,8 @@ def _check_places_in_cycles(mechanism: Mechanism, last: float) -> None:
             raise MechanismError(
                 Fault(
                     "run.cycles",
-                    f"a run of {last:.6g} s goes through {last / cycle:.3g} cycles of the drive of {drive.joint}, of {cycle:.6g} s each: "
-                    "numbers of 16 digits do not say where in them.",
+                    f"a run of {last:.6g} s goes through {last / cycle:.3g} cycles of the drive of {drive.joint}, of {cycle:.6g} s"
+                    " each: numbers of 16 digits do not say where in them.",
                     "Give fewer cycles, or drives whose cycles are alike.",
                 )
             )
