@@ -12,6 +12,7 @@ from mechviz.editor.parameters import HIDDEN, LONGEST_LIST, group_of, is_number,
 from mechviz.scene.annotations import Place, leaf_at
 from mechviz.scene.document import SceneDocument, value_at
 from mechviz.scene.fields import DocumentTable, QuantityMark
+from mechviz.scene.kinds.cam_files import separator_of
 from mechviz.scene.scene import Scene
 from mechviz.scene.units import split, symbol_of
 
@@ -74,7 +75,7 @@ class NumberRow:
     def _rows_of(self, text: str) -> tuple[list[list[str]], tuple[str, ...]]:
         """The cells of a table in text form, and the units of its columns, which a header may state in brackets."""
         lines = [line.strip() for line in text.splitlines() if line.strip()]
-        between = ";" if any(";" in line for line in lines) else "\t" if any("\t" in line for line in lines) else ","
+        between = separator_of(lines)
         rows = [[cell.strip() for cell in line.split(between)] for line in lines]
         if between != ",":  # then commas are decimal ones
             rows = [[cell.replace(",", ".") for cell in row] for row in rows]

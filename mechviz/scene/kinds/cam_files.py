@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from io import BytesIO
 from itertools import pairwise
 from typing import Any
@@ -175,6 +175,12 @@ def read_points(content: bytes) -> tuple[Complex, float | None]:
     return z, _NAMED.get(units[0] or "")
 
 
+def separator_of(lines: Sequence[str]) -> str:
+    """What parts the cells of a table in text form: a semicolon or tab that most lines have, beside which commas are decimal ones,
+    else the comma."""
+    return next((mark for mark in ";\t" if 2 * sum(mark in line for line in lines) > len(lines)), ",")
+
+
 def read_columns(content: bytes, names: tuple[str, ...]) -> tuple[tuple[list[float], list[float]], tuple[str | None, str | None]]:
     """Two columns of a table in text form: those with the two names, else the first two; and their units where the header states
     them in brackets. Raises ``MechanismError`` where a row has no two numbers."""
@@ -182,7 +188,7 @@ def read_columns(content: bytes, names: tuple[str, ...]) -> tuple[tuple[list[flo
         text = content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise _bad(f"it cannot be read: {error}.", "Give a table in text form.") from None
-    delimiter = next((mark for mark in ";\t" if mark in text), ",")
+    delimiter = separator_of([line for line in text.splitlines() if line.strip()])
     if delimiter != ",":  # then commas are decimal ones
         text = text.replace(",", ".")
     rows = [row for row in csv.reader(text.splitlines(), delimiter=delimiter) if any(cell.strip() for cell in row)]

@@ -163,12 +163,13 @@ def test_a_given_acceleration_is_the_lecture_s_cam():
     assert jumps(lift) == []
 
 
-@pytest.mark.parametrize("point", ".,")
-def test_a_table_of_lift_from_a_file(tmp_path, point):
-    """Also with decimal commas, as spreadsheets of many languages write them, beside semicolons."""
+@pytest.mark.parametrize(("point", "between"), [(".", ";"), (",", ";"), (".", ",")])
+def test_a_table_of_lift_from_a_file(tmp_path, point, between):
+    """Also with decimal commas, as spreadsheets of many languages write, beside semicolons; one in a header decides nothing."""
     x = np.linspace(0, 360, 73)
-    rows = [f"{a:.6f};{10 * (1 - np.cos(np.radians(a))):.9f}".replace(".", point) for a in x]
-    (tmp_path / "lift.csv").write_text("\n".join(["angle [deg];lift [mm]", *rows]))
+    rows = [between.join((f"{a:.6f}", f"{10 * (1 - np.cos(np.radians(a))):.9f}")) for a in x]
+    head = "angle [deg];lift [mm]" if between == ";" else "angle [deg],lift [mm],measured; by hand"
+    (tmp_path / "lift.csv").write_text("\n".join([head, *(row.replace(".", point) for row in rows)]))
     data = copy.deepcopy(CAM)
     table = {"file": "lift.csv", "periodic": True}
     data["joints"]["K"]["profile"]["lift"] = [{"over": 360, "law": {"position": table}}]
