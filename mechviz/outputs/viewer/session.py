@@ -137,6 +137,11 @@ class EditSession:
         """Whether a newer change waits for the one in work."""
         return self._worker.overtaken
 
+    def awaits(self, key: str) -> bool:
+        """Whether a change of this value has been asked for and is not yet in work."""
+        with self._asking:
+            return key in self._pending
+
     def close(self) -> None:
         self._worker.close()
         self._builder.close()

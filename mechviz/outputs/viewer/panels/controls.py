@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import contextlib
 import math
+import threading
 import time
 from collections.abc import Callable, Collection
-from functools import partial
 from typing import Any
 
 import viser
@@ -16,6 +16,7 @@ from mechviz.editor.rows import NumberRow, find_rows
 from mechviz.outputs.viewer import words
 from mechviz.outputs.viewer.server import Callback, finite
 from mechviz.outputs.viewer.session import EditSession, Status
+from mechviz.outputs.viewer.viser_adapter import uuid_of
 from mechviz.scene.scene import Scene
 
 OPEN_FIRST = ("Parameters", "Lengths", "Drive", "Cam")
@@ -35,6 +36,8 @@ class Controls:
         self.texts: dict[str, viser.GuiInputHandle[str]] = {}
         self._choices: dict[str, Choice] = {}
         self._rows: dict[str, NumberRow] = {}
+        self._heard: dict[str, object] = {}  # by control: the value that has last been read, or written here
+        self._lock = threading.RLock()  # held while what a browser has changed is passed on
         self._folders: list[viser.GuiFolderHandle] = []
         self._homes: dict[str, viser.GuiFolderHandle] = {}
         self._note: viser.GuiHtmlHandle | None = None
@@ -64,17 +67,17 @@ class Controls:
             return
         for p in parameters:
             slider = self.sliders[p.key]
-            if abs(slider.value - p.value) > 1e-9 * max(abs(p.value), 1e-9):
+            if abs(slider.value - p.value) > 1e-9 * max(abs(p.value), 1e-9) and not self._awaits(p.key, slider):
                 self._widen(slider, p.value)
-                slider.value = p.value
+                self._write(slider, p.value)
         for c in choices:
-            if self.lists[c.key].value != c.value:
-                self.lists[c.key].value = c.value
+            if self.lists[c.key].value != c.value and not self._awaits(c.key, self.lists[c.key]):
+                self._write(self.lists[c.key], c.value)
         for r in rows:
             shown = self._rows[r.key]
             self._rows[r.key] = r
-            if shown.values != r.values and not self._says(r):
-                self.texts[r.key].value = r.text
+            if shown.values != r.values and not _says(self.texts[r.key].value, r) and not self._awaits(r.key, self.texts[r.key]):
+                self._write(self.texts[r.key], r.text)
 
     def show_status(self, status: Status) -> None:
         """Say how a change went: at the top, and below the slider that went too far. Any other change,
@@ -142,43 +145,57 @@ class Controls:
 
     def _add_slider(self, p: Parameter, folder: viser.GuiFolderHandle) -> None:
         slider: Any = self._gui.add_slider(p.title, p.low, p.high, p.step, p.value, hint=f"{p.key} of the scene file")
-        slider.on_update(self._callback(f"Changing {p.label}", partial(self._moved, p.key)))
+        self._listen(p.key, slider, p.label, self._moved)
         self.sliders[p.key] = slider
         self._homes[p.key] = folder
 
     def _add_list(self, c: Choice) -> None:
         options = c.options if c.value in c.options else (c.value, *c.options)
         chosen: Any = self._gui.add_dropdown(c.label, options, initial_value=c.value, hint=f"{c.key} of the scene file")
-        chosen.on_update(self._callback(f"Changing {c.label}", partial(self._chosen, c.key)))
+        self._listen(c.key, chosen, c.label, self._chosen)
         self.lists[c.key] = chosen
 
     def _add_text(self, r: NumberRow) -> None:
         text: Any = self._gui.add_text(r.title, r.text, multiline=True, hint=f"{r.key} of the scene file, {r.hint}")
-        text.on_update(self._callback(f"Changing {r.title}", partial(self._typed, r.key)))
+        self._listen(r.key, text, r.title, self._typed)
         self.texts[r.key] = text
 
-    def _typed(self, key: str, _: object) -> None:
-        r, text = self._rows.get(key), self.texts.get(key)
-        if r is not None and text is not None and not self._says(r):
-            typed = text.value
-            self._session.change(r.key, lambda draft: draft.changed(r.changes(typed)))
+    def _listen(self, key: str, control: Any, label: str, changed: Callable[[str, Any], None]) -> None:
+        """From now on ``changed(key, value)`` is called when a browser has changed the control of a value."""
+        self._heard[uuid_of(control)] = control.value
 
-    def _says(self, r: NumberRow) -> bool:
-        """Whether a text says the numbers of the scene, however it is written."""
-        with contextlib.suppress(ValueError):
-            return not r.changes(self.texts[r.key].value)
-        return False
+        def heard(_: object) -> None:
+            with self._lock:
+                value = self._heard[uuid_of(control)] = control.value
+                changed(key, value)
 
-    def _moved(self, key: str, _: object) -> None:
+        control.on_update(self._callback(f"Changing {label}", heard))
+
+    def _awaits(self, key: str, control: Any) -> bool:
+        """Whether a browser has changed a control and that is still to be solved: no earlier change undoes it."""
+        with self._lock:
+            return control.value != self._heard[uuid_of(control)] or self._session.awaits(key)
+
+    def _write(self, control: Any, value: float | str) -> None:
+        with self._lock:
+            control.value = value
+            self._heard[uuid_of(control)] = control.value
+
+    def _typed(self, key: str, typed: str) -> None:
+        r = self._rows.get(key)
+        if r is not None and not _says(typed, r):
+            self._session.change(key, lambda draft: draft.changed(_anew(r, draft.scene()).changes(typed)))
+
+    def _moved(self, key: str, moved: float) -> None:
         p, slider = self._parameters.get(key), self.sliders.get(key)
         if p is None or slider is None:
             return  # the scene has no such value any more
-        value = finite(slider.value, -math.inf, math.inf, p.value)
+        value = finite(moved, -math.inf, math.inf, p.value)
         if p.whole:
             value = float(round(value))
         self._widen(slider, finite(value, p.hard_low, p.hard_high, p.value))
-        if value != slider.value:
-            slider.value = value
+        if value != moved:
+            self._write(slider, value)
         self._session.move(p, value)
 
     def _widen(self, slider: viser.GuiSliderHandle[float], value: float) -> None:
@@ -188,10 +205,9 @@ class Controls:
         if value < slider.min:
             slider.min = value
 
-    def _chosen(self, key: str, _: object) -> None:
-        c, chosen = self._choices.get(key), self.lists.get(key)
-        if c is not None and chosen is not None and chosen.value in c.options:
-            option = chosen.value
+    def _chosen(self, key: str, option: str) -> None:
+        c = self._choices.get(key)
+        if c is not None and option in c.options:
             self._session.change(c.key, lambda draft: draft.changed(c.changes(draft.scene(), option)))
 
     def _step(self, name: str) -> None:
@@ -202,6 +218,18 @@ class Controls:
         }
         if name in actions:
             actions[name]()
+
+
+def _says(text: str, row: NumberRow) -> bool:
+    """Whether a text says the numbers of a row, however it is written."""
+    with contextlib.suppress(ValueError):
+        return not row.changes(text)
+    return False
+
+
+def _anew(row: NumberRow, scene: Scene) -> NumberRow:
+    """A row with the numbers that a scene has by now; those of a load that is switched off stay."""
+    return next((r for r in find_rows(scene) if r.key == row.key), row)
 
 
 def _belongs(key: str, names: Collection[str]) -> bool:

@@ -1,0 +1,67 @@
+"""What browsers change while an earlier change is being solved: the newest value wins, and no control goes back under the hand."""
+
+from __future__ import annotations
+
+import pytest
+from viewer_sockets import CAMERA, send, sockets, until, update
+
+import mechviz
+from mechviz.editor.laws import TABLE, law_changes
+from mechviz.outputs.viewer.app import Viewer
+from mechviz.runs import run_scene
+from mechviz.scene.document import value_at
+
+LAW = ("joints", "K", "profile", "lift", 0, "law")
+SEVEN = "0, 0\n60, 9\n90, 15\n100, 18\n110, 19.5\n115, 20\n120, 20"
+
+
+def arriving(monkeypatch, viewer, browser, control, value):
+    """Statuses of changes. Before the first one is told, a browser has sent another value of a control."""
+    told, statuses = viewer.inspector.show_status, []
+    send(browser, CAMERA)
+    until(lambda: len(viewer.server.get_clients()) == 1, "a browser that looks at the picture")
+
+    def late(status):
+        statuses.append(status)
+        if len(statuses) == 1:
+            send(browser, update(control, value))
+            until(lambda: control.value == value, "the browser's value")
+        told(status)
+
+    monkeypatch.setattr(viewer.session, "_report", late)
+    return statuses
+
+
+@pytest.mark.parametrize(("typed", "fault"), [("1, 2\n3", "2 numbers are wanted"), (SEVEN, "")])
+def test_a_text_typed_while_an_earlier_one_is_solved_is_not_lost(typed, fault, monkeypatch):
+    scene = mechviz.load("cam-roller")
+    run = run_scene(scene.changed(law_changes(scene, LAW, TABLE)), frames=24)
+    first = "\n".join(f"{x}, {20.0 * (x / 120.0) ** 2 * (3.0 - x / 60.0)}" for x in range(0, 121, 5))
+    with Viewer(run, port=0) as viewer, sockets(viewer.port, 1) as (browser,):
+        (text,) = viewer.inspector.controls.texts.values()
+        statuses = arriving(monkeypatch, viewer, browser, text, typed)
+        send(browser, update(text, first))
+        until(lambda: len(statuses) == 2, "both")
+        assert viewer.session.wait(rested=True)
+        assert text.value == typed and fault in statuses[1].fault and bool(fault) is bool(statuses[1].fault)
+        values = value_at(viewer.run.scene.document, LAW).position.values
+        assert len(values) == 25 if fault else values == [0, 9, 15, 18, 19.5, 20, 20]
+        assert fault in viewer.inspector.controls.message.content
+        viewer.session.undo()
+        assert viewer.session.wait(rested=True)
+        assert viewer.inspector.controls.texts.popitem()[1].value != typed, "it follows again"
+
+
+def test_a_slider_moved_while_another_change_is_solved_does_not_go_back(monkeypatch):
+    with Viewer(run_scene(mechviz.load("crank-rocker"), frames=24), port=0) as viewer, sockets(viewer.port, 1) as (browser,):
+        key, slider = next(iter(viewer.inspector.controls.sliders.items()))
+        before, wanted = slider.value, slider.value + slider.step
+        statuses = arriving(monkeypatch, viewer, browser, slider, wanted)
+        viewer.session.change("another", lambda draft: draft)
+        until(lambda: len(statuses) == 2, "both")
+        assert statuses[1].key == key and not statuses[1].fault and slider.value == wanted
+        (parameter,) = (p for p in viewer.session.parameters if p.key == key)
+        assert parameter.value == pytest.approx(wanted, rel=1e-9)
+        viewer.session.undo()
+        assert viewer.session.wait(rested=True)
+        assert slider.value == before, "it follows again"
