@@ -177,7 +177,7 @@ def hertz(
     f, rho = np.broadcast_arrays(np.asarray(force, float), np.asarray(cam_radius, float))
     if not width > 0.0:
         raise MechanismError(Fault("cam.width", f"{as_length(width)}.", "Give a positive width of the contact."))
-    stiff = _contact_modulus(modulus, poisson)
+    stiff = contact_modulus(modulus, poisson)
     with np.errstate(divide="ignore", invalid="ignore"):
         curvature = 1.0 / rho + (1.0 / follower_radius if follower_radius != 0.0 else np.inf)
         curvature = np.where(curvature < 0.0, np.nan, curvature)
@@ -187,7 +187,7 @@ def hertz(
     return HertzContact(pressure, half)
 
 
-def _contact_modulus(modulus: tuple[float, float], poisson: tuple[float, float]) -> float:
+def contact_modulus(modulus: tuple[float, float], poisson: tuple[float, float]) -> float:
     """Elastic modulus of the contact of two bodies [Pa], after Hertz."""
     return 1.0 / sum((1.0 - n**2) / e for e, n in zip(modulus, poisson, strict=True))
 
@@ -207,7 +207,7 @@ def rollers_for(
     place of the pitch curve is too sharp for any roller.
     """
     f, rho = np.broadcast_arrays(np.maximum(np.asarray(force, float), 0.0), np.asarray(pitch_radius, float))
-    stiff = _contact_modulus(modulus, poisson)
+    stiff = contact_modulus(modulus, poisson)
     need = f * stiff / (np.pi * width * limit**2)  # reduced radius
     with np.errstate(divide="ignore", invalid="ignore"):
         root = np.sqrt(1.0 - 4.0 * need / rho)

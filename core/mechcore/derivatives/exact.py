@@ -122,15 +122,16 @@ class Derivatives:
         """Derivatives (P, ...) of results by the parameters, in SI units; NaN where a position is singular."""
         traced = [x for x in results if isinstance(x, Traced)]
         given = {number: np.stack(d) for number, d in self._slopes.items()}
-        if not given:
-            return [np.zeros((len(self.parameters), *np.shape(value_of(x)))) for x in results]
-        values = iter(self.tape.forward(given, traced))
-        count = len(self.parameters)
-        out = [np.array(next(values)) if isinstance(x, Traced) else np.zeros((count, *np.shape(x))) for x in results]
+        values = iter(self.tape.forward(given, traced) if given else [self._unmoved(x.value) for x in traced])
+        out = [np.array(next(values)) if isinstance(x, Traced) else self._unmoved(x) for x in results]
         for d in out:
             if len(self.singular) and d.shape[1:2] == (self.nominal.frames,):
                 d[:, self.singular] = np.nan
         return out
+
+    def _unmoved(self, plain: Any) -> Real:
+        """Derivatives (P, ...) of what depends on no parameter: zero, and NaN where it is not known."""
+        return np.tile(np.where(np.isnan(plain), np.nan, 0.0), (len(self.parameters), *(1,) * np.ndim(plain)))
 
     @cached_property
     def energy(self) -> Any:

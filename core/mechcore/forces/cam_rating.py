@@ -71,6 +71,15 @@ def contact_stress(forces: Forces, cam: AnyCam, rating: CamRating) -> HertzConta
     return HertzContact(pressure, half)
 
 
+def contact_curvature(motion: Motion, cam: AnyCam, force: Real) -> Real:
+    """Sum of the curvatures (F) [1/m] of the flank that carries by the signs of ``force`` (F) and of the follower's face; NaN where
+    the cam is hollower than the follower."""
+    radius, roller = _radii(motion, cam, force)
+    with np.errstate(divide="ignore"):
+        total = 1.0 / radius + 1.0 / roller
+    return np.where(total > 0.0, total, np.nan)
+
+
 def _radii(motion: Motion, cam: AnyCam, force: Real) -> tuple[Real, Real]:
     """Radii of curvature [m] (F) of the flank that carries, negative where it is hollow, and of the follower's face."""
     pulled = force < 0.0

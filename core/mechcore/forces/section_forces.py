@@ -337,7 +337,7 @@ class GuideLoad:
     def ends(self) -> Real:
         """Forces across the guide at the bearing's two ends (F, 2) [N]: at the end behind in the guide's direction, and ahead."""
         half, turn = 0.5 * self.normal, self.couple / self.length
-        return np.column_stack([half - turn, half + turn])
+        return np.stack([half - turn, half + turn], axis=-1)
 
 
 def bearings(mechanism: Mechanism) -> tuple[Prismatic, ...]:
@@ -374,14 +374,15 @@ def bearing_ends(forces: Forces, joint: Prismatic) -> Real:
 
 def _plane(rows: Real) -> Complex:
     """The first two numbers of rows (F, n) as plane vectors (F,)."""
-    return np.asarray(rows[:, 0] + 1j * rows[:, 1])
+    vectors: Complex = rows[:, 0] + 1j * rows[:, 1]
+    return vectors
 
 
 def _vectors(motion: Motion, value: Plane) -> Complex:
     """Plane vectors, or one for all frames, over the frames (F,)."""
-    return np.broadcast_to(np.asarray(value, complex), (motion.frames,))
+    return np.broadcast_to(value + 0j, (motion.frames,))
 
 
 def _numbers(motion: Motion, value: Values) -> Real:
     """Numbers, or one for all frames, over the frames (F,)."""
-    return np.broadcast_to(np.asarray(value, float), (motion.frames,))
+    return np.broadcast_to(value, (motion.frames,))

@@ -21,6 +21,7 @@ from mechcore.kinematics.model import Model
 from mechcore.kinematics.rates import Rates
 from mechcore.kinematics.state import Interpolant
 from mechcore.motion.motion import Motion
+from mechcore.numerics.tape import value_of
 from mechcore.records import dataclass
 
 T = TypeVar("T")
@@ -87,13 +88,15 @@ def relative_turns(motion: Motion) -> dict[tuple[str, str], tuple[Real, Complex]
     unit = per_unit_drive_speed(motion)
     m, n = motion.model, motion.frames
     rates: Rates = unit.speeds
-    turns = [np.broadcast_to(np.asarray(rates.angular[m.angles.rotation_class[k]], float), n) for k in range(len(m.links))]
-    still = [np.broadcast_to(v - 1j * w * o, n) for v, w, o in zip(unit.origin_velocities, turns, unit.origins, strict=True)]
-    least = 1e-12 * np.fmax.reduce([np.abs(w) for w in turns])  # of each frame: at a dead point of the drive rates are unbounded
+    turns = [np.broadcast_to(rates.angular[m.angles.rotation_class[k]], (n,)) for k in range(len(m.links))]
+    still = [np.broadcast_to(v - 1j * w * o, (n,)) for v, w, o in zip(unit.origin_velocities, turns, unit.origins, strict=True)]
+    least = 1e-12 * np.fmax.reduce(
+        [np.abs(value_of(w)) for w in turns]
+    )  # of each frame: at a dead point of the drive rates are unbounded
     out = {}
     for a, b in combinations(range(len(m.links)), 2):
         turn = turns[a] - turns[b]
-        out[m.links[a], m.links[b]] = np.where(np.abs(turn) <= least, 0.0, turn), still[b] - still[a]
+        out[m.links[a], m.links[b]] = np.where(np.abs(value_of(turn)) <= least, 0.0, turn), still[b] - still[a]
     return out
 
 
@@ -102,8 +105,9 @@ def instant_centres(motion: Motion) -> dict[tuple[str, str], Real]:
     each other, in the direction in which it lies. n (n - 1) / 2 of them."""
     out = {}
     for pair, (turn, shift) in relative_turns(motion).items():
-        centre = shift / (1j * np.where(turn == 0.0, 1.0, turn))
-        x, y = (np.where(turn == 0.0, np.copysign(np.inf, part), part) for part in (centre.real, centre.imag))
+        parallel = value_of(turn) == 0.0
+        centre = shift / (1j * np.where(parallel, 1.0, turn))
+        x, y = (np.where(parallel, np.copysign(np.inf, value_of(part)), part) for part in (centre.real, centre.imag))
         out[pair] = np.stack([x, y], axis=-1)
     return out
 
@@ -150,7 +154,8 @@ def curvature(motion: Motion, link: str, point: str) -> Real:
     unit = per_unit_drive_speed(motion)
     v, a = unit.point(link, point, 1), unit.point(link, point, 2)
     with np.errstate(divide="ignore", invalid="ignore"):
-        return np.asarray((v[:, 0] * a[:, 1] - v[:, 1] * a[:, 0]) / np.hypot(v[:, 0], v[:, 1]) ** 3)
+        bend: Real = (v[:, 0] * a[:, 1] - v[:, 1] * a[:, 0]) / np.hypot(v[:, 0], v[:, 1]) ** 3
+    return bend
 
 
 @dataclass(frozen=True)

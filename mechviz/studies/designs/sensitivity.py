@@ -12,21 +12,28 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mechcore.arrays import Index, Real
+from mechcore.cams.closures import contact_modulus
 from mechcore.cams.placement.spatial import PlacedSpatial
 from mechcore.derivatives.exact import Derivatives
 from mechcore.derivatives.forced import derivatives_under_forces
 from mechcore.derivatives.steady import derivatives_from_steady_run
 from mechcore.errors import Fault, MechanismError
+from mechcore.forces.cam_rating import contact_curvature, placed_cams
 from mechcore.forces.powers import powers_by_label
+from mechcore.forces.section_forces import bearings, guide_load
+from mechcore.kinematics.model import Model
 from mechcore.motion.at_once import indeterminate
+from mechcore.motion.metrics import curvature, instant_centres
 from mechcore.motion.motion import Motion
 from mechcore.motion.solve import default_times
 from mechcore.numerics.tape import value_of
 from mechcore.records import dataclass
 from mechcore.reduction.balancing import shaking
 from mechcore.spec.loads import Servo
+from mechcore.spec.mechanism import CamJoint
 from mechviz.figures import chart
 from mechviz.quantities.catalogue import Quantity
+from mechviz.quantities.vectors import point_name
 from mechviz.runs import Run
 from mechviz.scene.scene import Scene
 from mechviz.studies.designs.measures import Measure, needs_forces, parse_measure, quantity_of, table_values
@@ -157,6 +164,7 @@ def sensitivities(run: Run, measures: Sequence[Measure], variables: Sequence[Var
             weights = measure.weights(curve, time, drive)
             parts_of_sum = [exact.adjoint(columns[n], weights[None, rows])[0] for rows, exact, columns in parts]
             unknown = any(weights[rows[exact.singular]].any() for rows, exact, _ in parts)
+            unknown = unknown or any(weights[rows[np.isnan(value_of(columns[n]))]].any() for rows, _, columns in parts)
             derivatives = np.full(len(variables), np.nan) if unknown else np.sum(parts_of_sum, axis=0)
         find = partial(known.__getitem__, n) if n in known else lambda n=n: slopes_of(n)[0]
         results.append(Sensitivity(measure, quantity, tuple(variables), curve, find, number, derivatives))
@@ -202,11 +210,15 @@ def traced(exact: Derivatives, quantity: Quantity) -> Any:
 def _rows(exact: Derivatives, quantity: Quantity) -> Any:
     """The table of a quantity on the tape, where it is none of those that designs side by side have, too. Raises `LookupError`."""
     match quantity.path[1:]:
+        case ("joints" | "cams", joint, what) if joint not in {c.name for c in exact.nominal.model.connections}:
+            return _apart(exact, what)
         case ("energy",):
             return exact.energy
         case ("power",):
-            powers = powers_by_label(exact.forces)
-            return np.stack([powers[label] for label in quantity.curves], axis=-1)
+            powers = {label.replace("_", " "): power for label, power in powers_by_label(exact.forces).items()}
+            names = quantity.curves if len(quantity.curves) > 1 else list(powers)  # a single one is called power
+            nothing = np.zeros(exact.nominal.frames)  # of a stop on which nothing rests
+            return np.stack([powers.get(name, nothing) for name in names], axis=-1)
         case ("shaking",) if (study := exact.nominal.mechanism.studies.shaking) is not None:
             shaken = shaking(exact.motion, study.about)
             return np.column_stack([shaken.force, shaken.moment])
@@ -215,14 +227,31 @@ def _rows(exact: Derivatives, quantity: Quantity) -> Any:
         case ("loads", *names):
             if quantity.key.endswith("point_of_action"):  # which may be drawn elsewhere
                 raise LookupError(quantity.key)
-            return exact.forces.loads["/".join(names)].values
+            load = exact.forces.loads.get("/".join(names))
+            return np.zeros((exact.nominal.frames, 5)) if load is None else load.values  # none: nothing rests on that stop
         case ("joints", joint, "friction" | "friction_loss" as what) if (friction := exact.forces.friction) is not None:
             return friction.wrench(joint) if what == "friction" else np.stack([friction.losses(joint)], axis=-1)
+        case ("joints", joint, "bearing"):
+            (guide,) = (p for p in bearings(exact.motion.mechanism) if p.name == joint)
+            return guide_load(exact.forces, guide).ends
+        case ("answers", "instant_centre", item):
+            return next(place for links, place in instant_centres(exact.motion).items() if " ".join(links) == item)
+        case ("answers", "curvature", item):
+            return curvature(exact.motion, *next(key for key in exact.motion.mechanism.traced if point_name(*key) == item))[:, None]
+        case ("cams", joint, "stress"):
+            return _stress(exact, joint)
         case ("servos", name, "position" | "error" as what):
             servo = next(x for x in exact.motion.mechanism.loads if isinstance(x, Servo) and x.name == name)
             target, reached = servo.target(exact.motion.time)[0], exact.motion.coordinate(servo.joint)[:, 0]
             return np.stack([target, reached] if what == "position" else [target - reached], axis=-1)
     return None
+
+
+def _apart(exact: Derivatives, what: str) -> Any:
+    """Rows of a table of a cam that its follower has left: nothing presses, and nothing else is known of them."""
+    unknown = np.nan
+    columns = {"reaction": [0.0] * 3, "contact": [unknown, unknown, 0.0, unknown, unknown, unknown], "stress": [0.0] * 2}
+    return np.tile(columns.get(what, [unknown] * 3), (exact.nominal.frames, 1))
 
 
 def _check_determined(exact: Derivatives, path: tuple[str, ...]) -> None:
@@ -256,10 +285,38 @@ def _of_cam(exact: Derivatives, joint: str, what: str) -> Any:
     curvature = column("curvature", lambda cam, motion: 1.0 / cam.rows(motion).radius)
     radius = 1.0 / (curvature + np.where(value_of(curvature) == 0.0, STRAIGHT, 0.0))
     beside = column("eccentricity", lambda cam, motion: cam.rows(motion).eccentricity)
-    seen = column("seen", lambda cam, motion: cam.seen(motion) if isinstance(cam, PlacedSpatial) else np.ones(motion.frames))
     pressed = exact.forces.pressed(joint)
     unknown = np.full(exact.nominal.frames, np.nan)  # places, which no quantity is
-    return np.stack([unknown, unknown, np.hypot(pressed[:, 0], pressed[:, 1]) / seen, np.angle(turned), radius, beside], axis=-1)
+    return np.stack(
+        [unknown, unknown, np.hypot(pressed[:, 0], pressed[:, 1]) / _seen(exact, joint), np.angle(turned), radius, beside], axis=-1
+    )
+
+
+def _seen(exact: Derivatives, joint: str) -> Any:
+    """The part of a cam's contact force that the plane of the mechanism sees (F,), on the tape."""
+    return exact.contact_of(
+        joint, "seen", lambda cam, motion: cam.seen(motion) if isinstance(cam, PlacedSpatial) else np.ones(motion.frames)
+    )
+
+
+def _stress(exact: Derivatives, joint: str) -> Any:
+    """Hertz pressure and half width of a cam's contact on the tape, of a force F and curvatures that add up to k."""
+
+    def elastic(model: Model) -> Real:
+        rating = next(p.rating for p in model.mechanism.joints if isinstance(p, CamJoint) and p.name == joint)
+        assert rating is not None and rating.width is not None
+        stiff = contact_modulus(rating.modulus, rating.poisson)
+        return np.array([stiff / (np.pi * rating.width), 4.0 / (np.pi * stiff * rating.width)])
+
+    of_force, of_width = exact.beside(elastic, elastic(exact.nominal.model), ("rating", joint))
+    pressed, seen = exact.forces.pressed(joint), _seen(exact, joint)
+    plain = value_of(pressed[:, 0]) + 1j * value_of(pressed[:, 1])
+    (cam,) = (c for c in placed_cams(exact.nominal) if c.name == joint)
+    side = cam.pressing(exact.nominal, plain)  # which flank carries
+    loaded = side != 0.0 if cam.form else side > 0.0
+    bent = exact.contact_of(joint, "bent", lambda cam, motion: contact_curvature(motion, cam, side))
+    force = np.hypot(pressed[:, 0] + ~loaded, pressed[:, 1]) / seen
+    return np.stack([np.sqrt(force * bent * of_force) * loaded, np.sqrt(force / bent * of_width) * loaded], axis=-1)
 
 
 def tornado(row: Sensitivity, title: str, most: int = 20) -> Figure:

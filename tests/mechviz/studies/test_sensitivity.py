@@ -211,6 +211,73 @@ def test_the_command_ranks_and_writes_what_it_found(tmp_path, capsys, monkeypatc
     assert isinstance(result.scene, Scene) and result.sensitivity("drive.A.torque:max").variables[0].name == "stroke"
 
 
+METRIC_KEYS = ("instant_centre.coupler rocker.position", "instant_centre.crank rocker.position", "curvature.coupler.E.curvature")
+ENDS = ("bearing_force_behind", "bearing_force_ahead")
+STRESS = ("cam.K.Hertz_pressure", "cam.K.half_width_of_the_contact", "power")
+CONTENTS = [  # a scene, a number of it, and quantities
+    ("crank-rocker", ("links", "coupler", "points", "C", 0), METRIC_KEYS),
+    ("crank-rocker", ("links", "frame", "points", "D", 0), METRIC_KEYS),
+    ("cam-friction", ("joints", "S", "friction", "length"), [f"joint.S.{end}" for end in ENDS]),
+    ("slider-crank-friction", ("links", "crank", "points", "B", 0), [f"joint.S.{end}" for end in ENDS]),
+    ("cam-roller", ("joints", "K", "rating", "width"), STRESS),
+    ("cam-roller", ("joints", "K", "follower", "roller"), STRESS),
+    ("cam-roller", ("joints", "K", "profile", "base"), STRESS),
+    ("cam-roller", ("loads", "return_spring", "stiffness"), STRESS),
+]
+
+
+def by_differences(scene, place, key, frames, h=1e-3):
+    """Derivatives (F, n) of a quantity by a number of a scene, in its unit: differences of the sixth order."""
+    value = value_at(scene.document, place)
+    size, unit = (float(split(value)[0]), split(value)[1]) if isinstance(value, str) else (float(value), "")
+    beside = {
+        k: run_scene(
+            scene.changed({place: f"{size * (1 + k * h)!r} {unit}".strip() if unit else size * (1 + k * h)}), frames=frames
+        )
+        for k in (-3, -2, -1, 1, 2, 3)
+    }
+    values = {k: run.catalogue[key].values() for k, run in beside.items()}
+    return sum(weight * (values[k] - values[-k]) for k, weight in ((1, 45), (2, -9), (3, 1))) / (60.0 * h * size)
+
+
+@pytest.mark.parametrize(("name", "place", "keys"), CONTENTS)
+def test_metrics_bearings_and_contact_stresses_have_exact_derivatives(name, place, keys):
+    scene = load(name)
+    run = run_scene(scene, frames=31)
+    number = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in place).lstrip(".")
+    moved = 0.0
+    for key in keys:
+        differences, curves = by_differences(scene, place, key, 31), run.catalogue[key].curves
+        for k, curve in enumerate(curves):
+            found = sensitivity(run, f"{key}[{curve}]" if len(curves) > 1 else key, [number]).slopes[0]
+            known = np.isfinite(differences[:, k])  # lines that are parallel meet nowhere
+            scale = np.abs(differences[known, k]).max(initial=1e-300)
+            np.testing.assert_allclose(found[known], differences[known, k], rtol=1e-8, atol=3e-9 * scale, err_msg=f"{key} {curve}")
+            moved = max(moved, scale)
+    assert moved > 1e-9
+
+
+@pytest.mark.parametrize(
+    ("name", "key", "place"),
+    [
+        ("toggle-press-stop", "load.stop die.force", ("links", "ram", "mass")),
+        ("valve-float", "cam.K.contact_force", ("loads", "valve_spring", "stiffness")),
+    ],
+)
+def test_what_presses_now_and_then_has_derivatives_while_it_does(name, key, place):
+    scene = load(name)
+    run = run_scene(scene, frames=40)
+    curve, found = f"{key}[|F|]" if "stop" in key else key, ".".join(place)
+    slopes = sensitivity(run, curve, [found])
+    differences = by_differences(scene, place, key, 40, h=1e-5)[:, -1]
+    pressed = slopes.curve > 0.0
+    assert 0 < pressed.sum() < len(pressed) and not slopes.slopes[0, ~pressed].any()
+    np.testing.assert_allclose(
+        slopes.slopes[0, pressed], differences[pressed], rtol=1e-4, atol=1e-4 * np.abs(differences[pressed]).max()
+    )
+    assert np.isfinite(sensitivity(run, f"{curve}:rms", [found]).derivatives).all()
+
+
 LIFT = ("joints", "K", "profile", "lift")
 KNOTS = {  # a range that another one makes up for, and what follows from it
     "cam-roller": ((*LIFT, 0, "over"), (*LIFT, 1, "over"), "deg", ("drive.O.torque", "joint.O.reaction")),
