@@ -20,7 +20,8 @@ numbers for the forms of laws that have several. */
 #define NO_PART 1e-11  /* see dynamics.integration.collocation */
 #define CHATTER 1e-5   /* and windows */
 #define MOST_CUT 400.0
-#define PLACES 33 /* see dynamics.segments */
+#define AT_START 20.0  /* and windows */
+#define PLACES 33      /* see dynamics.segments */
 #define FINER 96
 #define ROUNDS 8
 #define HEAD 10 /* numbers before the coordinates in what tells where windows begin */
@@ -319,8 +320,8 @@ long windows(const System *y, const Rule *r, double end, double least, double mo
     while (made < count && at[0] < end - least) {
         double t = at[0], h = fmin(fmin(at[1], most), end - at[0]);
         if (t + 1.9 * h > end && t + h < end) h = 0.5 * (end - t);
-        while (*breaks <= t + 10.0 * least) breaks++;
-        if (at[6] == 0.0 && t + 20.0 * least < *breaks && *breaks < t + h * (1.0 - 1e-10)) at[6] = 1.0, at[7] = h, h = *breaks - t;
+        while (*breaks <= t + AT_START * least) breaks++;
+        if (at[6] == 0.0 && *breaks < t + h * (1.0 - 1e-10)) at[6] = 1.0, at[7] = h, h = *breaks - t;
         for (long i = 0; i <= s; i++) by_laws(y, t + h * (i < s ? r->nodes[i] : 1.0), d + i * y->given);
         memcpy(a, guess, (size_t)n * sizeof(double));
         const long evaluations = solved(y, r, t, h, q, v, d, near, a, small, work);
@@ -336,8 +337,8 @@ long windows(const System *y, const Rule *r, double end, double least, double mo
                     series[i * f + k] = sum;
                 }
             if (checked && at[6] < 5.0) {
-                const double until = broken(y, s, series, t, h, q, v, t + 10.0 * least);
-                if (t + 20.0 * least < until && until < t + h * (1.0 - 1e-10)) {
+                const double until = broken(y, s, series, t, h, q, v, t + AT_START * least);
+                if (until < t + h * (1.0 - 1e-10)) {
                     at[6] += 1.0, at[7] = fmax(at[7], h), at[1] = until - t;
                     for (long i = 0; i < s; i++) within(s, f, series, h, at[1] * r->nodes[i] / h, q, v, 0, 0, guess + i * f);
                     continue;

@@ -92,7 +92,7 @@ SIXTH = tuple((s * n, s * w) for n, w in ((1, 3 / 4), (2, -3 / 20), (3, 1 / 60))
         # another coordinate that leads
         ("toggle-press-stop", "0.1 s", "links.ram.mass", 0.004, ["joint.B.reaction", "energy[dissipated]"]),
         ("stick-slip-feed", "0.8 s", "loads.drive_train.stiffness", 1e-4, ["joint.G.displacement", "joint.G.reaction"]),
-        ("crushing-press", "0.8 s", "links.ram.mass", 0.02, ["joint.A.angle", "joint.B.reaction"]),
+        ("crushing-press", "2 s", "links.ram.mass", 0.02, ["joint.A.angle", "joint.B.reaction"]),
         ("valve-float", "91.79 ms", "loads.valve_spring.stiffness", 1e-4, ["energy[kinetic]", "energy[work]"]),
         ("swinging-triple-rocker", "0.6 s", "links.rocker.mass", 1e-3, ["joint.A.angle", "joint.A.reaction"]),
     ],

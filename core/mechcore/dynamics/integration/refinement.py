@@ -19,7 +19,7 @@ import numpy as np
 from mechcore.arrays import Flags, Real
 from mechcore.dynamics.integration.collocation import Window
 from mechcore.dynamics.integration.parallel_shooting import MOST_NODES, ParallelShooting
-from mechcore.dynamics.integration.windows import BreakpointFinder, Integrator, Solution
+from mechcore.dynamics.integration.windows import AT_START, BreakpointFinder, Integrator, Solution
 from mechcore.records import dataclass
 
 MORE_NODES = 3  # nodes beyond those of the tolerance: the windows are at first those of a looser one
@@ -48,7 +48,7 @@ def refine(by: Integrator, q: Real, v: Real, t0: float, t1: float, known: Known)
     solution = Solution()
     t, q, v = t0, np.asarray(q, float), np.asarray(v, float)
     least = 1e-13 * max(abs(t0), abs(t1), 1e-300)
-    keep = (known.boundaries[1:] > t0 + 20.0 * least) & (known.boundaries[:-1] < t1 - least)
+    keep = (known.boundaries[1:] > t0 + AT_START * least) & (known.boundaries[:-1] < t1 - least)
     ends, cut = np.minimum(known.boundaries[1:][keep], t1), known.cut[keep]
     if len(ends) and by.most is not None and np.diff(np.append(t0, ends)).max() > by.most:
         ends, cut = ends[:0], cut[:0]
@@ -66,7 +66,7 @@ def refine(by: Integrator, q: Real, v: Real, t0: float, t1: float, known: Known)
             continue
         ends, cut = ends[count:], cut[count:]
         for window in trajectory.windows(rule):
-            break_time = None if breakpoints is None else breakpoints(window, window.start + 10.0 * least)
+            break_time = None if breakpoints is None else breakpoints(window, window.start + AT_START * least)
             if (
                 breakpoints is not None
                 and break_time is not None
@@ -82,7 +82,7 @@ def refine(by: Integrator, q: Real, v: Real, t0: float, t1: float, known: Known)
                 solution.evaluations = solver.evaluations
                 return solution
             if break_time is not None:
-                later = trajectory.boundaries[trajectory.boundaries > t + 20.0 * least]
+                later = trajectory.boundaries[trajectory.boundaries > t + AT_START * least]
                 ends, cut = np.concatenate([later, ends]), np.concatenate([np.zeros(len(later), bool), cut])
                 if len(ends) > 1 and ends[0] - t < LEAST_WINDOW * (ends[1] - ends[0]):
                     ends, cut = ends[1:], cut[1:]
@@ -106,7 +106,7 @@ def _until(solver: ParallelShooting, window: Window, break_time: float, breakpoi
             part = solver.rule.legendre @ _acceleration(window, window.start + (break_time - window.start) * solver.rule.nodes)
             return Window(window.start, break_time - window.start, window.q, window.v, part, True)
         (window,) = trajectory.windows(solver.rule)
-        again = breakpoints(window, window.start + 10.0 * least)
+        again = breakpoints(window, window.start + AT_START * least)
         if again is None or again >= break_time - WINDOW_END * window.length:
             break
         break_time = again

@@ -33,6 +33,7 @@ LONGER_WINDOW = 1.6  # times as long as the one before: so much longer at the mo
 FEW_WINDOWS = 3  # windows in a row that end at stated breakpoints: so many, or more, are solved together
 # How far the next ones reach: where the last were solved, were not, or one of them was
 FARTHER_REACH, NEARER_REACH, RECOVERED_REACH = 2.0, 0.3, 1.2
+AT_START = 20.0  # least lengths: a breakpoint nearer to a window's start is the one at which it begins, and hides no later one
 # Windows shorter than this part of the longest; so many in a row, cut at breakpoints, get nowhere
 CHATTER_LENGTH, MOST_CUT = 1e-5, 400
 # Windows after which their length gives the number of those left; so many are worth compiling
@@ -290,8 +291,8 @@ class _Integration:
         nodes_a, count = solved
         self.solution.evaluations += count
         window = Window(t, self.h, self.q, self.v, self.rule.legendre @ nodes_a, self.cuts > 0)
-        break_time = breakpoints(window, t + 10.0 * least) if breakpoints is not None and self.cuts < 5 else None
-        if break_time is not None and t + 20.0 * least < break_time < t + self.h * (1.0 - 1e-10):
+        break_time = breakpoints(window, t + AT_START * least) if breakpoints is not None and self.cuts < 5 else None
+        if break_time is not None and break_time < t + self.h * (1.0 - 1e-10):
             self.cuts, self.uncut, self.h = self.cuts + 1, max(self.uncut, self.h), break_time - t
             self.guess = window.acceleration(t + self.h * nodes)
             return True
@@ -304,8 +305,8 @@ class _Integration:
         h = min(self.h, t1 - t) if self.by.most is None else min(self.h, self.by.most, t1 - t)
         if t + 1.9 * h > t1 and t + h < t1:
             h = 0.5 * (t1 - t)  # no sliver at the end
-        stated = breakpoints.stated(t + 10.0 * self.least) if breakpoints is not None and not self.cuts else np.inf
-        if t + 20.0 * self.least < stated < t + h * (1.0 - 1e-10):
+        stated = breakpoints.stated(t + AT_START * self.least) if breakpoints is not None and not self.cuts else np.inf
+        if stated < t + h * (1.0 - 1e-10):
             self.cuts, self.uncut, h = 1, h, stated - t
         self.h = h
 
@@ -400,7 +401,7 @@ class _Rows:
         good = [] if trajectory is None else trajectory.windows(shooting.rule)[: shooting.resolved_windows(trajectory, TAIL_MARGIN)]
         for k, window in enumerate(good):
             end = window.start + window.length
-            other = self.breakpoints(window, window.start + 10.0 * self.least)
+            other = self.breakpoints(window, window.start + AT_START * self.least)
             if other is not None and other < end - max(20.0 * self.least, 1e-10 * window.length):
                 good = good[:k]
                 break
@@ -411,7 +412,7 @@ class _Rows:
         """The time and the breakpoints after it, as many as can be solved together, none too far from the one before."""
         boundaries, longest = [t], min(self.natural, self.most)
         while len(boundaries) <= MOST_NODES // len(self.shooting.rule.nodes):
-            stated = self.breakpoints.stated(boundaries[-1] + 20.0 * self.least)
+            stated = self.breakpoints.stated(boundaries[-1] + AT_START * self.least)
             if not stated < min(end, boundaries[-1] + longest):
                 break
             boundaries.append(stated)
