@@ -186,12 +186,14 @@ class _Journal(LoadEffect[AnyContact]):
     def indentation(self, at: Configuration) -> tuple[Real, Complex, Real]:
         """How far the journal is pressed in (negative: free), the normal from bearing to journal, and k d^n [N]."""
         e = self.eccentricity(at)
-        away = np.abs(e)
-        load = self.load
+        load, centred = self.load, value_of(e) == 0.0  # there, and while nothing presses, distances and powers have no slope
+        off = np.where(centred, 1.0, e)
+        away = np.where(centred, 0.0, np.abs(off))
         depth = away - load.radial
-        pressed = np.maximum(depth, 0.0)
-        normal = e / np.where(away > 0.0, away, 1.0)
-        return depth, normal, load.stiffness * pressed * (pressed / load.radial) ** (load.exponent - 1.0)
+        touches = value_of(depth) > 0.0
+        pressed = np.where(touches, depth, load.radial)
+        force = load.stiffness * pressed * (pressed / load.radial) ** (load.exponent - 1.0)
+        return depth, e / np.abs(off), np.where(touches, force, 0.0)
 
     def between(self, at: Configuration, force: Complex, name: str, kind: str, moment: Real | float = 0.0) -> list[Wrench]:
         """``force`` (axes of the bearing's link) at the journal's centre on the journal, the opposite on the bearing; ``moment`` on

@@ -95,7 +95,8 @@ class FourStroke:
     @property
     def highest(self) -> float:
         """Highest pressure [Pa]."""
-        return float(self.intake * self.ratio**self.exponent * self.rise)
+        highest: float = self.intake * self.ratio**self.exponent * self.rise
+        return highest
 
     def pressure(self, x: Real, outward: Flags, firing: Flags) -> Real:
         v = self._volume(x)
