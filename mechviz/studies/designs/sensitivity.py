@@ -42,6 +42,7 @@ from mechviz.studies.designs.variables import Variable, core_parameters, paramet
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+UNKNOWN = "not known"  # of derivatives next to singular positions, where there are none
 STRAIGHT = 1e-100  # [1/m], a curvature that stands for none, so that its radius has a slope
 
 
@@ -109,10 +110,14 @@ class Sensitivity:
             v = self.variables[k]
             per = f"{unit}/{v.unit}" if v.unit else unit
             part = f"{100.0 * one[k] / self.size:+.3g} %" if self.size else ""
-            row = (v.name, f"{v.value:.6g} {v.unit}".strip(), f"{slopes[k]:.6g} {per}", f"{one[k]:+.4g}", part)
+            known = np.isfinite(slopes[k])
+            does = (f"{slopes[k]:.6g} {per}", f"{one[k]:+.4g}", part) if known else (UNKNOWN, UNKNOWN, "")
+            wide = f"{off[k]:.4g}" if known else UNKNOWN
             yield (
-                *row,
-                *([f"{v.tolerance:.4g} {v.unit}".strip(), f"{off[k]:.4g}"] if v.tolerance else ["", ""] if toleranced else []),
+                v.name,
+                f"{v.value:.6g} {v.unit}".strip(),
+                *does,
+                *([f"{v.tolerance:.4g} {v.unit}".strip(), wide] if v.tolerance else ["", ""] if toleranced else []),
             )
 
 

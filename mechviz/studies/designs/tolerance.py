@@ -7,6 +7,7 @@ deviation, or uniformly or triangularly within it.
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor as Pool
 from dataclasses import replace
@@ -28,7 +29,7 @@ from mechviz.scene.units import QuantityError, split, unit_of
 from mechviz.studies.designs.evaluate import DesignResults, Study, study_of
 from mechviz.studies.designs.measures import Measure
 from mechviz.studies.designs.sampling import Variation
-from mechviz.studies.designs.sensitivity import Sensitivity, sensitivities
+from mechviz.studies.designs.sensitivity import UNKNOWN, Sensitivity, sensitivities
 from mechviz.studies.designs.sweep import run_study
 from mechviz.studies.designs.variables import Variable, parameters_of, variables_of, without_ranges
 
@@ -95,7 +96,7 @@ class Tolerances:
     @property
     def at(self) -> int | None:
         """The frame where the likely deviation is greatest; None of a number."""
-        return int(np.nanargmax(self.root_sum_square)) if self.curve else None
+        return int(np.argmax(np.nan_to_num(self.root_sum_square, nan=-1.0))) if self.curve else None
 
     def deviations(self) -> Real:
         """Contribution (P,) of each variable to the worst case, of a curve at its worst frame."""
@@ -126,11 +127,11 @@ class Tolerances:
 
         nominal = of(self.nominal)
         yield "nominal", f"{nominal:.6g} {unit}"
-        yield "worst case", f"± {of(self.worst):.4g} {unit}"
+        yield "worst case", _deviation(of(self.worst), unit)
         if self.corners is not None:
             low, high = (of(x) - nominal for x in self.corners)
             yield "all corners", f"{low:+.4g} to {high:+.4g} {unit}"
-        yield "root sum square", f"± {of(self.root_sum_square):.4g} {unit}"
+        yield "root sum square", _deviation(of(self.root_sum_square), unit)
         yield "mean of the samples", f"{of(self.mean):.6g} {unit}"
         yield "standard deviation", f"{of(self.sigma):.4g} {unit}"
         yield "99.73 % between", f"{of(self.tails[0]) - nominal:+.4g} and {of(self.tails[1]) - nominal:+.4g} {unit}"
@@ -151,7 +152,7 @@ class Tolerances:
         for k in dict.fromkeys(int(np.argmin(np.abs(axis.values - place))) for place in places):
             low, high = self.tails[:, k] - self.nominal[k]
             yield (
-                f"{axis.values[k]:.5g}", f"{self.nominal[k]:.6g}", f"± {self.worst[k]:.4g}", f"± {self.root_sum_square[k]:.4g}",
+                f"{axis.values[k]:.5g}", f"{self.nominal[k]:.6g}", _deviation(self.worst[k]), _deviation(self.root_sum_square[k]),
                 f"{low:+.4g} and {high:+.4g}",
             )  # fmt: skip
 
@@ -163,8 +164,13 @@ class Tolerances:
             v = self.variables[k]
             yield (
                 v.name, f"{v.value:.6g} {v.unit}".strip(), f"± {v.tolerance:.4g} {v.unit}".strip(),
-                f"{off[k]:.4g}", f"{100.0 * shares[k]:.3g} %",
+                *((f"{off[k]:.4g}", f"{100.0 * shares[k]:.3g} %") if np.isfinite(off[k]) else (UNKNOWN, UNKNOWN)),
             )  # fmt: skip
+
+
+def _deviation(size: float, unit: str = "") -> str:
+    """A deviation in words; not a number: where there are no derivatives."""
+    return f"± {size:.4g} {unit}".rstrip() if np.isfinite(size) else UNKNOWN
 
 
 def tolerances(
@@ -296,8 +302,11 @@ def _judged(
     some = sample.samples[known]
     if not len(some):
         raise MechanismError(Fault("--tolerance", "no sample can be assembled.", "Give smaller tolerances."))
-    with np.errstate(invalid="ignore"):
+    with np.errstate(invalid="ignore"), warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # of groups of which next to nothing can be assembled nothing is known
         scatter = np.stack([np.nanmean(groups, axis=1), np.nanstd(groups, axis=1, ddof=1)])
+        sigma = np.asarray(some.std(axis=0, ddof=1))
+        corners = np.stack([np.nanmin(sample.corners, axis=0), np.nanmax(sample.corners, axis=0)]) if len(sample.corners) else None
     inside = 1.0
     if limits is not None:
         within = (sample.samples >= limits.low) & (sample.samples <= limits.high)
@@ -312,9 +321,9 @@ def _judged(
         exact=exact,
         worst=np.asarray(moved.sum(axis=0)),
         root_sum_square=np.asarray(3.0 / SIGMAS[distribution] * np.sqrt((moved**2).sum(axis=0))),
-        corners=np.stack([np.nanmin(sample.corners, axis=0), np.nanmax(sample.corners, axis=0)]) if len(sample.corners) else None,
+        corners=corners,
         mean=np.asarray(some.mean(axis=0)),
-        sigma=np.asarray(some.std(axis=0, ddof=1)),
+        sigma=sigma,
         errors=scatter.std(axis=1, ddof=1) / SCRAMBLES**0.5,
         tails=np.quantile(some, TAIL_QUANTILES, axis=0),
         ends=np.stack([some.min(axis=0), some.max(axis=0)]),

@@ -133,6 +133,15 @@ def test_what_has_no_derivatives_is_fitted_to_samples():
     np.testing.assert_allclose(computed.shares(), off**2 / (off @ off), rtol=1e-3)
 
 
+def test_next_to_singular_positions_deviations_are_not_known():
+    """Neither a warning nor "nan": an antiparallelogram goes through two change points a turn, and half of what is off folds over."""
+    words = ["antiparallelogram", "-t", "links.crank.points.B[0]=0.06mm", "-n", "12", "--samples", "16"]
+    for of in ("joint.B.angle:mean", "joint.B.angle"):
+        result = CliRunner().invoke(app, ["tolerance", *words, "--of", of])
+        assert result.exit_code == 0 and "not known" in result.output and "nan" not in result.output
+        assert "not assembled" in result.output
+
+
 def test_nonsense_is_refused():
     scene = load("parametric-press")
     run = run_scene(scene, frames=4)
