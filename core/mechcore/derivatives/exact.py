@@ -104,7 +104,7 @@ class Derivatives:
                         self.leaves["drive", d, k] = self._leaf(number, [None] * len(self.parameters))
         for name, number in motion.states.items():
             self.leaves["state", name] = self._leaf(number, [None] * len(self.parameters))
-        self._refused(self._motion)
+        self._refused(lambda: self.motion)
         self._check_closure()
 
     # -- results ------------------------------------------------------------------------------------------------------
@@ -146,10 +146,14 @@ class Derivatives:
 
     def adjoint(self, result: object, weights: Real) -> Real:
         """Derivatives (M, P) of M sums of a result, each with ``weights`` (M, ...), by the parameters: one way back through the
-        computation, however many parameters there are."""
+        computation, however many parameters there are; forwards where what is in between has no way back."""
         out = np.zeros((len(weights), len(self.parameters)))
         if isinstance(result, Traced):
-            known = self.tape.adjoint(result, weights)
+            try:
+                known = self.tape.adjoint(result, weights)
+            except Untraced:  # a work over the run
+                flat, (d,) = weights.reshape(len(weights), -1), self.of(result)
+                return np.einsum("mk,pk->mp", flat, np.where(flat.any(axis=0), d.reshape(len(d), -1), 0.0))
             for number, by_parameter in self._slopes.items():
                 if number in known:
                     w = known[number].reshape(len(weights), -1)
@@ -244,9 +248,6 @@ class Derivatives:
                 return work()
         except Untraced as reason:
             raise refusal(f"{reason}.", "Vary something else, or sweep it.") from None
-
-    def _motion(self) -> Motion:
-        return self.motion
 
     def _forces(self) -> Forces:
         motion, mechanism = self.motion, self.nominal.mechanism

@@ -196,11 +196,13 @@ def drive_shares(forces: Forces) -> tuple[DriveShare, ...]:
 
 
 def _positive(values: Real, time: Real) -> tuple[tuple[float, float], ...]:
-    """Intervals where a function that goes straight from frame to frame is positive."""
+    """Intervals where a function that goes straight from frame to frame is positive, as far as it is known."""
     above = values > 0.0
     change = np.flatnonzero(above[1:] != above[:-1])
     with np.errstate(invalid="ignore"):
         cross = time[change] - values[change] * (time[change + 1] - time[change]) / (values[change + 1] - values[change])
+    last, first = time[change], time[change + 1]
+    cross = np.where(np.isnan(cross), np.where(np.isnan(values[change]), first, last), cross)
     edges = [float(time[0])] if above[0] else []
     edges += [float(c) for c in cross]
     edges += [float(time[-1])] if len(edges) % 2 else []

@@ -16,6 +16,8 @@ from mechcore.numerics.tape import Traced
 from mechcore.numerics.tape_functions import piecewise
 from mechcore.records import dataclass
 
+MOST_PARTS = 2.0**62  # whole numbers end soon after it
+
 
 @dataclass(frozen=True)
 class Free:
@@ -292,7 +294,7 @@ class Table:
             return np.asarray(np.searchsorted(knots, x, side="right"))
         turns = np.floor((x - self.x[0]) / self.period)
         inner = np.searchsorted(knots, x - turns * self.period, side="right")
-        return np.asarray(turns * (len(knots) + 1) + inner, np.int64)
+        return np.asarray(np.clip(turns * (len(knots) + 1) + inner, -MOST_PARTS, MOST_PARTS), np.int64)
 
 
 def _is_straight(x: Sequence[float], period: float | None, smooth: Smoothness) -> bool:

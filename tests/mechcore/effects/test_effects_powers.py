@@ -209,6 +209,14 @@ def test_powers_of_a_run_that_jams_throughout_are_unknown():
     assert "need not close" in words and "drive A: its power is unknown throughout" in words
 
 
+def test_a_drive_delivers_power_as_far_as_it_is_known():
+    """Up to the last frame before the sleeve jams."""
+    forces = run_scene(mechviz.load("jamming-sleeve"), frames=60).forces
+    known = forces.motion.time[np.isfinite(forces.power("V"))]
+    (share,) = (s for s in drive_shares(forces) if s.joint == "V")
+    assert len(known) < 61 and share.delivers == ((0.0, pytest.approx(known[-1])),)
+
+
 def test_a_flywheel_takes_torques_that_jump_as_straight_lines():
     """The gas of an engine bends sharply: said or not, lines from frame to frame; a spline would swing beyond them."""
     forces = run_scene(mechviz.load("four-stroke-cycle"), frames=180).forces

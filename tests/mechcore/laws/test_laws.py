@@ -81,6 +81,13 @@ def test_a_law_that_repeats_continues_where_it_ended():
     np.testing.assert_allclose(np.ptp(a), 0.0, atol=1e-9)
 
 
+def test_the_part_of_a_table_is_a_whole_number_however_far_its_argument_has_gone():
+    table = Table(x=(0.0, 1.0, 2.0), y=(1.0, 2.0, 0.0), period=2.5, smooth=False)
+    near, far = table.part(np.array([0.5, 1.5, 2.2, 3.0])), table.part(np.array([-1e29, 1e29]))
+    assert list(np.diff(near)) == [1, 1, 2] and near.dtype == far.dtype == np.int64
+    assert far[0] < near[0] and far[1] > near[-1]
+
+
 def test_table_interpolates_smoothly_and_holds_its_ends():
     table = Table(x=(0.0, 1.0, 2.0, 3.0), y=(0.0, 1.0, 4.0, 9.0), smooth="spline")
     assert table([0.5, 2.5]) == pytest.approx([0.25, 6.25]), "a cubic spline reproduces a parabola"

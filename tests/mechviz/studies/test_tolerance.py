@@ -134,7 +134,7 @@ def test_what_has_no_derivatives_is_fitted_to_samples():
 
 
 def test_next_to_singular_positions_deviations_are_not_known():
-    """Neither a warning nor "nan": an antiparallelogram goes through two change points a turn, and half of what is off folds over."""
+    """Neither a warning nor "nan": an antiparallelogram goes through two change points a turn."""
     words = ["antiparallelogram", "-t", "links.crank.points.B[0]=0.06mm", "-n", "12", "--samples", "16"]
     for of in ("joint.B.angle:mean", "joint.B.angle"):
         result = CliRunner().invoke(app, ["tolerance", *words, "--of", of])
