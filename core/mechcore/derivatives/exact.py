@@ -153,7 +153,7 @@ class Derivatives:
                 known = self.tape.adjoint(result, weights)
             except Untraced:  # a work over the run
                 flat, (d,) = weights.reshape(len(weights), -1), self.of(result)
-                return np.einsum("mk,pk->mp", flat, np.where(flat.any(axis=0), d.reshape(len(d), -1), 0.0))
+                return flat @ np.where(flat.any(axis=0), d.reshape(len(d), -1), 0.0).T
             for number, by_parameter in self._slopes.items():
                 if number in known:
                     w = known[number].reshape(len(weights), -1)
