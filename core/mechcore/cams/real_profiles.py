@@ -119,7 +119,10 @@ def joint_angles(contour: Contour, follower: Follower, turn: int = 1) -> Real:
     angles: list[float] = []
     for k in range(contour.count):
         for piece, end in ((contour.pieces[k - 1], 1.0), (contour.pieces[k], 0.0)):
-            z, d = piece(np.array([end]), 1)[:, 0]
+            z, d, bend = piece(np.array([end]), 2)[:, 0]
+            d = d or (1.0 - 2.0 * end) * bend  # a piece that ends with no speed, as in a pivot, has the direction just before
+            if d == 0.0:
+                continue
             normal = -1j * d / abs(d)
             if isinstance(face, Flat):
                 if isinstance(guide, Translating):

@@ -9,6 +9,7 @@ from cam_scenes import changed, refused, text_of
 from sections import section
 
 import mechviz
+from mechcore.errors import MechanismError
 from mechcore.forces.cam_events import cam_events
 from mechcore.forces.cam_rating import contact_force, placed_cams
 from mechcore.forces.kinetostatics import solve_forces
@@ -217,3 +218,10 @@ def test_the_remedy_of_an_undercut_arm_is_sought_on_one_sampling():
 def test_the_second_roller_of_a_conjugate_pair_is_named_and_has_no_base_circle_of_its_own():
     text = changed(text_of("cam-conjugate"), "second = { roller = 9", "second = { roller = 1e29")
     refused(text, ["joints.K.second: the profile is undercut", "Give at most 40.1668 mm."])
+
+
+def test_a_cam_without_a_base_circle_whose_profile_runs_into_its_pivot_is_refused_without_a_warning():
+    """There its pieces end with no speed, and their direction is that just before."""
+    scene = mechviz.load("cam-undercut").changed({("joints", "K", "profile", "base"): 0})
+    with pytest.raises(MechanismError, match="no contact can be found"):
+        run_scene(scene, frames=24)
