@@ -28,6 +28,7 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
+import pyarrow
 from budget import OFTEN, Tally, options
 from many_recordings import memory
 
@@ -117,6 +118,7 @@ def attempt(seeds: range) -> Tried:
         for seed in seeds:
             _attempt_one(seed, Path(folder) / "a.rrd", out)
     gc.collect()
+    pyarrow.default_memory_pool().release_unused()  # arrow's own pool keeps what a large recording took
     give_back_memory()  # what is freed, or waits to be collected, is not held: 300 MB after a large scene
     out.memory = memory()
     return out
