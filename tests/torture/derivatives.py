@@ -1,6 +1,6 @@
 """Exact derivatives of random mechanisms with forces, beside differences of eighth order.
 
-    PYTHONPATH=tests/support:tests/mechcore/derivatives OPENBLAS_NUM_THREADS=1 python tests/torture/derivatives.py --count 1000
+    python tests/torture/derivatives.py --count 1000
 
 takes mechanisms of every kind, every other one with dry friction, all points, masses and coefficients moved together, until so many
 have been compared. A fault is one off by more than 1e-9 of a result's largest derivative (and the rounding of the differences).
@@ -10,8 +10,15 @@ a kink lies within their shortest step.
 
 from __future__ import annotations
 
+import os
+import sys
 from collections import Counter
 from itertools import count
+from pathlib import Path
+
+if __name__ == "__main__":
+    os.environ.setdefault("OMP_NUM_THREADS", "1")  # before numpy is loaded: threads would only wait for each other
+    sys.path[:0] = [str(Path(__file__).resolve().parents[1] / folder) for folder in ("support", "mechcore/derivatives")]
 
 import numpy as np
 from budget import Tally, options
