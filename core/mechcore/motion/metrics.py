@@ -90,9 +90,8 @@ def relative_turns(motion: Motion) -> dict[tuple[str, str], tuple[Real, Complex]
     rates: Rates = unit.speeds
     turns = [np.broadcast_to(rates.angular[m.angles.rotation_class[k]], (n,)) for k in range(len(m.links))]
     still = [np.broadcast_to(v - 1j * w * o, (n,)) for v, w, o in zip(unit.origin_velocities, turns, unit.origins, strict=True)]
-    least = 1e-12 * np.fmax.reduce(
-        [np.abs(value_of(w)) for w in turns]
-    )  # of each frame: at a dead point of the drive rates are unbounded
+    # of each frame: at a dead point of the drive rates are unbounded
+    least = 1e-12 * np.fmax.reduce([np.abs(value_of(w)) for w in turns])
     out = {}
     for a, b in combinations(range(len(m.links)), 2):
         turn = turns[a] - turns[b]
