@@ -137,7 +137,7 @@ class EditSession:
         """Whether a newer change waits for the one in work."""
         return self._worker.overtaken
 
-    def awaits(self, key: str) -> bool:
+    def is_pending(self, key: str) -> bool:
         """Whether a change of this value has been asked for and is not yet in work."""
         with self._asking:
             return key in self._pending

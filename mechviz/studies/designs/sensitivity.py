@@ -216,7 +216,7 @@ def _rows(exact: Derivatives, quantity: Quantity) -> Any:
     """The table of a quantity on the tape, where it is none of those that designs side by side have, too. Raises `LookupError`."""
     match quantity.path[1:]:
         case ("joints" | "cams", joint, what) if joint not in {c.name for c in exact.nominal.model.connections}:
-            return _apart(exact, what)
+            return _rows_of_separated_cam(exact, what)
         case ("energy",):
             return exact.energy
         case ("power",):
@@ -252,7 +252,7 @@ def _rows(exact: Derivatives, quantity: Quantity) -> Any:
     return None
 
 
-def _apart(exact: Derivatives, what: str) -> Any:
+def _rows_of_separated_cam(exact: Derivatives, what: str) -> Any:
     """Rows of a table of a cam that its follower has left: nothing presses, and nothing else is known of them."""
     unknown = np.nan
     columns = {"reaction": [0.0] * 3, "contact": [unknown, unknown, 0.0, unknown, unknown, unknown], "stress": [0.0] * 2}

@@ -1,4 +1,4 @@
-"""What browsers change while an earlier change is being solved: the newest value wins, and no control goes back under the hand."""
+"""Changes by browsers while an earlier one is being solved: the newest value wins, and no control goes back under the hand."""
 
 from __future__ import annotations
 

@@ -36,7 +36,7 @@ class Controls:
         self.texts: dict[str, viser.GuiInputHandle[str]] = {}
         self._choices: dict[str, Choice] = {}
         self._rows: dict[str, NumberRow] = {}
-        self._heard: dict[str, object] = {}  # by control: the value that has last been read, or written here
+        self._last_values: dict[str, object] = {}  # by control: the value that was last read or written
         self._lock = threading.RLock()  # held while what a browser has changed is passed on
         self._folders: list[viser.GuiFolderHandle] = []
         self._homes: dict[str, viser.GuiFolderHandle] = {}
@@ -67,17 +67,17 @@ class Controls:
             return
         for p in parameters:
             slider = self.sliders[p.key]
-            if abs(slider.value - p.value) > 1e-9 * max(abs(p.value), 1e-9) and not self._awaits(p.key, slider):
+            if abs(slider.value - p.value) > 1e-9 * max(abs(p.value), 1e-9) and not self._is_pending(p.key, slider):
                 self._widen(slider, p.value)
                 self._write(slider, p.value)
         for c in choices:
-            if self.lists[c.key].value != c.value and not self._awaits(c.key, self.lists[c.key]):
+            if self.lists[c.key].value != c.value and not self._is_pending(c.key, self.lists[c.key]):
                 self._write(self.lists[c.key], c.value)
         for r in rows:
-            shown = self._rows[r.key]
+            shown, text = self._rows[r.key], self.texts[r.key]
             self._rows[r.key] = r
-            if shown.values != r.values and not _says(self.texts[r.key].value, r) and not self._awaits(r.key, self.texts[r.key]):
-                self._write(self.texts[r.key], r.text)
+            if shown.values != r.values and not _says(text.value, r) and not self._is_pending(r.key, text):
+                self._write(text, r.text)
 
     def show_status(self, status: Status) -> None:
         """Say how a change went: at the top, and below the slider that went too far. Any other change,
@@ -162,29 +162,29 @@ class Controls:
 
     def _listen(self, key: str, control: Any, label: str, changed: Callable[[str, Any], None]) -> None:
         """From now on ``changed(key, value)`` is called when a browser has changed the control of a value."""
-        self._heard[uuid_of(control)] = control.value
+        self._last_values[uuid_of(control)] = control.value
 
-        def heard(_: object) -> None:
+        def updated(_: object) -> None:
             with self._lock:
-                value = self._heard[uuid_of(control)] = control.value
+                value = self._last_values[uuid_of(control)] = control.value
                 changed(key, value)
 
-        control.on_update(self._callback(f"Changing {label}", heard))
+        control.on_update(self._callback(f"Changing {label}", updated))
 
-    def _awaits(self, key: str, control: Any) -> bool:
+    def _is_pending(self, key: str, control: Any) -> bool:
         """Whether a browser has changed a control and that is still to be solved: no earlier change undoes it."""
         with self._lock:
-            return control.value != self._heard[uuid_of(control)] or self._session.awaits(key)
+            return control.value != self._last_values[uuid_of(control)] or self._session.is_pending(key)
 
     def _write(self, control: Any, value: float | str) -> None:
         with self._lock:
             control.value = value
-            self._heard[uuid_of(control)] = control.value
+            self._last_values[uuid_of(control)] = control.value
 
     def _typed(self, key: str, typed: str) -> None:
         r = self._rows.get(key)
         if r is not None and not _says(typed, r):
-            self._session.change(key, lambda draft: draft.changed(_anew(r, draft.scene()).changes(typed)))
+            self._session.change(key, lambda draft: draft.changed(_current_row(r, draft.scene()).changes(typed)))
 
     def _moved(self, key: str, moved: float) -> None:
         p, slider = self._parameters.get(key), self.sliders.get(key)
@@ -227,7 +227,7 @@ def _says(text: str, row: NumberRow) -> bool:
     return False
 
 
-def _anew(row: NumberRow, scene: Scene) -> NumberRow:
+def _current_row(row: NumberRow, scene: Scene) -> NumberRow:
     """A row with the numbers that a scene has by now; those of a load that is switched off stay."""
     return next((r for r in find_rows(scene) if r.key == row.key), row)
 
