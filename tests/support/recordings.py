@@ -10,6 +10,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
+from covering import covering
 from numpy.typing import NDArray
 
 import mechviz
@@ -27,6 +28,7 @@ from mechviz.runs import Run, run_scene
 from mechviz.scene.scene import Scene
 
 NAMES = [entry.name for entry in mechviz.gallery()]
+COVERING = covering(NAMES)
 FOLDER = TemporaryDirectory(prefix="mechviz-")  # goes when Python ends
 FRAMES = 120  # a run
 

@@ -17,7 +17,7 @@ from mechcore.forces.kinetostatics import solve_forces
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
 from mechcore.reduction.reduced import resultant
 from mechcore.spec.loads import Force, Spring
-from recordings import NAMES, ran
+from recordings import COVERING, ran
 
 
 def motion_of(name, frames=72):
@@ -26,7 +26,7 @@ def motion_of(name, frames=72):
     return solve_motion(compiled, default_times(scene.mechanism, frames, scene.cycles))
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", COVERING)
 def test_every_plan_of_the_gallery_closes(name):
     run = ran(name)
     if run.simulation is not None:  # no plans are made of motions under forces

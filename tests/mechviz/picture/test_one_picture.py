@@ -1,4 +1,4 @@
-"""One picture and one catalogue: what a run shows is what its recording shows, for every scene of the gallery."""
+"""One picture and one catalogue: what a run shows is what its recording shows, for scenes that have all kinds of things."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from mechviz.quantities.catalogue import Catalogue
 from mechviz.quantities.events import events_of
 from mechviz.runs import run_scene
 from mechviz.scene.scene import load
-from recordings import NAMES, Made, made
+from recordings import COVERING, Made, made
 
 
 def alike(a: Any, b: Any, where: str) -> None:
@@ -77,7 +77,7 @@ def test_bodies_that_a_joint_brings_along_are_drawn() -> None:
     assert brought and brought <= set(view_model.bodies), "barrel and rod of its cylinder"
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", COVERING)
 def test_a_recording_holds_the_picture_and_the_catalogue_of_its_run(name: str) -> None:
     the_picture_is_that_of_the_run(made(name))
     the_catalogue_is_that_of_the_run(made(name))

@@ -21,7 +21,7 @@ from mechcore.spec.mechanism import CamJoint, Prismatic, Revolute
 from mechcore.texts import Text
 from mechviz.quantities.events import events_of
 from mechviz.scene.document import UnitsDocument
-from recordings import NAMES, Made, made, motion_of, place, points_of, size_of
+from recordings import COVERING, NAMES, Made, made, motion_of, place, points_of, size_of
 
 Check = Callable[[Made], None]
 EVERYWHERE: list[Check] = []
@@ -431,7 +431,7 @@ def the_default_blueprint_is_embedded(m: Made) -> None:
     assert len(views) >= 5
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", COVERING)
 def test_what_is_recorded(name: str) -> None:
     """All of the above, of one recording."""
     m = made(name)
