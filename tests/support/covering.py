@@ -12,9 +12,9 @@ from typing import Any
 
 from mechviz.scene.folder import GALLERY_FOLDER
 
-NAMED = "links joints points parameters loads sketch systems substitutes sections watch pens limits".split()
+NAMED = ["links", "joints", "points", "parameters", "loads", "sketch", "systems", "substitutes", "sections", "watch", "pens"]
 """Tables whose keys are names of a scene's own."""
-KINDS = "law effects shape side".split()
+KINDS = ["law", "effects", "shape", "side"]
 """Keys whose texts are words of the format."""
 
 

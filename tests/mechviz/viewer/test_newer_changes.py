@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import threading
+
 import pytest
+from patience import PATIENCE
 from viewer_sockets import CAMERA, send, sockets, until, update
 
 import mechviz
@@ -65,3 +68,35 @@ def test_a_slider_moved_while_another_change_is_solved_does_not_go_back(monkeypa
         viewer.session.undo()
         assert viewer.session.wait(rested=True)
         assert slider.value == before, "it follows again"
+
+
+@pytest.mark.parametrize(
+    ("control", "wanted", "has"),
+    [
+        (lambda i: i.effects.effects["gravity"], True, lambda run: "gravity" in run.scene.effects),
+        (lambda i: i.effects.loads["P"], False, lambda run: not run.scene.document.loads),
+        (lambda i: i.diagrams.asked["polygons", "velocity"], True, lambda run: run.scene.document.polygons == ["velocity"]),
+        (lambda i: i.accuracy.wanted, "1e-6", lambda run: run.accuracy.target == 1e-6),
+    ],
+)
+def test_what_has_not_been_read_yet_does_not_go_back_when_an_earlier_change_is_shown(control, wanted, has, monkeypatch):
+    """A click that arrives while the controls follow an earlier change, and whose callback runs after that."""
+    with (
+        Viewer(run_scene(mechviz.load("kinetostatic-four-bar"), frames=24), port=0) as viewer,
+        sockets(viewer.port, 1) as (browser,),
+    ):
+        send(browser, CAMERA)
+        until(lambda: len(viewer.server.get_clients()) == 1, "a browser that looks at the picture")
+        followed, run = threading.Event(), viewer.changes.run
+        monkeypatch.setattr(viewer.changes, "run", lambda *what: followed.wait(PATIENCE) and run(*what))
+        box = control(viewer.inspector)
+        assert box.value != wanted and not has(viewer.run)
+        send(browser, update(box, wanted))
+        until(lambda: box.value == wanted, "the browser's value")
+        viewer.session.change("another", lambda draft: draft)
+        assert viewer.session.wait(rested=True)
+        followed.set()
+        until(lambda: has(viewer.run), "what was asked for")
+        assert viewer.session.wait(rested=True) and box.value == wanted
+        viewer.session.undo()
+        assert viewer.session.wait(rested=True) and box.value != wanted, "it follows again"

@@ -12,6 +12,7 @@ import viser
 from mechviz.figures import chart_svg
 from mechviz.outputs.rerun.content import accuracy_words
 from mechviz.outputs.viewer import words
+from mechviz.outputs.viewer.panels.controls import EditedControls
 from mechviz.outputs.viewer.server import Callback
 from mechviz.outputs.viewer.session import EditSession
 from mechviz.outputs.viewer.viser_adapter import uuid_of
@@ -53,7 +54,8 @@ class AccuracyTab:
             button = gui.add_button("Measure what accuracy costs", hint="error against time for every dial; takes a while")
             self.choice = gui.add_dropdown("Setting", (AS_IT_IS,), hint="* nothing is quicker and more exact")
             self.diagram = gui.add_html(words.hint("Error against time appears here; a click on a setting applies it."))
-        self.wanted.on_update(callback("Wanting an error", self._want))
+        self._edited = EditedControls(session, callback)
+        self._edited.listen("accuracy", self.wanted, "the wanted error", self._want)
         button.on_click(callback("Measuring", lambda _: self.measure()))
         self.choice.on_update(callback("Applying a setting", self._pick))
 
@@ -61,9 +63,9 @@ class AccuracyTab:
         """Estimate of the present run's errors; of a motion under forces that takes another one, so that it waits for measuring."""
         if self._session.run.simulation is None:
             self.errors.content = self._said()
-        if self.wanted.value != self._wanted():
+        if self.wanted.value != self._wanted() and not self._edited.is_pending("accuracy", self.wanted):
             self.wanted.options = self._errors()
-            self.wanted.value = self._wanted()
+            self._edited.write(self.wanted, self._wanted())
         if self._points:
             points = self._marked(self._points)
             if points != self._points:
@@ -123,8 +125,8 @@ class AccuracyTab:
         """All entries, that of the present run among them."""
         return tuple(dict.fromkeys((*TARGET_CHOICES, self._wanted())))
 
-    def _want(self, _: object) -> None:
-        target = TARGET_CHOICES.get(str(self.wanted.value), self._session.run.accuracy.target)
+    def _want(self, wanted: object) -> None:
+        target = TARGET_CHOICES.get(str(wanted), self._session.run.accuracy.target)
         if target != self._session.run.accuracy.target:
             self._session.follow_scene()
             self._session.change("accuracy", lambda draft: draft.changed(target_changes(target)))

@@ -7,6 +7,7 @@ import math
 import threading
 import time
 from collections.abc import Callable, Collection
+from functools import partial
 from typing import Any
 
 import viser
@@ -25,19 +26,55 @@ STATUS_INTERVAL = 0.25  # [s] between words about what goes well
 UNDO_LABEL, REDO_LABEL, RESET_LABEL = "↶ Undo", "Redo ↷", "Reset"
 
 
+class EditedControls:
+    """Controls of values of a scene. What a browser has changed stays until it is solved: none goes back under its hand."""
+
+    def __init__(self, session: EditSession, callback: Callback):
+        self._session, self._callback = session, callback
+        self._last: dict[str, object] = {}  # by control: the value that was last read or written
+        self._lock = threading.RLock()  # held while what a browser has changed is passed on
+
+    def listen(self, key: str, control: Any, label: str, changed: Callable[[Any], None]) -> None:
+        """From now on ``changed(value)`` is called when a browser has changed the control of a value, which changes of the session
+        name by ``key``."""
+        self._last[uuid_of(control)] = control.value
+
+        def updated(_: object) -> None:
+            with self._lock:
+                value = self._last[uuid_of(control)] = control.value
+                changed(value)
+
+        control.on_update(self._callback(f"Changing {label}", updated))
+
+    def is_pending(self, key: str, control: Any) -> bool:
+        """Whether a browser has changed a control and that is still to be solved: no earlier change undoes it."""
+        with self._lock:
+            return control.value != self._last[uuid_of(control)] or self._session.is_pending(key)
+
+    def write(self, control: Any, value: float | str | bool) -> None:
+        """Give a control a value."""
+        with self._lock:
+            control.value = value
+            self._last[uuid_of(control)] = control.value
+
+    def follow(self, key: str, control: Any, value: str | bool) -> None:
+        """Give a control the value that the scene has, unless it is pending."""
+        with self._lock:
+            if control.value != value and not self.is_pending(key, control):
+                self.write(control, value)
+
+
 class Controls:
     """The tab in which a scene is edited. ``update(scene)`` takes other values, ``show_status(status)`` says how a change went."""
 
     def __init__(self, server: viser.ViserServer, tab: viser.GuiTabHandle, session: EditSession, callback: Callback):
-        self._gui, self._tab, self._session, self._callback = server.gui, tab, session, callback
+        self._gui, self._tab, self._session, self._edited = server.gui, tab, session, EditedControls(session, callback)
         self.sliders: dict[str, viser.GuiSliderHandle[float]] = {}
         self.lists: dict[str, viser.GuiDropdownHandle[str]] = {}
         self._parameters: dict[str, Parameter] = {}
         self.texts: dict[str, viser.GuiInputHandle[str]] = {}
         self._choices: dict[str, Choice] = {}
         self._rows: dict[str, NumberRow] = {}
-        self._last_values: dict[str, object] = {}  # by control: the value that was last read or written
-        self._lock = threading.RLock()  # held while what a browser has changed is passed on
         self._folders: list[viser.GuiFolderHandle] = []
         self._homes: dict[str, viser.GuiFolderHandle] = {}
         self._note: viser.GuiHtmlHandle | None = None
@@ -67,17 +104,16 @@ class Controls:
             return
         for p in parameters:
             slider = self.sliders[p.key]
-            if abs(slider.value - p.value) > 1e-9 * max(abs(p.value), 1e-9) and not self._is_pending(p.key, slider):
+            if abs(slider.value - p.value) > 1e-9 * max(abs(p.value), 1e-9) and not self._edited.is_pending(p.key, slider):
                 self._widen(slider, p.value)
-                self._write(slider, p.value)
+                self._edited.write(slider, p.value)
         for c in choices:
-            if self.lists[c.key].value != c.value and not self._is_pending(c.key, self.lists[c.key]):
-                self._write(self.lists[c.key], c.value)
+            self._edited.follow(c.key, self.lists[c.key], c.value)
         for r in rows:
             shown, text = self._rows[r.key], self.texts[r.key]
             self._rows[r.key] = r
-            if shown.values != r.values and not _says(text.value, r) and not self._is_pending(r.key, text):
-                self._write(text, r.text)
+            if shown.values != r.values and not _says(text.value, r) and not self._edited.is_pending(r.key, text):
+                self._edited.write(text, r.text)
 
     def show_status(self, status: Status) -> None:
         """Say how a change went: at the top, and below the slider that went too far. Any other change,
@@ -145,41 +181,20 @@ class Controls:
 
     def _add_slider(self, p: Parameter, folder: viser.GuiFolderHandle) -> None:
         slider: Any = self._gui.add_slider(p.title, p.low, p.high, p.step, p.value, hint=f"{p.key} of the scene file")
-        self._listen(p.key, slider, p.label, self._moved)
+        self._edited.listen(p.key, slider, p.label, partial(self._moved, p.key))
         self.sliders[p.key] = slider
         self._homes[p.key] = folder
 
     def _add_list(self, c: Choice) -> None:
         options = c.options if c.value in c.options else (c.value, *c.options)
         chosen: Any = self._gui.add_dropdown(c.label, options, initial_value=c.value, hint=f"{c.key} of the scene file")
-        self._listen(c.key, chosen, c.label, self._chosen)
+        self._edited.listen(c.key, chosen, c.label, partial(self._chosen, c.key))
         self.lists[c.key] = chosen
 
     def _add_text(self, r: NumberRow) -> None:
         text: Any = self._gui.add_text(r.title, r.text, multiline=True, hint=f"{r.key} of the scene file, {r.hint}")
-        self._listen(r.key, text, r.title, self._typed)
+        self._edited.listen(r.key, text, r.title, partial(self._typed, r.key))
         self.texts[r.key] = text
-
-    def _listen(self, key: str, control: Any, label: str, changed: Callable[[str, Any], None]) -> None:
-        """From now on ``changed(key, value)`` is called when a browser has changed the control of a value."""
-        self._last_values[uuid_of(control)] = control.value
-
-        def updated(_: object) -> None:
-            with self._lock:
-                value = self._last_values[uuid_of(control)] = control.value
-                changed(key, value)
-
-        control.on_update(self._callback(f"Changing {label}", updated))
-
-    def _is_pending(self, key: str, control: Any) -> bool:
-        """Whether a browser has changed a control and that is still to be solved: no earlier change undoes it."""
-        with self._lock:
-            return control.value != self._last_values[uuid_of(control)] or self._session.is_pending(key)
-
-    def _write(self, control: Any, value: float | str) -> None:
-        with self._lock:
-            control.value = value
-            self._last_values[uuid_of(control)] = control.value
 
     def _typed(self, key: str, typed: str) -> None:
         r = self._rows.get(key)
@@ -195,7 +210,7 @@ class Controls:
             value = float(round(value))
         self._widen(slider, finite(value, p.hard_low, p.hard_high, p.value))
         if value != moved:
-            self._write(slider, value)
+            self._edited.write(slider, value)
         self._session.move(p, value)
 
     def _widen(self, slider: viser.GuiSliderHandle[float], value: float) -> None:

@@ -19,6 +19,7 @@ from mechviz.outputs.drawings import Curve as ChartCurve
 from mechviz.outputs.drawings import Diagram as Chart
 from mechviz.outputs.viewer import words
 from mechviz.outputs.viewer.panels.charts import moving_diagram_svg, svg_words
+from mechviz.outputs.viewer.panels.controls import EditedControls
 from mechviz.outputs.viewer.server import Callback
 from mechviz.outputs.viewer.session import EditSession
 from mechviz.outputs.viewer.view_model import RollingCentrodes, ViewModel
@@ -250,9 +251,11 @@ class Diagrams:
                 with gui.add_folder("Pole curves", expand_by_default=open_first):
                     for link in moving:
                         self.asked["centrodes", link] = gui.add_checkbox(f"Centrodes of {link}", False, hint=CENTRODE_HINT)
+        if session is not None:
+            self._edited = EditedControls(session, callback)
+            for (key, name), box in self.asked.items():
+                self._edited.listen(f"{key} {name}", box, name, partial(self._ask, key, name))
         self.mirror(view_model)
-        for (key, name), box in self.asked.items():
-            box.on_update(callback(f"Asking for {name}", partial(self._ask, key, name)))
         self._watchers: set[int] = set()
         self.seen.on_update(callback("Watching a diagram", self._watch))
         self.choice.on_update(callback("Choosing a diagram", lambda _: self.show(self._frame, False)))
@@ -278,15 +281,12 @@ class Diagrams:
         if view_model.run is None:
             return
         for (key, name), box in self.asked.items():
-            on = name in getattr(view_model.run.scene.document, key)
-            if box.value != on:
-                box.value = on
+            self._edited.follow(f"{key} {name}", box, name in getattr(view_model.run.scene.document, key))
 
-    def _ask(self, key: str, name: str, _: object) -> None:
+    def _ask(self, key: str, name: str, on: object) -> None:
         assert self._session is not None
-        on = bool(self.asked[key, name].value)
-        self._wanted = on
-        self._session.change(f"{key} {name}", lambda draft: draft.with_named(key, name, on))
+        self._wanted = bool(on)
+        self._session.change(f"{key} {name}", lambda draft: draft.with_named(key, name, bool(on)))
 
     @property
     def watched(self) -> bool:

@@ -15,6 +15,7 @@ from mechcore.records import dataclass
 from mechcore.spec.mechanism import EFFECTS, Mechanism
 from mechviz.outputs.viewer import words
 from mechviz.outputs.viewer.panels.charts import svg_words
+from mechviz.outputs.viewer.panels.controls import EditedControls
 from mechviz.outputs.viewer.server import Callback
 from mechviz.outputs.viewer.session import Contribution, EditSession
 from mechviz.outputs.viewer.view_model import ViewModel
@@ -177,21 +178,21 @@ class EffectsTab:
 
     def __init__(self, server: viser.ViserServer, tab: viser.GuiTabHandle, session: EditSession, callback: Callback):
         gui = server.gui
-        self._session = session
+        self._session, self._edited = session, EditedControls(session, callback)
         self.effects: dict[str, viser.GuiCheckboxHandle] = {}
         self.loads: dict[str, viser.GuiCheckboxHandle] = {}
         with tab:
             with gui.add_folder("Effects"):
                 for name, meaning in EFFECTS.items():
                     box = gui.add_checkbox(name, name in session.run.scene.effects, hint=meaning)
-                    box.on_update(callback(f"Switching {name}", partial(self._switch_effect, name)))
+                    self._edited.listen(f"effect {name}", box, name, partial(self._switch_effect, name))
                     self.effects[name] = box
             loads = list(session.history.present.document.loads)
             if loads:
                 with gui.add_folder("Loads"):
                     for name in loads:
                         box = gui.add_checkbox(name, name not in session.history.present.idle)
-                        box.on_update(callback(f"Switching {name}", partial(self._switch_load, name)))
+                        self._edited.listen(f"load {name}", box, name, partial(self._switch_load, name))
                         self.loads[name] = box
             self.table = gui.add_html(words.hint("What each effect contributes is found when the mechanism rests."))
             weigh = gui.add_button("Weigh the effects", hint="find out what each contributes and costs")
@@ -203,11 +204,10 @@ class EffectsTab:
     def update(self, view_model: ViewModel) -> None:
         """Take the switches and the plan of another run."""
         assert view_model.run is not None
-        if not self._session.overtaken:  # else a newer click would be undone until its own answer comes
-            for boxes, on in ((self.effects, view_model.run.scene.effects), (self.loads, view_model.run.scene.document.loads)):
-                for name, box in boxes.items():
-                    if box.value != (name in on):
-                        box.value = name in on
+        for name, box in self.effects.items():
+            self._edited.follow(f"effect {name}", box, name in view_model.run.scene.effects)
+        for name, box in self.loads.items():
+            self._edited.follow(f"load {name}", box, name in view_model.run.scene.document.loads)
         diagram = self._diagram(view_model)
         if self.diagram.content != diagram:
             self.diagram.content = diagram
@@ -225,10 +225,8 @@ class EffectsTab:
         effort = "reaction" if not drives else "drive force" if drives[0].sliding else "drive torque"
         self.table.content = words.contributions(shares, effort, self._session.view_model.units)
 
-    def _switch_effect(self, name: str, _: object) -> None:
-        on = bool(self.effects[name].value)
-        self._session.change(f"effect {name}", lambda draft: draft.with_effect(name, on))
+    def _switch_effect(self, name: str, on: object) -> None:
+        self._session.change(f"effect {name}", lambda draft: draft.with_effect(name, bool(on)))
 
-    def _switch_load(self, name: str, _: object) -> None:
-        on = bool(self.loads[name].value)
-        self._session.change(f"load {name}", lambda draft: draft.with_load(name, on))
+    def _switch_load(self, name: str, on: object) -> None:
+        self._session.change(f"load {name}", lambda draft: draft.with_load(name, bool(on)))
