@@ -68,7 +68,7 @@ class Controls:
     """The tab in which a scene is edited. ``update(scene)`` takes other values, ``show_status(status)`` says how a change went."""
 
     def __init__(self, server: viser.ViserServer, tab: viser.GuiTabHandle, session: EditSession, callback: Callback):
-        self._gui, self._tab, self._session, self._edited = server.gui, tab, session, EditedControls(session, callback)
+        self._gui, self._tab, self._session, self._callback = server.gui, tab, session, callback
         self.sliders: dict[str, viser.GuiSliderHandle[float]] = {}
         self.lists: dict[str, viser.GuiDropdownHandle[str]] = {}
         self._parameters: dict[str, Parameter] = {}
@@ -156,7 +156,7 @@ class Controls:
     def _build(self, scene: Scene) -> None:
         for folder in self._folders:
             folder.remove()
-        self._folders, self._note = [], None
+        self._folders, self._note, self._edited = [], None, EditedControls(self._session, self._callback)
         self.sliders, self.lists, self.texts, self._homes = {}, {}, {}, {}
         self._parameters = {p.key: p for p in find_parameters(scene)}
         self._choices = {c.key: c for c in find_choices(scene)}
