@@ -89,6 +89,7 @@ class EditSession:
         self._lock = threading.RLock()
         self._asking = threading.Lock()  # not held for long: browsers wait for it
         self._pending: dict[str, DraftChange | _Value | str] = {}
+        self._working: frozenset[str] = frozenset()  # keys of what is in work and not yet shown
         self.history = History(Draft.of(run.scene))
         self._built: Built = build(run)
         self.run = run
@@ -138,9 +139,9 @@ class EditSession:
         return self._worker.overtaken
 
     def is_pending(self, key: str) -> bool:
-        """Whether a change of this value has been asked for and is not yet in work."""
+        """Whether a change of this value has been asked for and is neither shown nor refused yet."""
         with self._asking:
-            return key in self._pending
+            return key in self._pending or key in self._working
 
     def close(self) -> None:
         self._worker.close()
@@ -161,6 +162,7 @@ class EditSession:
     def _work(self, _: None) -> None:
         with self._asking:
             pending, self._pending = self._pending, {}
+            self._working = frozenset(pending)
         start = time.perf_counter()
         history = self.history.copied()
         draft, moved, remembered = history.present, None, True
@@ -178,7 +180,7 @@ class EditSession:
             with self._lock:
                 view_model = view_model_of_run(run, self._built, self.view_model)
                 before = self.run, self.view_model
-                self.run, self.view_model = run, view_model
+                self.run, self.view_model, self._working = run, view_model, frozenset()
                 try:
                     self._present(view_model)
                 except Exception:
@@ -229,7 +231,7 @@ class EditSession:
             self._report_to(Status(fault, p.key, moved.value, reach))
 
     def _report_to(self, status: Status) -> None:
-        self.status = status
+        self.status, self._working = status, frozenset()
         self._report(status)
 
     def _settle(self) -> None:

@@ -70,7 +70,7 @@ def test_a_slider_moved_while_another_change_is_solved_does_not_go_back(monkeypa
         assert slider.value == before, "it follows again"
 
 
-@pytest.mark.parametrize(
+SWITCHED = pytest.mark.parametrize(
     ("control", "wanted", "has"),
     [
         (lambda i: i.effects.effects["gravity"], True, lambda run: "gravity" in run.scene.effects),
@@ -79,6 +79,9 @@ def test_a_slider_moved_while_another_change_is_solved_does_not_go_back(monkeypa
         (lambda i: i.accuracy.wanted, "1e-6", lambda run: run.accuracy.target == 1e-6),
     ],
 )
+
+
+@SWITCHED
 def test_what_has_not_been_read_yet_does_not_go_back_when_an_earlier_change_is_shown(control, wanted, has, monkeypatch):
     """A click that arrives while the controls follow an earlier change, and whose callback runs after that."""
     with (
@@ -100,3 +103,28 @@ def test_what_has_not_been_read_yet_does_not_go_back_when_an_earlier_change_is_s
         assert viewer.session.wait(rested=True) and box.value == wanted
         viewer.session.undo()
         assert viewer.session.wait(rested=True) and box.value != wanted, "it follows again"
+
+
+@SWITCHED
+def test_what_is_in_work_does_not_go_back_when_the_solids_of_an_earlier_change_are_shown(control, wanted, has, monkeypatch):
+    solved = run_scene(mechviz.load("kinetostatic-four-bar"), frames=24)
+    with Viewer(solved, port=0) as viewer, sockets(viewer.port, 1) as (browser,):
+        send(browser, CAMERA)
+        until(lambda: len(viewer.server.get_clients()) == 1, "a browser that looks at the picture")
+        begun, shown, solve = threading.Event(), threading.Event(), viewer.session._solved
+
+        def held(draft):
+            begun.set()
+            assert shown.wait(PATIENCE)
+            return solve(draft)
+
+        monkeypatch.setattr(viewer.session, "_solved", held)
+        box = control(viewer.inspector)
+        send(browser, update(box, wanted))
+        assert begun.wait(PATIENCE)
+        viewer.session._present(viewer.session.view_model)
+        viewer.inspector.settle()
+        assert box.value == wanted and not has(viewer.run)
+        shown.set()
+        until(lambda: has(viewer.run), "what was asked for")
+        assert viewer.session.wait(rested=True) and box.value == wanted
