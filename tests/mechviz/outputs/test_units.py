@@ -49,6 +49,7 @@ SCENES = (
     "slider-crank-compressor", "shaper-quick-return", "inflection-circle", "polodes-four-bar", "substitute-masses",
     "parallel-forces", "percussion-centre", "lumped-rod", "valve-spring", "pendulum-near-the-top", "scissor-lift",
 )  # fmt: skip
+CASES = [(name, system) for name in SCENES for system in SYSTEMS]
 
 
 @cache
@@ -109,21 +110,14 @@ def of_plots(run: Run, recording: Recording) -> Iterator[str]:
                 yield from () if stated is None else map(str, stated)
 
 
-@pytest.mark.parametrize("name", SCENES)
-def test_nothing_told_of_a_run_has_other_units_than_its_scene(name):
-    run = solved(name, "metres")
-    texts_are_in_units_of(run, "metres", [], presentation_of(run), view_model_of_run(run, build(run)))
-
-
-@pytest.mark.parametrize("name", SCENES)
-def test_nothing_told_of_a_recording_has_other_units_than_its_scene(name):
-    run, recording = solved(name, "inches"), Recording(recorded(name, "inches"))
-    own = [*of_plots(run, recording), *format_inspection(inspect(recording.path)).splitlines()]
-    texts_are_in_units_of(run, "inches", own, presentation_in(recording), view_model_of_recording(recording))
-
-
-def texts_are_in_units_of(run: Run, system: str, own: list[str], shown: Presentation, view_model: ViewModel) -> None:
-    texts = [*own, *of_catalogue(shown), *of_presentation(shown), *of_viewer(view_model)]
+@pytest.mark.parametrize("source", ["run", "recording"])
+@pytest.mark.parametrize(("name", "system"), CASES)
+def test_no_output_of_a_scene_has_other_units_than_its_own(name, system, source):
+    run, recording = solved(name, system), Recording(recorded(name, system))
+    shown = presentation_of(run) if source == "run" else presentation_in(recording)
+    view_model = view_model_of_run(run, build(run)) if source == "run" else view_model_of_recording(recording)
+    texts = [*of_catalogue(shown), *of_presentation(shown), *of_viewer(view_model)]
+    texts += [*of_plots(run, recording), *format_inspection(inspect(recording.path)).splitlines()]
     told = [text.replace(run.scene.learning_goal, "") for text in texts]  # which is in its author's units
     wrong = [text[:200] for text in told if re.search(SYSTEMS[system][1], text)]
     assert len(texts) > 30 and not wrong
