@@ -5,10 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from filled import SCENES, arrows_box, solid_points
+from viewer_sockets import CAMERA, messages, opened, replay, send
+from websockets.sync.client import ClientConnection
 
 from mechcore.arrays import Real
 from mechcore.joints.registry import build_joints
-from mechviz.outputs.viewer.world.camera import VIEW_PRESETS, Preset, View, fit_view
+from mechviz.outputs.viewer.app import Viewer
+from mechviz.outputs.viewer.world.camera import USUAL_ASPECT, VIEW_PRESETS, Preset, View, fit_view
 from mechviz.picture.build import joint_nodes, solid_nodes
 from mechviz.picture.nodes import Mesh
 from recordings import ran, solids
@@ -38,6 +41,45 @@ def test_a_mechanism_fills_two_thirds_of_the_height_or_width_and_no_part_is_cut_
             assert max(np.abs(x).max(), np.abs(y).max()) < 1.0, (window, preset.label)
             least = 2.0 / 3.0 if preset.label == "Front" else 0.5  # a box that is seen at an angle is not filled to its corners
             assert max(np.ptp(x), np.ptp(y)) > 2.0 * least, (window, preset.label)
+
+
+def test_a_page_that_begins_late_or_comes_back_is_fitted_nevertheless():
+    """A busy page goes to the first view that it has heard of last when it comes to that: here after it was given a fitted one.
+
+    One that has lost its connection comes back with the view that it had."""
+    with Viewer(ran("crank-rocker"), port=0) as shown, opened(shown.server.get_port()) as browser:
+        core = np.asarray(shown.scene.current.bounds, float)
+        boxes = [shown.scene.bounds, *(core + wider * shown.scene.size * np.array([[-1.0], [1.0]]) for wider in (0.3, 0.6))]
+        replay(browser)
+        firsts = [fit_view(box, USUAL_ASPECT, core=core) for box in boxes]
+        reports(browser, firsts[0])
+        arrives(browser, fit_view(boxes[0], CAMERA["image_width"] / CAMERA["image_height"], core=core))
+        for box in boxes[1:]:
+            shown.scene.cameras.follow_bounds(box, core)
+            best = fit_view(box, CAMERA["image_width"] / CAMERA["image_height"], core=core)
+            arrives(browser, best)
+        for first in firsts:
+            reports(browser, first)
+            arrives(browser, best)
+        browser.close()
+        with opened(shown.server.get_port()) as again:  # the same page, whose window has another shape now
+            replay(again)
+            reports(again, best, image_width=500)
+            arrives(again, fit_view(box, 500 / CAMERA["image_height"], core=core))
+
+
+def reports(browser: ClientConnection, view: View, **more: object) -> None:
+    """A browser says that its camera is at a view."""
+    send(browser, {**CAMERA, "position": view.position.tolist(), "look_at": view.look_at.tolist(), "fov": view.fov, **more})
+
+
+def arrives(browser: ClientConnection, view: View) -> None:
+    """Wait until a browser is told to bring its camera to a view."""
+    told = [0.0, 0.0, 0.0]
+    while not np.allclose(told, view.position, rtol=1e-6, atol=0.0):
+        for message in messages(browser):
+            if message["type"] == "SetCameraPositionMessage" and not message["initial"]:
+                told = message["position"]
 
 
 @pytest.mark.parametrize("name", SCENES)

@@ -25,7 +25,8 @@ SETTLING_TIME = 0.25  # [s] without a change before the view is fitted anew
 UNMOVED_DISTANCE = 1e-2  # of the distance: a camera this near to a view that was set has not been moved by the user
 UNSHIFTED_TARGET = 1e-3  # of the height that is seen: nor has one that looks at a place this near to that of the view
 FITTING_TOLERANCE = 2e-3  # of the distance: a view this near to the best one is left alone (the pixels of a picture are rounded)
-MOST_KNOWN = 50  # views that a browser has been given and may still report
+MOST_KNOWN = 500  # views that browsers have been given and may still report
+VISER_FIRST = (3.0, 3.0, 3.0)  # [m] from which viser's pages look at the origin, until they have heard of another view
 MOST_NEAR = 1e-3  # of the distance of a view: so near the wheel brings the camera (viser's own limit is 10 mm)
 USUAL_ASPECT = 0.9  # of the picture between the docked panels, until the browser has sent its own
 
@@ -132,18 +133,6 @@ def first_preset(core: Real) -> str:
     return "angled" if is_deep(core) else "front"
 
 
-def set_first_view(server: viser.ViserServer, bounds: Real, core: Real) -> None:
-    """The view of new browsers and of viser's own "Reset View"."""
-    view = fit_view(bounds, USUAL_ASPECT, VIEW_PRESETS[first_preset(core)], core)
-    camera = server.initial_camera
-    camera.fov = view.fov
-    camera.near = view.distance / 100.0
-    camera.far = view.distance * 100.0
-    camera.up = (0.0, 1.0, 0.0)
-    camera.position = view.position
-    camera.look_at = view.look_at
-
-
 def reset_to(server: viser.ViserServer, uuid: str, label: str) -> None:
     """Let viser's "Reset View" press a button of a group of buttons, in every browser."""
     run_script(server, RESET_SCRIPT.replace("UUID", json.dumps(uuid)).replace("LABEL", json.dumps(label)), "reset")
@@ -153,14 +142,18 @@ class FittedCameras:
     """Keeps the view of every browser fitted to its window, also when that changes, until its user moves the camera.
 
     While a page builds up, its window changes several times, and viser itself sets the camera more than once. So the view is
-    looked at only when nothing has changed for a while, and every view that was ever set counts as not moved by the user.
+    looked at only when nothing has changed for a while, and every view that was ever set counts as not moved by the user. So does
+    every first view, which a busy page takes when it comes to that, even after it has been given another one, and every view from
+    the first direction that another browser was given: a page that has lost its connection comes back as a new one.
     """
 
     def __init__(self, server: viser.ViserServer, bounds: Real, core: Real, stage: Backdrop):
-        self._server, self._bounds, self._core, self._stage = server, bounds, core, stage
-        self._known: dict[int, list[View]] = {}  # by browser: the views that it has been given
+        self._server, self._stage = server, stage
+        self._shared = [View(np.array(VISER_FIRST), np.zeros(3))]
+        self._own: dict[int, list[View]] = {}  # by browser: the views that only this one has been given
         self._presets: dict[int, str] = {}  # by browser
         self._closed = False
+        self._begin_with(bounds, core)
 
     def close(self) -> None:
         """Let the cameras be: another one looks after them."""
@@ -171,9 +164,6 @@ class FittedCameras:
         if self._closed:
             return
         self._stage.face(client, ground=VIEW_PRESETS[self.preset(client)].ground)
-        # viser's default, and our first
-        first = fit_view(self._bounds, USUAL_ASPECT, VIEW_PRESETS[self.preset(client)], self._core)
-        self._known[client.client_id] = [View(np.array([3.0, 3.0, 3.0]), np.zeros(3)), first]
         loop = self._server.get_event_loop()
         timer: asyncio.TimerHandle | None = None
 
@@ -191,19 +181,18 @@ class FittedCameras:
 
     def follow_bounds(self, bounds: Real, core: Real) -> None:
         """The mechanism has another extent: fit the views that nobody moved, and let new browsers begin with it."""
-        self._bounds, self._core = bounds, core
-        set_first_view(self._server, bounds, core)
+        self._begin_with(bounds, core)
         for client in self._server.get_clients().values():
             self._fit(client, client.camera)
 
     def release(self, client: viser.ClientHandle) -> None:
         """A browser's view counts as not moved by its user, who has made what is seen another thing."""
         camera = client.camera
-        self._known.setdefault(client.client_id, []).append(View(np.asarray(camera.position), np.asarray(camera.look_at)))
+        self._own.setdefault(client.client_id, []).append(View(np.asarray(camera.position), np.asarray(camera.look_at)))
 
     def forget(self, client: viser.ClientHandle) -> None:
         """The browser has gone."""
-        self._known.pop(client.client_id, None)
+        self._own.pop(client.client_id, None)
         self._presets.pop(client.client_id, None)
         self._stage.forget(client)
 
@@ -225,29 +214,49 @@ class FittedCameras:
         self._stage.face(client, ground=VIEW_PRESETS[preset].ground)
         self._set(client, fit_view(self._bounds, aspect, VIEW_PRESETS[preset], self._core))
 
+    def _begin_with(self, bounds: Real, core: Real) -> None:
+        """The view of new browsers and of viser's own "Reset View"."""
+        self._bounds, self._core = bounds, core
+        view = fit_view(bounds, USUAL_ASPECT, VIEW_PRESETS[self.first], core)
+        self._share(view)
+        camera = self._server.initial_camera
+        camera.fov = view.fov
+        camera.near = view.distance / 100.0
+        camera.far = view.distance * 100.0
+        camera.up = (0.0, 1.0, 0.0)
+        camera.position = view.position
+        camera.look_at = view.look_at
+
     def _fit(self, client: viser.ClientHandle, camera: viser.CameraHandle) -> None:
         """Fit the view, unless the user has moved the camera or the view fits already."""
         if self._closed or camera.image_height <= 0 or camera.image_width <= 0:
             return
         view = fit_view(self._bounds, camera.image_width / camera.image_height, VIEW_PRESETS[self.preset(client)], self._core)
-        known = self._known.get(client.client_id, [])
+        known = [*self._shared, *self._own.get(client.client_id, [])]
         # of one known position, and of one known target: viser may have set only one of the two
         near = UNMOVED_DISTANCE * view.distance
         # a 2D view is far away, yet looks at the same extent
         beside = UNSHIFTED_TARGET * 2.0 * view.distance * np.tan(view.fov / 2.0)
-        moved = not (
-            any(np.linalg.norm(v.position - camera.position) < near for v in known)
-            and any(np.linalg.norm(v.look_at - camera.look_at) < beside for v in known)
-        )
+        distances = np.linalg.norm(np.array([v.position for v in known]) - camera.position, axis=1)
+        shifts = np.linalg.norm(np.array([v.look_at for v in known]) - camera.look_at, axis=1)
+        moved = distances.min() >= near or shifts.min() >= beside
         apart = float(np.linalg.norm(view.position - camera.position) + np.linalg.norm(view.look_at - camera.look_at))
         if not moved and apart > FITTING_TOLERANCE * view.distance:
             self._set(client, view)
 
     def _set(self, client: viser.ClientHandle, view: View) -> None:
-        known = self._known.setdefault(client.client_id, [])
-        known.append(view)
-        del known[2 : len(known) - MOST_KNOWN]
+        if self.preset(client) == self.first:
+            self._share(view)
+        else:
+            own = self._own.setdefault(client.client_id, [])
+            own.append(view)
+            del own[: len(own) - MOST_KNOWN]
         move_to(client, view)
+
+    def _share(self, view: View) -> None:
+        """Browsers are given this view from the first direction."""
+        self._shared.append(view)
+        del self._shared[1 : len(self._shared) - MOST_KNOWN]
 
 
 def move_to(client: viser.ClientHandle, view: View) -> None:

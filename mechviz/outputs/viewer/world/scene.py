@@ -16,7 +16,7 @@ from mechviz.outputs.viewer.view_model import ViewModel
 from mechviz.outputs.viewer.viser_adapter import Posed, send_poses
 from mechviz.outputs.viewer.world.arrows import ArrowNodes
 from mechviz.outputs.viewer.world.bodies import BodyNodes, LineNodes
-from mechviz.outputs.viewer.world.camera import Backdrop, FittedCameras, set_first_view
+from mechviz.outputs.viewer.world.camera import Backdrop, FittedCameras
 from mechviz.outputs.viewer.world.constructions import PolygonNodes
 from mechviz.outputs.viewer.world.labels import prepare
 from mechviz.outputs.viewer.world.marks import JointMarks, Masses, Paths, path_segments
@@ -66,7 +66,6 @@ class Scene3D:
             self.switch_family(family, view_model.picture.marks and family in SHOWN_FIRST)
         self.joints.switch(view_model.picture.marks)
         self.bounds = self._box(view_model)
-        set_first_view(server, self.bounds, self._core(view_model))
         self.marks: Mapping[str, Callable[[bool], None]] = {
             "Paths": self._paths.switch,
             **({"Springs and dampers": self._switch_springs} if "springs" in self._lines.groups | self._bodies.groups else {}),
