@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import os
 import re
 from collections.abc import Iterator
 from functools import cache
@@ -209,3 +210,9 @@ def test_results_state_their_shapes_and_units() -> None:
                 if not (text and shaped and UNIT.search(text)):
                     silent.append(f"{name}.{node.name}.{method.name}: {(text or 'nothing').splitlines()[0]}")
     assert not silent, "\n".join(silent)
+
+
+def test_the_tests_of_a_group_stay_in_one_process(request: pytest.FixtureRequest) -> None:
+    """pytest-xdist keeps those together whose names end with their group. Under a pytest that it does not know it says nothing."""
+    if os.environ.get("PYTEST_XDIST_WORKER"):
+        assert request.node.nodeid.endswith("@test_house")
