@@ -351,11 +351,9 @@ def _dead_point_groups(path: BranchPath, sample: float) -> tuple[set[int], list[
     dead_point, unreachable = set(), []
     for i in two:
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-            instants, missing, _ = dead_point_instants(model, model.blocks[i], state, p, rough, rounding_of(model))
-            ends = [
-                min(float(np.broadcast_to(h, p.shape)[k]) for h in dead_point_margin(model, model.blocks[i], state))
-                for k in (0, -1)
-            ]
+            margins = dead_point_margin(model, model.blocks[i], state)
+            instants, missing, _ = dead_point_instants(margins, p, rough, rounding_of(model))
+            ends = [min(float(np.broadcast_to(h, p.shape)[k]) for h in margins) for k in (0, -1)]
         if any(flips for _, flips in instants) or (continuation.singular and min(ends) < STUCK_MARGIN):
             dead_point.add(i)
         unreachable += [(a, b, i) for a, b in missing]

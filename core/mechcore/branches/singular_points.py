@@ -16,11 +16,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mechcore.arrays import Flags, Index, Real
+from mechcore.arrays import Flags, Index, Real, Values
 from mechcore.branches.modes import TWO_MODES
 from mechcore.kinematics.columns import all_vectors, columns, matrix_of
 from mechcore.kinematics.model import Model
-from mechcore.kinematics.positions import apply, dead_point_margin, place_block
+from mechcore.kinematics.positions import LoopTerms, apply, dead_point_margin, loop_terms, place_block
 from mechcore.kinematics.program import Block
 from mechcore.kinematics.singular_interpolation import FAR_STEPS, FIT_NODES, FIT_TAIL, smooth, tail_of, unknowns_of
 from mechcore.kinematics.state import State, initial_state
@@ -30,6 +30,7 @@ from mechcore.records import dataclass
 SAMPLES_A_CYCLE = 720  # of a cycle, at least, and of a turn of the fastest drive
 MOST_SAMPLES = 400_000  # samples of a whole run
 DEAD_POINT = 3e-15  # below this `dead_point_margin` is rounding: the triangle is flat
+NEAR_DEAD_POINT = 1e-2  # minima of `dead_point_margin` above are none
 CLOSURE_LIMIT = 1e-14  # below minus this the closed forms give up: the links miss each other
 ROUNDING = 1e-14  # heights squared that differ by less within a window are one height: nothing moves
 WINDOW_SAMPLES = 4  # samples on each side from which the instant is located
@@ -242,9 +243,12 @@ def _sampled(
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         for i, (block, mode) in enumerate(zip(model.blocks, modes, strict=True)):
             sign: Real | float = 1.0
+            terms: LoopTerms | None = None
             own: list[tuple[float, bool]] = []
             if block.kind in TWO_MODES:
-                instants, missing, sharp = dead_point_instants(model, block, state, time, blurred, rounding)
+                terms = loop_terms(model, block, state)
+                margins = dead_point_margin(model, block, state, terms)
+                instants, missing, sharp = dead_point_instants(margins, time, blurred, rounding)
                 if sharp and finer < FINER_SAMPLING[-1]:
                     return None, False
                 if by_drive and missing:
@@ -254,7 +258,7 @@ def _sampled(
                 exchanged = [t for t, flips in own if flips]
                 if exchanged:
                     sign = _flips_of(exchanged, period).signs(*sampled_cycles)
-            place_block(model, block, state, mode * sign)
+            place_block(model, block, state, mode * sign, terms=terms)
             for t, flips in own:  # what hangs on this block must not see its ill-conditioned positions
                 resolving, fine = _smoothed(model, block, state, time, t, period, step, finer, blurred)
                 dead = not by_drive and float(np.interp(t, time, still)) < slow
@@ -339,10 +343,11 @@ def _farthest(model: Model) -> float:
 
 
 def dead_point_instants(
-    model: Model, block: Block, state: State, time: Real, blurred: Flags, rounding: float
+    margins: Sequence[Values], time: Real, blurred: Flags, rounding: float
 ) -> tuple[list[tuple[float, bool]], list[tuple[float, float]], bool]:
-    """Times at which a group touches its dead point without leaving its reach, and whether it passes through;
-    ranges of time in which it cannot be assembled; and whether the samples are too few to decide about some place.
+    """Times at which a group touches its dead point without leaving its reach, and whether it passes through; ranges of time in
+    which it cannot be assembled; and whether the samples are too few to decide about some place: by its `dead_point_margin` at
+    samples.
 
     The height squared grows with the second power of the time where the motion goes through, with the fourth where the drive turns
     back just there. Between samples it is the polynomial through its neighbours; its last terms say how far that can be trusted
@@ -353,12 +358,17 @@ def dead_point_instants(
     sharp = False
     step = float(time[1] - time[0])
     dead_point, reach_limit = max(DEAD_POINT, rounding), max(CLOSURE_LIMIT, rounding)
-    for height in dead_point_margin(model, block, state):
-        h = np.broadcast_to(height, time.shape)
-        unreachable += _ranges_below_zero(time, h, max(INTERPOLATED_DEAD_POINT, rounding))
-        inside = np.flatnonzero((h[1:-1] < 1e-2) & (h[1:-1] > -max(INTERPOLATED_DEAD_POINT, rounding))) + 1
-        low = (h[inside] <= h[inside - 1]) & (h[inside] < h[inside + 1])
-        for k in inside[low].tolist():
+    lowest = -max(INTERPOLATED_DEAD_POINT, rounding)
+    for height in margins:
+        least_height = np.fmin.reduce(height, axis=None)
+        if not least_height < NEAR_DEAD_POINT:
+            continue
+        h = np.asarray(height) if np.shape(height) == time.shape else np.broadcast_to(height, time.shape)
+        if least_height < lowest:
+            unreachable += _ranges_below(time, h, lowest)
+        least_ones = np.flatnonzero((h[1:-1] <= h[:-2]) & (h[1:-1] < h[2:])) + 1
+        heights = h[least_ones]
+        for k in least_ones[(heights < NEAR_DEAD_POINT) & (heights > lowest)].tolist():
             a, b = max(k - WINDOW_SAMPLES, 0), min(k + WINDOW_SAMPLES + 1, len(time))
             y = h[a:b]
             if not ROUNDING <= np.maximum.reduce(y) - np.minimum.reduce(y) < np.inf:  # or not all are known
@@ -409,11 +419,9 @@ def _inverse(before: int, after: int) -> Real:
     return np.asarray(np.linalg.pinv(np.vander(places, min(9, len(places)), increasing=True)))
 
 
-def _ranges_below_zero(time: Real, h: Real, rounding: float) -> list[tuple[float, float]]:
-    """Ranges of samples below zero, their ends between samples by straight lines."""
-    if not np.fmin.reduce(h) < -rounding:
-        return []
-    below = h < -rounding
+def _ranges_below(time: Real, h: Real, limit: float) -> list[tuple[float, float]]:
+    """Ranges of samples below a limit, their ends between samples by straight lines to where these are zero."""
+    below = h < limit
     edges = np.flatnonzero(np.diff(np.concatenate([[0], below.astype(int), [0]])))
     out = []
     for a, b in zip(edges[::2], edges[1::2], strict=True):

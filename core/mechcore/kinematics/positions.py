@@ -6,7 +6,7 @@ A dyad has a closed form; any other block is solved by Newton's method on all it
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from mechcore.kinematics.state import Interpolant, Newton, State, initial_state,
 from mechcore.numerics.frames import QUIET, nothing
 from mechcore.numerics.newton import newton
 
+LoopTerms: TypeAlias = tuple[Plane, list[Plane], list[Plane]]
 DETERMINED_RATIO = 1e-3  # singular values below this part of the largest leave a direction to the interpolation
 
 
@@ -41,21 +42,23 @@ def place_all(
     return state
 
 
-def place_block(model: Model, block: Block, state: State, mode: Values, start: Real | None = None) -> None:
+def place_block(
+    model: Model, block: Block, state: State, mode: Values, start: Real | None = None, terms: LoopTerms | None = None
+) -> None:
     """Solve a block's positions into ``state``, NaN where it is out of reach. ``start``: unknowns (..., n) to start Newton from
-    (general blocks only)."""
+    (general blocks only); ``terms``: its `loop_terms`, where they are known (blocks of one loop only)."""
     if block.kind == "general":
         with np.errstate(**QUIET):
             _place_general(model, block, state, start)
     elif block.kind == "relation":
         _place_relation(model, block, state)
     elif block.kind != "check":
-        _place_loop(model, block, state, mode)
+        _place_loop(model, block, state, mode, terms or loop_terms(model, block, state))
 
 
-def _place_loop(model: Model, block: Block, state: State, mode: Values) -> None:
+def _place_loop(model: Model, block: Block, state: State, mode: Values, terms: LoopTerms) -> None:
     """A block of one loop by its closed form."""
-    target, arms, guides = loop_terms(model, block, state)
+    target, arms, guides = terms
     solved: Sequence[Plane | Values]  # rotations of its angles, then displacements
     if block.kind == "theta_theta":
         solved = dyads.theta_theta(arms[0], arms[1], target, mode)
@@ -77,7 +80,7 @@ def _place_loop(model: Model, block: Block, state: State, mode: Values) -> None:
         state.slide[j] = s  # type: ignore[assignment]  # real, as the order of unknowns says
 
 
-def loop_terms(model: Model, block: Block, state: State, number: int = 0) -> tuple[Plane, list[Plane], list[Plane]]:
+def loop_terms(model: Model, block: Block, state: State, number: int = 0) -> LoopTerms:
     """The sum that the unknown vectors of a block's loop have to make; its vectors along each unknown angle, in axes that turn with
     it; the directions of its unknown slides, in such axes where an unknown angle turns them, else in the world's."""
     loop = model.program.loop_equations[block.loops[number]]
@@ -206,6 +209,7 @@ def apply(model: Model, block: Block, state: State, interpolant: Interpolant, *,
         left, jacobian = equations(model, block, state, interpolant.frames)(values / scale)
         correction = (np.linalg.pinv(np.nan_to_num(jacobian), rcond=DETERMINED_RATIO) @ left[..., None])[..., 0]
         values = values - np.where(np.isfinite(correction), correction, 0.0) * scale
+    rotations = np.exp(1j * values[:, : len(block.angles)])
     for i, g in enumerate(block.angles):
         if g in state.angle:
             whole = np.array(state.angle[g])
@@ -213,7 +217,7 @@ def apply(model: Model, block: Block, state: State, interpolant: Interpolant, *,
             rough = np.interp(interpolant.frames, known, whole[known]) if len(known) else values[:, i]
             whole[interpolant.frames] = values[:, i] + 2.0 * np.pi * np.round((rough - values[:, i]) / (2.0 * np.pi))
             state.angle[g] = whole
-        e = np.exp(1j * values[:, i])
+        e = rotations[:, i]
         for rotation_class in model.angles.classes_of[g]:
             rot, delta = np.array(state.rot[rotation_class]), state.delta[rotation_class]
             rot[interpolant.frames] = e * (delta[interpolant.frames] if isinstance(delta, np.ndarray) else delta)
@@ -224,9 +228,10 @@ def apply(model: Model, block: Block, state: State, interpolant: Interpolant, *,
         state.slide[j] = slide
 
 
-def dead_point_margin(model: Model, block: Block, state: State) -> list[Values]:
-    """How far a group with two modes is from where they meet: smooth functions (squares of lengths, relative) that touch 0."""
-    target, arms, guides = loop_terms(model, block, state)
+def dead_point_margin(model: Model, block: Block, state: State, terms: LoopTerms | None = None) -> list[Values]:
+    """How far a group with two modes is from where they meet: smooth functions (squares of lengths, relative) that touch 0.
+    ``terms``: its `loop_terms`, where they are known."""
+    target, arms, guides = terms or loop_terms(model, block, state)
     if block.kind == "theta_theta":
         ra, rb, d = np.abs(arms[0]), np.abs(arms[1]), np.abs(target)
         total, difference = ra + rb, abs(ra - rb)

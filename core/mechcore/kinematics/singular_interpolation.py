@@ -24,7 +24,7 @@ from mechcore.kinematics.model import Model
 from mechcore.kinematics.positions import apply, place_block
 from mechcore.kinematics.program import Block
 from mechcore.kinematics.rates import accelerations, velocities
-from mechcore.kinematics.state import Interpolant, State, initial_state, wrapped_angle
+from mechcore.kinematics.state import Interpolant, State, group_rotation, initial_state
 from mechcore.numerics.frames import QUIET
 from mechcore.records import dataclass
 
@@ -45,7 +45,8 @@ FIT_TAIL = 1e-12  # last terms of that polynomial: below, what it leaves out is 
 
 def unknowns_of(model: Model, block: Block, state: State, at: Index) -> Real:
     """A block's positions (n, unknowns) at the places ``at``: angles without jumps [rad], then slides [m]."""
-    angles = np.array([wrapped_angle(model, state, g, at) for g in block.angles])
+    rotations = np.array([group_rotation(model, state, g, at) for g in block.angles])
+    angles = np.arctan2(rotations.imag, rotations.real)
     turns = np.rint((angles[..., 1:] - angles[..., :-1]) * (1.0 / TURN))
     if turns.any():  # as `np.unwrap`, which takes four times as long for few angles
         angles[:, 1:] -= TURN * np.cumsum(turns, axis=1)

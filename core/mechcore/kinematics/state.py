@@ -150,13 +150,19 @@ def curve_argument(model: Model, curve: NonlinearTerm, state: State) -> Values:
     return argument
 
 
-def wrapped_angle(model: Model, state: State, group: int, at: Index | None = None) -> Values:
-    """A group's angle within one turn, at some frames ``at`` or all."""
+def group_rotation(model: Model, state: State, group: int, at: Index | None = None) -> Plane:
+    """A group's rotation, at some frames ``at`` or all."""
     rotation_class = model.angles.classes_of[group][0]
     rot, delta = state.rot[rotation_class], state.delta[rotation_class]
     if at is not None:
         rot, delta = (x[at] if isinstance(x, np.ndarray) else x for x in (rot, delta))
-    e = rot if isinstance(delta, complex) and delta == 1 else rot * delta.conjugate()
+    rotation: Plane = rot if isinstance(delta, complex) and delta == 1 else rot * delta.conjugate()
+    return rotation
+
+
+def wrapped_angle(model: Model, state: State, group: int) -> Values:
+    """A group's angle within one turn."""
+    e = group_rotation(model, state, group)
     angle: Values = np.arctan2(e.imag, e.real)
     return angle
 

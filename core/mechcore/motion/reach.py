@@ -88,7 +88,8 @@ def _ranges(compiled: Compiled, samples: int) -> list[tuple[float, float]]:
     state, places = solved(grid).state, [grid]
     for block in model.blocks:
         if block.kind in TWO_MODES:  # unreachable ranges narrower than the grid
-            for start, end in dead_point_instants(model, block, state, grid, np.zeros(len(grid), bool), rounding_of(model))[1]:
+            margins = dead_point_margin(model, block, state)
+            for start, end in dead_point_instants(margins, grid, np.zeros(len(grid), bool), rounding_of(model))[1]:
                 places.append(np.clip([start, 0.5 * (start + end), end], low, high))
     grid = ascending(np.concatenate(places))
     ok = assembled(grid)
