@@ -62,7 +62,7 @@ def less(a: Scalars, b: Scalars) -> Scalars:
 
 def determined(divisor: Scalars) -> Scalars:
     """A divisor, NaN where it is zero: what is divided by it is not determined there, and no warning says so."""
-    if isinstance(divisor, ndarray) and not np.logical_and.reduce(divisor, axis=None):
+    if isinstance(divisor, ndarray) and np.count_nonzero(divisor) < divisor.size:
         return np.where(divisor == 0.0, np.nan, divisor)
     return divisor
 
