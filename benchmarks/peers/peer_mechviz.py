@@ -11,7 +11,7 @@ from spread import DIFFERENCES, FEW
 PACKAGES = ("numpy==2.4.6", "scipy==1.17.1", "mpmath==1.3.0")  # what mechcore and the reference values need
 
 
-def four_bar(accuracy=None, rates=(0, 1, 2)):
+def four_bar(accuracy=None, rates=(0, 1, 2), executor="numpy"):
     from mechcore.accuracy import DEFAULT
     from mechcore.laws.timed import ConstantSpeed
     from mechcore.motion.solve import compile_mechanism, solve_motion
@@ -33,7 +33,7 @@ def four_bar(accuracy=None, rates=(0, 1, 2)):
         drives=(Drive(joint="A", law=ConstantSpeed(0.0, p.speed)),),
         modes={"C": "left"},
     )
-    compiled = compile_mechanism(mechanism, accuracy or DEFAULT)
+    compiled = compile_mechanism(mechanism, accuracy or DEFAULT, executor)
     wanted = {"B": "crank", "C": "rocker", "P": "coupler"}
 
     def solve(angles):
@@ -43,7 +43,7 @@ def four_bar(accuracy=None, rates=(0, 1, 2)):
     return solve
 
 
-def slider_crank(accuracy=None):
+def slider_crank(accuracy=None, executor="numpy"):
     from mechcore.accuracy import DEFAULT
     from mechcore.forces.kinetostatics import solve_forces
     from mechcore.laws.timed import ConstantSpeed
@@ -74,7 +74,7 @@ def slider_crank(accuracy=None):
         loads=(Force(name="F", link="slider", point="C", vector=(p.force, 0.0)),),
         modes={"S": "ahead"},
     )
-    compiled = compile_mechanism(mechanism, accuracy or DEFAULT)
+    compiled = compile_mechanism(mechanism, accuracy or DEFAULT, executor)
 
     def solve(angles):
         forces = solve_forces(solve_motion(compiled, angles / p.speed))
@@ -84,7 +84,10 @@ def slider_crank(accuracy=None):
     return solve
 
 
-ROWS = {"four-bar": {"mechviz": four_bar}, "slider-crank": {"mechviz": slider_crank}}
+ROWS = {
+    "four-bar": {"mechviz": four_bar, "mechviz, compiled": partial(four_bar, executor="c")},
+    "slider-crank": {"mechviz": slider_crank, "mechviz, compiled": partial(slider_crank, executor="c")},
+}
 
 
 def triad(stop):
