@@ -72,6 +72,12 @@ def four_bar(column: int) -> Quote:
     return quote
 
 
+def compiled(tables: Tables, _: str) -> str:
+    rows = table(tables, "P1 Four-bar")[1:]
+    ours, numba = (next(r for r in rows if r[0] == who) for who in ("mechviz, compiled", "pylinkage with numba"))
+    return " / ".join(times(number(numba[c]) / number(ours[c])) for c in (2, 4)) + " times faster"
+
+
 def by_hand(heading: str) -> Quote:
     """The fastest row that is no package's service but equations worked out for the one mechanism, at few and many positions."""
 
@@ -175,6 +181,7 @@ QUOTES: tuple[tuple[str, Quote, str], ...] = (
     ("the same, cost of a frame at 3,600 and at 36,000 frames against 360", frame_cost, "four_bar.py"),
     ("four-bar kinematics at 3,600 positions (P1), against pylinkage with numba / every other peer", four_bar(4), "peers/run.py"),
     ("the same at 360 positions, where numpy's price per call counts", four_bar(2), "peers/run.py"),
+    ("the same by a compiled program, 360 / 3,600 positions, against pylinkage with numba", compiled, "peers/run.py"),
     (
         "the same, 360 / 3,600 positions, against the fastest solution by hand for this one mechanism",
         by_hand("P1 Four-bar"),
