@@ -73,8 +73,8 @@ def four_bar(column: int) -> Quote:
 
 
 def compiled(tables: Tables, _: str) -> str:
-    rows = table(tables, "P1 Four-bar")[1:]
-    ours, numba = (next(r for r in rows if r[0] == who) for who in ("mechviz, compiled", "pylinkage with numba"))
+    rows = {r[0]: r for r in table(tables, "P1 Four-bar")[1:]}
+    ours, numba = rows["mechviz, compiled"], rows["pylinkage with numba"]
     return " / ".join(times(number(numba[c]) / number(ours[c])) for c in (2, 4)) + " times faster"
 
 
