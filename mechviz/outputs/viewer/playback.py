@@ -10,6 +10,7 @@ from __future__ import annotations
 import base64
 import json
 import threading
+import time
 from collections.abc import Callable
 from dataclasses import field
 from pathlib import Path
@@ -134,6 +135,9 @@ class BrowserPlayback:
     ``make()`` gives what moves, None where only the server can play it; it is asked when playing begins after ``change``.
     ``begin`` starts from a time of the run and says whether the browsers can do it; ``end`` stops them at a frame.
     ``shown_remotely(frame)`` is called now and then while they play, for what only the server can draw.
+
+    The word to play goes to each browser, the word to stop to all, and the later one may arrive first. So both have the number of
+    the play: one that has been stopped does not begin. Numbers go on where those of an earlier server end, whose pages may come.
     """
 
     server: viser.ViserServer
@@ -146,6 +150,7 @@ class BrowserPlayback:
     _version: int = 0
     _sent: dict[int, _Sent] = field(default_factory=dict)
     _state: tuple[float, float, bool] | None = None
+    _play_number: int = field(default_factory=lambda: int(1e3 * time.time()))
     _lock: Any = field(default_factory=threading.RLock)
 
     def change(self) -> None:
@@ -176,6 +181,7 @@ class BrowserPlayback:
             if self._tracks is None:
                 return False
             self._state = (clock, rate, loop)
+            self._play_number += 1
             for client in self.server.get_clients().values():
                 self._play(client)
             return True
@@ -185,7 +191,8 @@ class BrowserPlayback:
         with self._lock:
             self._state = None
             # among the messages to all browsers, so that it comes before what is drawn next
-            run_script(self.server, f"if (window.mechvizPlayback) window.mechvizPlayback.stop({int(frame)});", "stop")
+            stop = f"if (window.mechvizPlayback) window.mechvizPlayback.stop({int(frame)});"
+            run_script(self.server, f"window.mechvizStopped = {self._play_number}; {stop}", "stop")
 
     def send_to(self, client: viser.ClientHandle, clock: float) -> None:
         """A browser has come: let it play along."""
@@ -211,7 +218,8 @@ class BrowserPlayback:
             sent.version = self._version
             run_script(client, f"window.mechvizPlayback.load({self._text});", "load")
         clock, rate, loop = self._state
-        run_script(client, f"window.mechvizPlayback.play({clock!r}, {rate!r}, {json.dumps(loop)});", "play")
+        play = f"window.mechvizPlayback.play({clock!r}, {rate!r}, {json.dumps(loop)});"
+        run_script(client, f"if ({self._play_number} > (window.mechvizStopped || 0)) {play}", "play")
         client.flush()
 
 

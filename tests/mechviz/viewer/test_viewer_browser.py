@@ -29,6 +29,7 @@ from browsing import (
 )
 
 from mechviz import scene
+from mechviz.outputs.viewer import playback
 from mechviz.outputs.viewer.app import Viewer
 from mechviz.outputs.viewer.playback import Curves
 from mechviz.outputs.viewer.viser_adapter import buffer_of, uuid_of
@@ -327,6 +328,32 @@ def test_what_a_browser_cannot_play_by_itself_is_sent(viewer, page, monkeypatch)
     finally:
         monkeypatch.undo()
         viewer.inspector.playback.change()
+
+
+def test_a_word_to_play_that_comes_after_the_word_to_stop_is_not_heeded(viewer, page, monkeypatch):
+    """The one goes to a browser, the other to all of them: a busy server may send the later one first."""
+    late: list[tuple[Any, str, str]] = []
+    say = playback.run_script
+
+    def held(target: Any, source: str, key: str) -> None:
+        if target is viewer.server:
+            say(target, source, key)
+        else:
+            late.append((target, source, key))
+
+    with monkeypatch.context() as patch:
+        patch.setattr(playback, "run_script", held)
+        viewer.play()
+        assert viewer.player.wait() and viewer.player.aside
+        viewer.set_frame(40)
+        _until_drawn(viewer, page)
+    assert [key for *_, key in late][-1] == "play"
+    for words in late:
+        say(*words)
+    heard(viewer)
+    assert not page.evaluate(PLAYS)
+    viewer.play()
+    page.wait_for_function(PLAYS)
 
 
 @pytest.mark.parametrize("frame", [0, 91, 360])
