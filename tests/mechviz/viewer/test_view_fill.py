@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import threading
+from typing import Any
+
 import numpy as np
 import pytest
 from filled import SCENES, arrows_box, solid_points
+from patience import PATIENCE
 from viewer_sockets import CAMERA, messages, opened, replay, send
 from websockets.sync.client import ClientConnection
 
 from mechcore.arrays import Real
 from mechcore.joints.registry import build_joints
 from mechviz.outputs.viewer.app import Viewer
+from mechviz.outputs.viewer.world import camera
 from mechviz.outputs.viewer.world.camera import USUAL_ASPECT, VIEW_PRESETS, Preset, View, fit_view
 from mechviz.picture.build import joint_nodes, solid_nodes
 from mechviz.picture.nodes import Mesh
@@ -66,6 +71,35 @@ def test_a_page_that_begins_late_or_comes_back_is_fitted_nevertheless():
             replay(again)
             reports(again, best, image_width=500)
             arrives(again, fit_view(box, 500 / CAMERA["image_height"], core=core))
+
+
+def test_what_browsers_report_does_not_come_between_the_steps_of_moving_a_camera(monkeypatch):
+    """viser sends nothing to a camera that is there already, by what its browser has said last: said in the midst of the steps, the
+    last one would be left out, and the camera would stay where an earlier one has put it."""
+    threads: list[int] = []
+
+    def noted(client: Any, view: View) -> None:
+        threads.append(threading.get_ident())
+        moved(client, view)
+
+    moved = camera.move_to
+    with Viewer(ran("crank-rocker"), port=0) as shown, opened(shown.server.get_port()) as browser:
+        monkeypatch.setattr(camera, "move_to", noted)
+        core = np.asarray(shown.scene.current.bounds, float)
+        replay(browser)
+        reports(browser, fit_view(shown.scene.bounds, USUAL_ASPECT, core=core))
+        arrives(browser, fit_view(shown.scene.bounds, CAMERA["image_width"] / CAMERA["image_height"], core=core))
+        box = core + 0.5 * shown.scene.size * np.array([[-1.0], [1.0]])
+        shown.scene.cameras.follow_bounds(box, core)
+        arrives(browser, fit_view(box, CAMERA["image_width"] / CAMERA["image_height"], core=core))
+        (client,) = shown.server.get_clients().values()
+        shown.scene.cameras.look(client, "side")
+        arrives(browser, fit_view(box, CAMERA["image_width"] / CAMERA["image_height"], VIEW_PRESETS["side"], core))
+        of_viser: list[int] = []
+        told = threading.Event()
+        shown.server.get_event_loop().call_soon_threadsafe(lambda: (of_viser.append(threading.get_ident()), told.set()))
+        assert told.wait(PATIENCE)
+    assert len(threads) == 3 and {*threads} == {*of_viser}
 
 
 def reports(browser: ClientConnection, view: View, **more: object) -> None:

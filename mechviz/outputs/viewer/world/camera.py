@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import asyncio
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from functools import partial
 
 import numpy as np
 import viser
@@ -182,8 +184,7 @@ class FittedCameras:
     def follow_bounds(self, bounds: Real, core: Real) -> None:
         """The mechanism has another extent: fit the views that nobody moved, and let new browsers begin with it."""
         self._begin_with(bounds, core)
-        for client in self._server.get_clients().values():
-            self._fit(client, client.camera)
+        self._between_reports(self._fit_all)
 
     def release(self, client: viser.ClientHandle) -> None:
         """A browser's view counts as not moved by its user, who has made what is seen another thing."""
@@ -208,11 +209,25 @@ class FittedCameras:
     def look(self, client: viser.ClientHandle, preset: str) -> None:
         """Bring a browser's camera to one of the ``VIEW_PRESETS``, and follow its window again. In 2D it cannot be turned."""
         self._presets[client.client_id] = preset
-        camera = client.camera
-        aspect = camera.image_width / camera.image_height if min(camera.image_height, camera.image_width) > 0 else USUAL_ASPECT
         run_script(client, DRAGGING_SCRIPT.replace("FLAT", json.dumps(preset == "flat")), "dragging")
         self._stage.face(client, ground=VIEW_PRESETS[preset].ground)
-        self._set(client, fit_view(self._bounds, aspect, VIEW_PRESETS[preset], self._core))
+        self._between_reports(partial(self._bring, client))
+
+    def _between_reports(self, act: Callable[[], None]) -> None:
+        """Do what moves cameras on viser's thread, which also takes down what browsers report: a report in the midst of `move_to`
+        that the camera is there already would keep the last step from being sent, and the first would count."""
+        with suppress(RuntimeError):  # the server has been stopped
+            self._server.get_event_loop().call_soon_threadsafe(act)
+
+    def _bring(self, client: viser.ClientHandle) -> None:
+        """Bring a browser's camera to its preset, wherever it is."""
+        camera = client.camera
+        aspect = camera.image_width / camera.image_height if min(camera.image_height, camera.image_width) > 0 else USUAL_ASPECT
+        self._set(client, fit_view(self._bounds, aspect, VIEW_PRESETS[self.preset(client)], self._core))
+
+    def _fit_all(self) -> None:
+        for client in self._server.get_clients().values():
+            self._fit(client, client.camera)
 
     def _begin_with(self, bounds: Real, core: Real) -> None:
         """The view of new browsers and of viser's own "Reset View"."""
