@@ -108,6 +108,16 @@ class BurmesterCurve:
     c: Complex
 
 
+def first_pole(poses: BodyPositions) -> tuple[complex, int]:
+    """A pole of two poses, and the number of the first of them. Raises `MechanismError` where no two are turned."""
+    for i in range(len(poses.places)):
+        for j in range(i):
+            if np.isfinite(pole := poses.pole(j, i)):
+                return pole, j
+    remedy = "Turn it in one position at least: else every parallel crank will do."
+    raise MechanismError(Fault("poses", "the body only translates.", remedy))
+
+
 def burmester_curve(poses: BodyPositions, count: int = 720, *, joined: bool = False) -> BurmesterCurve:
     """Circle-point and centre-point curve of four poses; ``joined``: with strokes from one root of a line to the other where they
     are the last ones before they become complex, without which a drawing has gaps.
@@ -117,12 +127,8 @@ def burmester_curve(poses: BodyPositions, count: int = 720, *, joined: bool = Fa
     """
     if len(poses.places) != 4:
         raise MechanismError(Fault("poses", f"{len(poses.places)} positions.", "Burmester's curves are those of four positions."))
-    pole = next((p for i in range(4) for j in range(i) if np.isfinite(p := poses.pole(j, i)) and (own := (j, i))), None)
-    if pole is None:
-        raise MechanismError(
-            Fault("poses", "the body only translates.", "Turn it in one position at least: else every parallel crank will do.")
-        )
-    origin = (pole - poses.places[own[0]]) / poses.turns[own[0]]
+    pole, own = first_pole(poses)
+    origin = (pole - poses.places[own]) / poses.turns[own]
     scale = poses.reach
     angles = np.pi * (np.arange(count) + 0.5) / count
     directions = np.exp(1j * angles)

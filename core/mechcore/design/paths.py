@@ -56,7 +56,7 @@ class PathTask:
     def __post_init__(self) -> None:
         if len(self.points) < 3:
             raise MechanismError(Fault("points", f"{len(self.points)} points.", "Give three or more."))
-        if self.size == 0.0:
+        if self.size <= 1e-12 * float(np.abs(self.points).max()):
             raise MechanismError(Fault("points", "all points are the same.", "Give points that differ."))
         if self.steps is not None and len(self.steps) != len(self.points):
             raise MechanismError(

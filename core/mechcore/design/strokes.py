@@ -13,6 +13,7 @@ from mechcore.arrays import Real
 from mechcore.design.four_bars import FourBar, Grashof
 from mechcore.errors import Fault, MechanismError
 from mechcore.kinematics.dyads import cross
+from mechcore.numerics.frames import QUIET
 from mechcore.records import dataclass
 
 PIVOT_PLACES = 1440  # places of the crank's pivot on a circle that are tried before the best is refined
@@ -59,9 +60,13 @@ def slider_crank(stroke: float, ratio: float, offset: float) -> SliderCrank:
 
 
 def largest_offset(stroke: float, ratio: float) -> float:
-    """The offset [m] at which the crank of a stroke and time ratio vanishes; zero for a ratio of one."""
+    """The offset [m] beyond which the crank of a stroke and time ratio does not turn fully: there the inner dead centre lies below
+    the crank's pivot. Zero for a ratio of one; from a ratio of three on there is none."""
     alpha = alpha_of(ratio)
-    return 0.0 if alpha == 0.0 else float(stroke / (2.0 * np.tan(alpha / 2.0)))
+    if alpha >= 0.5 * np.pi * (1.0 - 1e-12):
+        why = f"a slider-crank whose crank turns fully has a time ratio below 3, not {ratio:g}."
+        raise MechanismError(Fault("ratio", why, "Ask for less, or take a Whitworth mechanism or a slotted lever."))
+    return 0.0 if alpha == 0.0 else float(stroke / np.tan(alpha))
 
 
 def best_slider_crank(stroke: float, ratio: float) -> SliderCrank:
@@ -128,8 +133,9 @@ def _crank_rocker(swing: float, alpha: float, rocker: float, side: int, at: floa
     chord = abs(first - second)
     radius = chord / (2.0 * np.sin(alpha))
     pivot = complex(0.5 * (first + second) + side * radius * np.cos(alpha) + radius * np.exp(1j * at))
-    seen = np.angle((first - pivot) / (second - pivot))
-    if abs(abs(seen) - alpha) > 1e-9 or cross(-pivot, first - pivot) * cross(-pivot, second - pivot) <= 0.0:
+    with np.errstate(**QUIET):  # the pivot may stand on the pin itself
+        seen = np.angle((first - pivot) / (second - pivot))
+    if not abs(abs(seen) - alpha) <= 1e-9 or cross(-pivot, first - pivot) * cross(-pivot, second - pivot) <= 0.0:
         return None
     near, far = sorted((abs(first - pivot), abs(second - pivot)))
     made = FourBar(0j, complex(abs(pivot)), float(far - near) / 2.0, float(far + near) / 2.0, rocker)

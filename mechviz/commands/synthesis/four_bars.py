@@ -111,6 +111,8 @@ def slider(
         task = FunctionTask(
             *function_of(expression, start, end), angle_option(input_range, "crank"), quantity_in(travel, "travel", "length")
         )
+        if task.output_range == 0.0:
+            fail(f"--travel: {travel} is no travel. Give one that differs from zero.")
         begin = angle_option(input_start, "crank-start"), quantity_in(output_start, "slider-start", "length")
         made = slider_generator(*task.turned(chebyshev_points(task.start, task.end, points)), *begin)
         if made is None:
@@ -149,13 +151,17 @@ def motion(
         pivots = [pairs_of(given) for given in (moving, fixed)]
         in_body = [(z - complex(poses.places[0])) / complex(poses.turns[0]) for z in pivots[0]]
         w, c = dyads(poses, in_body, pivots[1], angle_option(swing, "swing"))
-        named = bool(moving or fixed)
+        named = len(pivots[0]) + len(pivots[1])
+        if named == 1 and not slider:
+            fail("--moving, --fixed: one pivot makes one crank. Give a second one, or none to have both found.")
         if slider:
             if plot is not None:
                 fail("--slider, --plot: there is no chart of guides with a slide. Leave out one of them.")
             give(slider_guide_solutions(poses, slider_guides(poses, w, c, most)), output, None, None)
             return
-        designs = motion_designs(poses, w, c, most, all_of_them=named or len(rows) >= 5)
+        if named and (len(set(pivots[0])) < len(pivots[0]) or len(set(pivots[1])) < len(pivots[1])):
+            fail("--moving, --fixed: a pivot is given twice. Give two that differ.")
+        designs = motion_designs(poses, w, c, most, all_of_them=bool(named) or len(rows) >= 5)
         give(motion_solutions(poses, designs), output, plot, lambda: figures.motion_figure(poses, designs))
 
 
@@ -204,7 +210,7 @@ def path(
             None if start is None else angle_option(start, "start"),
             None if pivot is None else pairs_of([pivot])[0],
             None if frame_angle is None else angle_option(frame_angle, "frame-angle"),
-            (length_of(shortest, "shortest"), np.inf if longest is None else length_of(longest, "longest")),
+            (quantity_in(shortest, "shortest", "length"), np.inf if longest is None else length_of(longest, "longest")),
             np.inf if farthest is None else length_of(farthest, "farthest"),
             (1, -1) if start is None else (1,),
         )

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 UNITS = Units(length="mm", angle="deg")
+LEAST_LENGTH, LARGEST_LENGTH = 1e-9, 1e6  # [m]
 LARGEST_FILE = 1 << 20  # bytes of a file of points
 
 OutputOpt = Annotated[
@@ -34,6 +35,8 @@ MostOpt = Annotated[int, typer.Option("--most", min=1, max=1000, help="solutions
 
 def give(solutions: Sequence[LinkageSolution], output: Path | None, plot: Path | None, figure: Callable[[], Figure] | None) -> None:
     """Prints solutions, and writes their scenes and their chart."""
+    if not solutions:
+        fail("No linkage does that. Ask for something else.")
     print("\n".join(solution_table(solutions)))
     with interruptible(*(() if plot is None else ("matplotlib.figure",))):
         if output is not None:
@@ -63,10 +66,10 @@ def angle_option(text: str, option: str) -> float:
 
 
 def length_of(text: str, option: str) -> float:
-    """A length [m] of an option, not below zero."""
+    """A length [m] of an option, above zero."""
     value = quantity_in(text, option, "length")
-    if value < 0.0:
-        fail(f"{_named(option)}: {text} is negative. Give a length.")
+    if not LEAST_LENGTH <= value <= LARGEST_LENGTH:
+        fail(f"{_named(option)}: {text} is no length of a mechanism. Give one between 1e-6 mm and 1e6 m.")
     return value
 
 

@@ -14,6 +14,7 @@ from mechcore.design.burmester import (
     bisector,
     burmester_curve,
     burmester_points,
+    first_pole,
     fixed_pivots,
     guidance,
     moving_pivots,
@@ -91,6 +92,12 @@ def dyads(poses: BodyPositions, moving: Sequence[complex], fixed: Sequence[compl
         return w, c
     if count == 4:
         return thinned_curves(burmester_curve(poses), poses)
+    if count == 3:
+        first_pole(poses)
+    if count == 2 and not 0.0 < abs(swing) < np.pi:
+        raise MechanismError(
+            Fault("swing", f"a swing of {np.degrees(swing):g} deg.", "Give more than 0 and less than 180 degrees.")
+        )
     if count == 2 and fixed:
         raise MechanismError(Fault("fixed", "with two positions the moving pivots are given.", "Give those, or a third position."))
     if not moving and not fixed:

@@ -34,6 +34,25 @@ def test_slider_cranks_of_a_stroke_and_a_time_ratio():
     assert (np.ptp(x), time_ratio(x)) == pytest.approx((inputs["H"], inputs["Q"]), rel=1e-6)
 
 
+@pytest.mark.parametrize("ratio", [1.01, 2.0, 2.3, 2.9, 2.999])
+def test_the_best_slider_crank_has_its_stroke_and_ratio_up_to_the_largest_one(ratio):
+    """From 3 on the inner dead centre would lie below the crank's pivot, and the crank would not turn fully."""
+    best = best_slider_crank(0.2, ratio)
+    assert best.turns
+    outer, inner = (np.sqrt((best.rod + sign * best.crank) ** 2 - best.offset**2) for sign in (1, -1))
+    assert outer - inner == pytest.approx(0.2, rel=1e-9)
+    alpha = np.arctan2(best.offset, inner) - np.arctan2(best.offset, outer)
+    assert (np.pi + alpha) / (np.pi - alpha) == pytest.approx(ratio, rel=1e-9)
+
+
+@pytest.mark.parametrize("ratio", [3.0, 4.0, 1e9])
+def test_no_slider_crank_is_made_up_for_larger_ratios(ratio):
+    with pytest.raises(MechanismError, match="below 3"):
+        best_slider_crank(0.2, ratio)
+    with pytest.raises(MechanismError, match="below 3"):
+        slider_crank(0.2, ratio, 0.01)
+
+
 def test_the_crank_rocker_of_the_best_transmission():
     """The frame length of the reference's case is that of the other side of the chord, whose own transmission angle is 44.8
     degrees: crank, coupler and rocker and the angle that it states belong to a frame of 1.2126, by the law of cosines."""

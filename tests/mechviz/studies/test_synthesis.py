@@ -282,3 +282,21 @@ def test_four_positions_whose_pivots_are_all_far_away_are_refused():
     curve = burmester_curve(poses, 50)
     with pytest.raises(MechanismError, match="far away from these positions"):
         thinned_curves(replace(curve, w=np.full_like(curve.w, np.inf)), poses)
+
+
+@pytest.mark.parametrize(
+    ("words", "why"),
+    [
+        (("motion", "0,0,0", "30,15,20", "60,20,45", "--moving", "-10,5"), "a second one"),
+        (("motion", "0,0,0", "30,15,20", "60,20,45", "--moving", "-10,5", "--moving", "-10,5"), "given twice"),
+        (("motion", "0,0,0", "10,0,0", "20,0,0"), "only translates"),
+        (("motion", "0,0,0", "0,0,90", "--swing", "0"), "more than 0"),
+        (("stroke", "200", "--ratio", "2", "--frame", "0"), "no length"),
+        (("stroke", "1e-300", "--ratio", "1.5"), "no length"),
+        (("line", "watt", "--travel", "0"), "no length"),
+        (("path", "20,20", "20,20", "20,20"), "points are the same"),
+    ],
+)
+def test_tasks_that_say_nothing_are_refused_in_words(words, why):
+    done = asked(*words)
+    assert done.exit_code == 2 and why in done.stderr
