@@ -80,6 +80,8 @@ def forces(
     """
     if not equations and (latex or at is not None):
         fail("--latex and --at are for --equations.")
+    if equations and (csv is not None or plot is not None or fluctuation is not None or steady is not None):
+        fail("--csv, --plot, --flywheel and --steady are not for --equations. Ask for them without it.")
     if steady is not None:
         _print_steady(scene, values, steady, fluctuation)
         return
@@ -96,7 +98,7 @@ def forces(
             print("\n".join(lines if latex else [run.scene.title, *lines]))
             return
         print(run.scene.title)
-        print("\n".join(force_lines(run.forces) if run.motion.mechanism.moving else statics_lines(run.forces, run.scene.units)))
+        print("\n".join(statics_lines(run.forces, run.scene.units) if run.scene.at_rest else force_lines(run.forces)))
         if fluctuation is not None:
             print("\n".join(flywheel_lines(flywheel(run.forces, fluctuation), run.scene.units)))
         with interruptible(*(["matplotlib.figure"] if plot is not None else [])):

@@ -128,6 +128,11 @@ class Scene:
         """Names of the effects to compute."""
         return tuple(self.document.effects)
 
+    @property
+    def at_rest(self) -> bool:
+        """Whether nothing moves it, neither a drive nor forces."""
+        return self.simulation is None and not self.mechanism.moving
+
     def to_toml(self) -> str:
         """The scene as TOML in the standard layout, without comments; numbers read back bit for bit."""
         return toml_text(self.document.written(defaults=False))

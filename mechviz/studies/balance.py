@@ -43,7 +43,7 @@ class BalancedScene:
     def lines(self) -> list[str]:
         """The comparison in words."""
         units = self.scene.units
-        (length, per), (force, forces), (moment, moments) = units.reads("m", small=True), units.reads("N"), units.reads("N m")
+        (length, per), (force, forces), (moment, moments) = units.reads("m"), units.reads("N"), units.reads("N m")
         out = []
         for w in self.weights:
             place = f"({per * w.at[0]:.6g}, {per * w.at[1]:.6g}) {length}"
@@ -79,7 +79,7 @@ def balance_scene(
     changes: dict[Place, Any] = {}
     for w in weights:
         place = ("links", w.link, "point_masses")
-        entry = {"mass": f"{w.mass!r} kg", "at": [f"{x!r} m" for x in w.at]}
+        entry = {"mass": _stated(scene.units, w.mass, "mass"), "at": [_stated(scene.units, x, "length") for x in w.at]}
         changes[place] = [*changes.get(place, scene.document.links[w.link].point_masses), entry]
     if scene.document.shaking is not None:
         changes["shaking", "counterweights"] = None
@@ -87,6 +87,11 @@ def balance_scene(
     about = (0.0, 0.0) if asked is None else asked.about
     motion = _moved(scene)
     return BalancedScene(better, weights, motion, shaking(motion, about), shaking(_moved(better), about))
+
+
+def _stated(units: Units, value: float, kind: str) -> float:
+    """A number as the scene states such numbers, without its unit."""
+    return float(f"{value / units.si(1.0, kind):.15g}")
 
 
 def _moved(scene: Scene) -> Motion:
@@ -98,7 +103,11 @@ STEP = 30.0  # degrees of the drive between two dots of the force's curve
 
 
 def shaken(run: Run) -> Shaking:
-    """Shaking force and moment of a run, about the point that its scene names. Raises `OutputError` where nothing shakes."""
+    """Shaking force and moment of a run, about the point that its scene names. Raises `OutputError` where nothing shakes, or where
+    forces decide the motion."""
+    if run.simulation is not None:
+        why = f"{run.scene.name}: forces decide the motion, and the shaking force is known of prescribed motions."
+        raise OutputError(why, "Prescribe a drive.")
     asked = run.motion.mechanism.studies.shaking
     result = shaking(run.motion, (0.0, 0.0) if asked is None else asked.about)
     if result.single == 0.0 and result.peak_moment == 0.0:

@@ -26,11 +26,11 @@ from mechcore.dynamics.equations.reduced import coordinate_scales, free_of, inte
 from mechcore.dynamics.integration.collocation import gauss, integrals
 from mechcore.dynamics.integration.windows import Solution
 from mechcore.dynamics.segments import STOP_CAUSE, MotionSegment, stop_load
-from mechcore.effects.base import joint_wrench, sum_up
+from mechcore.effects.base import LOSSES, joint_wrench, sum_up
 from mechcore.effects.registry import applied_effects, totals
 from mechcore.forces.equilibrium import joint_forces
 from mechcore.forces.friction.elements import Element, elements_of, relative_rate
-from mechcore.forces.kinetostatics import LOSSES, Forces
+from mechcore.forces.kinetostatics import Forces
 from mechcore.laws.timed import Free
 from mechcore.motion.compiled import Compiled
 from mechcore.records import dataclass

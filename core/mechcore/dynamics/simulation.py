@@ -24,10 +24,10 @@ from mechcore.dynamics.integration.collocation import integrals
 from mechcore.dynamics.integration.windows import Solution
 from mechcore.dynamics.joined import JoinedForces, JoinedMotion
 from mechcore.dynamics.segments import MotionSegment
-from mechcore.effects.base import power_of
+from mechcore.effects.base import LOSSES, power_of
 from mechcore.effects.masses import kinetic_energy
 from mechcore.effects.registry import potential
-from mechcore.forces.kinetostatics import LOSSES, Forces, solve_forces
+from mechcore.forces.kinetostatics import Forces, solve_forces
 from mechcore.kinematics.model import Model
 from mechcore.laws.timed import Free
 from mechcore.motion.compiled import Compiled

@@ -144,6 +144,7 @@ def sum_up(wrenches: Iterable[Wrench], links: int) -> tuple[list[Plane], list[Va
 NEEDS = ("positions", "time", "velocities", "accelerations", "reactions")
 """Quantities that an effect can need; one that needs positions alone depends on nothing else, not even on the time."""
 
+LOSSES = ("viscous", "medium", "dry friction")  # causes that only ever take energy away
 CAUSES = {
     "gravity": "weight",
     "elastic": "springs and gas springs: the force depends on the position",

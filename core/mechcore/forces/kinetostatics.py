@@ -12,7 +12,7 @@ from typing import cast
 import numpy as np
 
 from mechcore.arrays import Index, Plane, Real, Values
-from mechcore.effects.base import Wrench, power_of, sum_up, wrench_point
+from mechcore.effects.base import LOSSES, Wrench, power_of, sum_up, wrench_point
 from mechcore.effects.masses import kinetic_energy
 from mechcore.effects.registry import applied_effects, potential, totals, wrenches
 from mechcore.forces import equilibrium
@@ -26,8 +26,6 @@ from mechcore.numerics.tape import Traced
 from mechcore.numerics.tape_functions import integral
 from mechcore.records import dataclass
 from mechcore.spec.mechanism import braked
-
-LOSSES = ("viscous", "medium", "dry friction")  # causes that only ever take energy away
 
 
 @dataclass(frozen=True, eq=False)

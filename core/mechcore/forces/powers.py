@@ -17,10 +17,10 @@ from typing import Literal
 import numpy as np
 
 from mechcore.arrays import Real
-from mechcore.effects.base import Wrench
+from mechcore.effects.base import LOSSES, Wrench
 from mechcore.effects.prescribed import breaks_of
 from mechcore.errors import Fault, MechanismError
-from mechcore.forces.kinetostatics import LOSSES, Forces
+from mechcore.forces.kinetostatics import Forces
 from mechcore.records import dataclass
 from mechcore.spec.loads import GasPressure, Load, Prescribed
 
@@ -226,11 +226,14 @@ def flywheel(forces: Forces, fluctuation: float, drive: str | None = None, *, sm
     """The flywheel on a drive (the first, if not named) that turns at constant speed over one or more whole cycles.
 
     ``smooth``: the torque is a cubic spline through the frames, else straight lines (for torques that jump); not said: straight
-    lines where gas presses on a piston or a table is not smooth. Raises `MechanismError` where the drive does not turn at constant
-    speed or the fluctuation is not positive.
+    lines where gas presses on a piston or a table is not smooth. Raises `MechanismError` where there is no drive, where it does not
+    turn at constant speed, or where the fluctuation is not positive.
     """
     motion = forces.motion
     joints = [d.joint for d in motion.mechanism.drives]
+    if not joints:
+        remedy = "Give its shaft a constant speed, or size the flywheel of its steady run: mechviz forces --steady TURNS."
+        raise MechanismError(Fault("flywheel", "no drive turns the machine.", remedy))
     joint = joints[0] if drive is None else drive
     if joint not in joints:
         raise MechanismError(Fault("flywheel", f"joint '{joint}' has no drive.", f"Driven joints: {', '.join(joints)}."))

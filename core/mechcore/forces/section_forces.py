@@ -80,7 +80,8 @@ class SectionForces:
 
     Stations rise; where something acts at a point there are two, before and behind it. ``places`` [m] of the axis and its
     ``directions`` there (F, n) are complex, in the link's frame. ``bending``: the moment that is largest in size. ``unbalanced``
-    (F,) [N] is what is left of the forces on the whole link, moments over the axis' length included.
+    (F,) [N] is what is left of the forces on the whole link, moments over the axis' length included. ``stress``: the largest normal
+    stress of each frame, |N| / A + |M| / W (F,) [Pa]; None without a cross-section.
     """
 
     link: str
@@ -94,6 +95,7 @@ class SectionForces:
     moment: Real
     bending: SectionExtreme
     unbalanced: Real
+    stress: Real | None = None
 
     def extreme(self, values: Real) -> SectionExtreme:
         """Where a quantity (F, n) is largest in size, of the stations."""
@@ -104,14 +106,6 @@ class SectionForces:
     def bending_stress(self) -> Real | None:
         """Largest bending stress of each frame |M| / W (F,) [Pa]; None without a cross-section."""
         return None if self.section is None else np.abs(self.bending.values) / self.section.modulus
-
-    @cached_property
-    def stress(self) -> Real | None:
-        """Largest normal stress of each frame |N| / A + |M| / W (F,) [Pa], of the stations; None without a cross-section."""
-        if self.section is None:
-            return None
-        stress = np.abs(self.normal) / self.section.area + np.abs(self.moment) / self.section.modulus
-        return np.asarray(stress.max(axis=1))
 
 
 def section_forces(forces: Forces, study: SectionStudy) -> SectionForces:
@@ -133,7 +127,8 @@ def section_forces(forces: Forces, study: SectionStudy) -> SectionForces:
 
     arrays: dict[str, Any] = {name: joined(attrgetter(name)) for name in _ARRAYS}
     bending = SectionExtreme(*(joined(attrgetter(f"bending.{name}")) for name in ("values", "stations")))
-    return replace(parts[0][1], bending=bending, **arrays)
+    stress = None if parts[0][1].section is None else joined(attrgetter("stress"))
+    return replace(parts[0][1], bending=bending, stress=stress, **arrays)
 
 
 def _of_part(forces: Forces, study: SectionStudy, axis: SectionAxis) -> SectionForces:
@@ -142,18 +137,23 @@ def _of_part(forces: Forces, study: SectionStudy, axis: SectionAxis) -> SectionF
     cuts = section_loads.cuts()
     normal, shear, moment = section_loads.inside(cuts)
     whole, turning = section_loads.beyond(Cuts(np.zeros((forces.motion.frames, 1)), np.array(-1.0)))
+    section, stress = study.section, None
+    if section is not None:
+        area, modulus = section.area, section.modulus
+        stress = section_loads.largest(cuts, lambda n, m: np.abs(n) / area + np.abs(m) / modulus).values
     return SectionForces(
         link=study.link,
         axis=axis,
-        section=study.section,
+        section=section,
         stations=cuts.stations,
         places=axis.place(cuts),
         directions=axis.directions[axis.segment(cuts)],
         normal=normal,
         shear=shear,
         moment=moment,
-        bending=section_loads.largest_moment(cuts, moment),
+        bending=section_loads.largest(cuts, lambda _, moment: moment),
         unbalanced=np.abs(whole[:, 0]) + np.abs(turning[:, 0]) / axis.length,
+        stress=stress,
     )
 
 
@@ -278,20 +278,26 @@ class _SectionLoads:
             force, moment = force + f, moment + m
         return force, moment
 
-    def largest_moment(self, cuts: Cuts, moment: Real) -> SectionExtreme:
-        """The bending moment that is largest in size at every frame: between the neighbours of the largest of (F, n) it is looked
-        at closer."""
+    def largest(self, cuts: Cuts, quantity: Callable[[Real, Real], Real]) -> SectionExtreme:
+        """Where a quantity of N and M is largest in size at every frame: between the neighbours of the largest one in cuts
+        (F, n) it is looked at closer."""
+
+        def inside(cuts: Cuts) -> Real:
+            normal, _, moment = self.inside(cuts)
+            return quantity(normal, moment)
+
+        values = inside(cuts)
         for _ in range(ZOOM_ROUNDS):
-            k = np.argmax(np.nan_to_num(np.abs(moment), nan=-1.0), axis=1)[:, None]
+            k = np.argmax(np.nan_to_num(np.abs(values), nan=-1.0), axis=1)[:, None]
             low, best, high = (cuts.taken(np.clip(k + d, 0, cuts.stations.shape[1] - 1)) for d in (-1, 0, 1))
             parts = np.linspace(0.0, 1.0, ZOOM_POINTS)
             near = [a.stations + (b.stations - a.stations) * part for a, b, part in ((low, best, parts), (best, high, parts[1:]))]
             sides = [np.ones(near[0].shape), np.ones(near[1].shape)]
             sides[0][:, -1:] = best.sides
             cuts = Cuts(np.concatenate(near, axis=1), np.concatenate(sides, axis=1))
-            moment = self.inside(cuts)[2]
-        k = np.argmax(np.nan_to_num(np.abs(moment), nan=-1.0), axis=1)[:, None]
-        return SectionExtreme(np.take_along_axis(moment, k, axis=1)[:, 0], cuts.taken(k).stations[:, 0])
+            values = inside(cuts)
+        k = np.argmax(np.nan_to_num(np.abs(values), nan=-1.0), axis=1)[:, None]
+        return SectionExtreme(np.take_along_axis(values, k, axis=1)[:, 0], cuts.taken(k).stations[:, 0])
 
 
 def _of_guide(line: _DistributedLoad, cuts: Cuts, axis: SectionAxis) -> tuple[Complex, Real]:

@@ -366,8 +366,8 @@ def runs(flags: Flags) -> list[tuple[int, int]]:
 class Stroke:
     """Where the coordinate of an output goes over a run [rad or m].
 
-    ``time_ratio``: the slower of the strokes to and fro over the quicker one, of a motion that repeats with two limit positions in
-    a cycle; NaN of others. Source: R. L. Norton, Design of Machinery, "quick-return".
+    ``time_ratio``: the slower of the strokes to and fro over the quicker one, of a motion that repeats and goes once from one limit
+    position to the other and back; NaN of others. Source: R. L. Norton, Design of Machinery, "quick-return".
     """
 
     joint: str
@@ -395,9 +395,10 @@ def _stroke(motion: Motion, joint: str, times: Real, values: Real, cycles: int) 
     repeats = abs(rows[-1, 0] - rows[0, 0]) <= 1e-9 * (high - low)
     ratio = np.nan
     if repeats and len(motion.drives) == 1:
-        ends = np.sort(np.concatenate([times, [start] if rests else []]))
-        ends = ends[ends < start + period * (1.0 - 1e-9)]
-        if len(ends) == 2:
-            there = float(ends[1] - ends[0])
+        ends = np.concatenate([times, [start] if rests else []])
+        places = np.concatenate([values, [rows[0, 0]] if rests else []])
+        once = ends < start + period * (1.0 - 1e-9)
+        if once.sum() == 2 and np.ptp(places[once]) > (1.0 - 1e-6) * (high - low):  # from one end to the other
+            there = float(np.ptp(ends[once]))
             ratio = max(there, period - there) / min(there, period - there)
     return Stroke(joint, motion.model.rotary(joint), low, high, ratio)

@@ -189,7 +189,7 @@ def counterweights(
         on_rocker = fraction * (rocker.mass * _share(rocker, linkage.points) + coupler.mass * s)
         wanted = [(crank, on_crank, radii[0]), (rocker, on_rocker, radii[1])]
     else:
-        s = _share(linkage.rod, linkage.points).real
+        s = _share(linkage.rod, linkage.points)
         turning = crank.mass * _share(crank, linkage.points) + linkage.rod.mass * (1.0 - s)
         to_and_fro = linkage.rod.mass * s + linkage.slider.mass
         wanted = [(crank, turning + fraction * to_and_fro, radii[0])]

@@ -64,8 +64,9 @@ class Friction:
     ``radius * sin(atan(coefficient))`` instead. Prismatic: force ``coefficient * (|N1| + |N2|)`` along the guide, N1 and N2 the
     forces at the two ends of a bearing of ``length``; no length: ``coefficient * |N|``. The middle of the bearing lies ``offset``
     along the guide from the point of the link that carries it: the sliding link, or, with ``bearing`` "guide", the guide's.
-    ``height`` is the distance of the two faces of the guide on which the friction acts. Pin in a slot: ``coefficient * |N|``, and
-    with a ``radius`` the moment ``coefficient * radius * |N|`` against the pin's turning. Rolling, gear, rack: couple
+    ``height`` is the distance of the two faces of the guide on which the friction acts, those of a part within its guide.
+    Pin in a slot: ``coefficient * |N|``, and with a ``radius`` the moment ``coefficient * radius * |N|`` against the pin's
+    turning. Rolling, gear, rack: couple
     ``lever * |N|`` against the relative rotation, N the force across the contact. With a ``stribeck`` speed vs of revolute,
     prismatic and slot joints the coefficient at a speed v of the sliding surfaces is
     ``coefficient + (static - coefficient) exp(-(v / vs)^2)``. Cylinder: ``coefficient * |F|`` along it, F the

@@ -15,7 +15,7 @@ from mechcore.errors import MechanismError
 from mechcore.forces.kinetostatics import solve_forces
 from mechcore.laws.timed import ConstantSpeed
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
-from mechcore.spec.loads import Force
+from mechcore.spec.loads import Force, Torque, Viscous
 from mechcore.spec.mechanism import Drive, Friction, Link, Mechanism, PinSlot, Prismatic, Revolute, Rolling
 from mechviz.hard_cases.mechanisms import gears, incline, sleeve
 
@@ -416,6 +416,25 @@ def test_balance_energy_and_efficiency():
     # over a cycle the constant force on the piston does no work: all that the drive supplies is lost
     assert friction.efficiency == pytest.approx(0.0, abs=1e-3)
     assert sum(friction.mean_losses().values()) == pytest.approx(-friction.power.mean(), rel=1e-2)
+
+
+def test_what_harmful_loads_take_is_no_use():
+    """A rotor with three equal absorbers: a useful torque, oil, and dry friction."""
+    rotor = Mechanism(
+        name="rotor",
+        frame="frame",
+        links=(Link(name="frame", points={"O": (0, 0)}), Link(name="rotor", points={"O": (0, 0)})),
+        joints=(Revolute(name="O", links=("frame", "rotor"), points=("O", "O"), friction=Friction(coefficient=0.1, radius=0.01)),),
+        drives=(Drive(joint="O", law=ConstantSpeed(0.0, 2.0)),),
+        loads=(
+            Force(name="P", link="rotor", point="O", vector=(0.0, -1000.0)),
+            Torque(name="work", link="rotor", moment=-1.0),
+            Viscous(name="oil", joint="O", coefficient=0.5),
+        ),
+        effects=("friction",),
+    )
+    forces = solve_forces(solve_motion(compile_mechanism(rotor), np.linspace(0.0, np.pi, 19)))
+    assert forces.friction.efficiency == pytest.approx(1.0 / 3.0, rel=1e-9)
 
 
 def test_efficiency_of_the_incline_is_the_textbook_one():

@@ -72,6 +72,12 @@ def test_a_rod_that_falls_about_its_end_bends_most_at_a_third_of_its_length() ->
     assert diagrams.bending.stations[0] == pytest.approx(LENGTH / 3.0, rel=1e-3)
     assert diagrams.bending_stress is not None
     assert diagrams.bending_stress[0] == pytest.approx(MASS * 9.81 * LENGTH / 27.0 / 2e-6, rel=1e-8)
+    # and so is the whole stress, which is looked for between stations, too: with N = m g (L - s)^2 cos / (2 L^2) of a bar aslant
+    q = np.linspace(0.0, LENGTH, 2_000_001)
+    sizes = [np.interp(q, s, np.abs(diagrams.normal[0])) / 4e-4, MASS * 9.81 * q * (1.0 - q / LENGTH) ** 2 / 4.0 / 2e-6]
+    assert diagrams.stress is not None
+    assert diagrams.stress[0] == pytest.approx(np.max(sum(sizes)), rel=1e-8)
+    assert diagrams.stress[0] >= diagrams.bending_stress[0]
 
 
 def test_a_connecting_rod_at_speed_bends_most_near_its_length_over_the_root_of_three() -> None:

@@ -10,7 +10,7 @@ from mechanisms import four_bar
 
 from mechcore.laws.timed import Oscillation, zones
 from mechcore.motion import events
-from mechcore.motion.events import Event, find_events, turning_points
+from mechcore.motion.events import Event, find_events, strokes, turning_points
 from mechcore.motion.motion import Motion
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
 from mechcore.spec.mechanism import Drive, Link, Mechanism, Prismatic, Revolute
@@ -208,3 +208,14 @@ def test_the_velocity_ratio_at_a_dead_point_is_named_without_bound():
     motion = solve_motion(compile_mechanism(m), np.linspace(0.0, 2.0, 203))
     computed = next(e for e in find_events(motion) if e.item == "E" and "velocity ratio" in e.text)
     assert "without bound" in computed.text and computed.time == pytest.approx(1.0, abs=1e-6)
+
+
+def test_a_time_ratio_is_that_of_one_limit_position_and_the_other():
+    """A rocking crank that brings the slider to its outer end twice in a cycle: to and fro take equally long."""
+    rocking = strokes(move(slider_crank(Oscillation(0.0, np.radians(40.0), 0.5)), 360))
+    assert all(np.isnan(stroke.time_ratio) for stroke in rocking)
+    (turning,) = strokes(move(four_bar(E=(0.2, 0.0), AB=0.06, BD=0.18, DE=0.15, speed=2.0), 360))
+    outer = np.arccos((0.2**2 + 0.24**2 - 0.15**2) / (2 * 0.2 * 0.24))
+    inner = np.pi + np.arccos((0.2**2 + 0.12**2 - 0.15**2) / (2 * 0.2 * 0.12))
+    there = inner - outer
+    assert turning.time_ratio == pytest.approx(max(there, TURN - there) / min(there, TURN - there), rel=1e-6)

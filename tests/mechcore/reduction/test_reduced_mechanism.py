@@ -175,6 +175,15 @@ def test_partial_balance_of_a_slider_crank_shifts_the_shaking_from_the_guide_acr
     assert computed[0.5].rms < plain.rms
 
 
+def test_a_rod_with_its_centre_beside_its_line_leaves_a_force_along_one_line():
+    """With all that turns balanced, what is left is that of masses that go to and fro: m z C'' and M C'' of one complex sum."""
+    bodies = {"crank": (2.2, (0.004, 0.001), 0.005), "rod": (0.55, (0.042, 0.02), 0.0016), "piston": (0.42, (0.0, 0.0), 0.0)}
+    m = slider_crank(r=0.04, l=0.14, bodies=bodies, speed=157.0, effects=("inertia",))
+    force = shaking(moved(balance(m, 0.05, fraction=0.0)[0], 360)).force
+    along, across = np.linalg.svd(force, compute_uv=False)
+    assert across < 1e-9 * along
+
+
 def test_counterweights_are_where_they_are_said_to_be():
     m = four_bar(E=(0.28, 0.0), AB=0.1, BD=0.3, DE=0.25, bodies=BODIES)
     linkage = find_linkage(m)

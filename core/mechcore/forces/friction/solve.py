@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from mechcore.arrays import Flags, Plane, Real, Values
-from mechcore.effects.base import Wrench, power_of, sum_up
+from mechcore.effects.base import LOSSES, Wrench, power_of, sum_up
 from mechcore.effects.registry import wrenches
 from mechcore.errors import Fault, MechanismError
 from mechcore.forces.equilibrium import transmit
@@ -34,6 +34,7 @@ TransmittedForces = tuple[list[tuple[Plane, Values]], dict[str, tuple[Plane, Pla
 
 FLANK_ROUNDS = 8  # rounds in which the flanks of gears may change sides
 LEAST_SHARE = 0.1  # of the largest share in a jam: joints below it are not named
+LEAST_USE = 1e-4  # of the work that loads exchange in a run: what is less useful is nothing
 AT_ONCE = 400_000  # elements times frames that are solved in one call
 
 
@@ -302,13 +303,18 @@ class FrictionResult:
 
     @cached_property
     def efficiency(self) -> float:
-        """Useful over supplied energy of the run: the loads' share where the drives drive, the drives' where the loads do.
+        """Useful over supplied energy of the run: the loads' share where the drives drive, the drives' where the loads do. What
+        harmful loads take is no use: those of viscous friction, of a medium, and those that are said to be harmful.
 
-        Zero where both only feed friction, NaN where the mechanism jams.
+        Zero where both only feed losses, NaN where the mechanism jams.
         """
         w0, loss = self._integral(self.frictionless_power), self._integral(-self.power)
-        supplied, useful = (w0 + loss, w0) if w0 >= 0.0 else (-w0, -w0 - loss)
-        useful = useful if useful > 1e-12 * supplied else 0.0  # over whole turns inertia and gravity leave nothing but rounding
+        uses = {load.name: load.use for load in self.motion.mechanism.loads}
+        harmful = (w for w in self._applied if (uses.get(w.name) or ("harmful" if w.cause in LOSSES else "")) == "harmful")
+        wasted = self._integral(np.asarray(np.zeros(self.motion.frames) - sum(power_of(self.motion, w) for w in harmful)))
+        supplied, useful = (w0 + loss, w0 - wasted) if w0 >= 0.0 else (wasted - w0, -w0 - loss)
+        # over whole turns inertia and gravity leave nothing but what the frames leave out
+        useful = useful if useful > LEAST_USE * self._integral(np.abs(self.frictionless_power)) else 0.0
         return useful / supplied if supplied > 0.0 else (1.0 if supplied == 0.0 else np.nan)
 
     def mean_losses(self) -> dict[str, float]:
