@@ -55,8 +55,9 @@ def walk_of(scene: Scene, feet: Sequence[tuple[str, str]], touch: float) -> Walk
     Raises where there are fewer than two feet, or where the motion does not repeat.
     """
     names = tuple(f"{link}.{point}" for link, point in feet)
-    if len(feet) < 2:
-        raise MechanismError(Fault("feet", f"{len(feet)} feet: at least two take turns.", "Name another one."))
+    if len({*feet}) < len(feet) or len(feet) < 2:
+        count = "a foot is named twice" if len({*feet}) < len(feet) else f"{len(feet)} feet"
+        raise MechanismError(Fault("feet", f"{count}: at least two take turns.", "Name another one."))
     motion = run_scene(scene.changed({("run", "frames"): _TABLE, ("run", "cycles"): 1})).motion
     place, rate = (np.stack([motion.point(*foot, k) @ np.array([1.0, 1.0j]) for foot in feet]) for k in (0, 1))
     distance = float(np.abs(place[:, -1] - place[:, 0]).max())

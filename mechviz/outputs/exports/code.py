@@ -89,8 +89,10 @@ def code_of(scene: Scene, name: str) -> tuple[str, str | None]:
     compiled = compile_mechanism(scene.mechanism, scene.accuracy)
     drives = compiled.mechanism.drives
     try:
-        if scene.simulation is not None or not drives:
+        if scene.simulation is not None:
             raise Untraceable("forces decide its motion, which is no function of the drives")
+        if not drives:
+            raise Untraceable("no drive moves it")
         if compiled.singular_points is not None and compiled.singular_points.points:
             raise Untraceable("its assembly modes meet at change points, between which a program would have to choose")
         written = _Written(compiled)
