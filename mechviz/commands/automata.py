@@ -15,7 +15,7 @@ from mechviz.automata.strokes import joined_strokes, on_sheet, ordered_strokes, 
 from mechviz.automata.walking import walk_of, walking_scene
 from mechviz.automata.writer import design_writer
 from mechviz.commands.shared.loading import SceneArg, SetOpt, clear_errors, load_scene, quantity, quantity_option
-from mechviz.commands.shared.messages import check_targets, fail, interruptible, say
+from mechviz.commands.shared.messages import check_suffix, check_targets, fail, interruptible, say
 from mechviz.files import check_target, replacing
 from mechviz.progress import progress_bar
 from mechviz.scene.faults import did_you_mean
@@ -127,9 +127,8 @@ def walk(
     Try: mechviz walk walking-toy --foot foot.H --foot "foot 2.H" -o walk.toml, then mechviz view walk.toml
     """
     with clear_errors(scene):
+        check_suffix(output, ".toml")
         if output is not None:
-            if output.suffix != ".toml":
-                fail(f"--output: '{output}' does not end in .toml.")
             check_targets(scene, output)
         loaded = load_scene(scene, values)
         feet = [_foot(loaded, text) for text in foot]

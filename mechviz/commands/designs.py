@@ -14,7 +14,7 @@ import typer
 
 from mechcore.arrays import Real
 from mechviz.commands.shared.loading import SceneArg, SetOpt, clear_errors, load_scene
-from mechviz.commands.shared.messages import aligned_rows, check_targets, fail, interruptible, say
+from mechviz.commands.shared.messages import aligned_rows, check_suffix, check_targets, fail, interruptible, say
 from mechviz.commands.shared.solving import CyclesOpt, DaskOpt, DesignExecutorOpt, FramesOpt, JobsOpt, checked, solve, workers
 from mechviz.figures import check_ending, save_chart
 from mechviz.files import OutputError, replacing
@@ -68,8 +68,9 @@ def sweep(
 
     Try: mechviz sweep parametric-press --vary "stroke=60..100mm:5" --of drive.A.torque:max --of joint.B.reaction:peak
     """
-    if output is not None and output.suffix != ".parquet":
-        fail(f"--output: '{output}' does not end in .parquet.")
+    check_suffix(output, ".parquet")
+    if sample is None and seed != 0:
+        fail("--seed is for --sample: a grid has nothing random.")
     with clear_errors(scene):
         check_targets(scene, output)
         loaded = load_scene(scene, values)
@@ -283,8 +284,7 @@ def optimise(
 
     Try: mechviz optimise parametric-press -o better.toml
     """
-    if output is not None and output.suffix != ".toml":
-        fail(f"--output: '{output}' does not end in .toml.")
+    check_suffix(output, ".toml")
     with clear_errors(scene):
         check_targets(scene, output, front, plot)
         if plot is not None:

@@ -13,7 +13,7 @@ import typer
 
 from mechviz.commands.recording import open_recording
 from mechviz.commands.shared.loading import ReachableOpt, SetOpt, SourceArg, clear_errors, load_scene, quantity, quantity_option
-from mechviz.commands.shared.messages import check_targets, fail, interruptible, say
+from mechviz.commands.shared.messages import check_suffix, check_targets, fail, interruptible, say
 from mechviz.commands.shared.solving import (
     AccuracyOpt,
     CyclesOpt,
@@ -96,6 +96,12 @@ def export(
     families = _families(arrows)
     if glb is None and arrows is not None:
         fail("--arrows is for --glb FILE: name that too.")
+    if kit is None and (thickness, clearance, washer) != ("3 mm", "0.2 mm", "1 mm"):
+        fail("--thickness, --clearance and --washer are for --kit FOLDER: name that too.")
+    if every is not None and csv is None and parquet is None:
+        fail("--every is for tables: name --csv or --parquet FILE, too.")
+    for path, suffix in ((glb, ".glb"), (threemf, ".3mf"), (parquet, ".parquet"), (code, ".c")):
+        check_suffix(path, suffix, f"--{suffix[1:]}")
     with clear_errors(source):
         check_targets(source, csv, parquet, glb, threemf, code, *profiles.values())
         if is_recording(source):
@@ -189,6 +195,7 @@ def share(
     keep: KeepOpt = False,
 ) -> None:
     """Write one HTML file that plays a mechanism in any browser, with plots and events, without a server or a network."""
+    check_suffix(output, ".html")
     with clear_errors(source):
         path = output or Path(f"{Path(source).stem}.html")
         check_targets(source, path)

@@ -11,7 +11,7 @@ import typer
 
 from mechcore.compiled.motion import Executor
 from mechviz.commands.shared.loading import ReachableOpt, SceneArg, SetOpt, clear_errors, load_scene
-from mechviz.commands.shared.messages import check_targets, fail, interruptible, load_module, say
+from mechviz.commands.shared.messages import check_suffix, check_targets, fail, interruptible, load_module, say
 from mechviz.commands.shared.solving import AccuracyOpt, CyclesOpt, ExecutorOpt, FramesOpt, KeepOpt, check_trust, solve
 from mechviz.outputs.inspection import format_inspection
 from mechviz.outputs.inspection import inspect as inspect_recording
@@ -47,6 +47,7 @@ def record(
     ] = None,
 ) -> None:
     """Solve a scene and write a rerun recording (.rrd). Open it with: mechviz view FILE, or rerun FILE."""
+    check_suffix(output, ".rrd")
     with clear_errors(scene):
         loaded = load_scene(scene, values, reachable=reachable)
         path = output

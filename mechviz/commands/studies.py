@@ -10,7 +10,7 @@ import typer
 from mechcore.constructions.equations import contour_graph
 from mechcore.motion.solve import compile_mechanism
 from mechviz.commands.shared.loading import SceneArg, SetOpt, clear_errors, load_scene, quantity_option
-from mechviz.commands.shared.messages import check_targets, fail, interruptible, say
+from mechviz.commands.shared.messages import check_suffix, check_targets, fail, interruptible, say
 from mechviz.commands.shared.solving import solve
 from mechviz.outputs.rerun.writer import write_recording
 from mechviz.scene.scene import Scene, dump
@@ -33,6 +33,7 @@ def balance(
     plot: Annotated[Path | None, typer.Option("--plot", help="write polar plots, before and after (.svg, .png or .pdf)")] = None,
 ) -> None:
     """Balance the shaking force of a four-bar or slider-crank by counterweights; show it before and after."""
+    check_suffix(output, ".toml")
     with clear_errors(scene):
         check_targets("", output, plot)  # the scene itself may be given its counterweights
         loaded = load_scene(scene, values)
@@ -103,6 +104,8 @@ def vibrations(
     """
     if (mode is None) != (output is None):
         fail("a mode to show needs both: --mode K and -o FILE.rrd (or FILE.toml).")
+    if mode is None and amplitude != 0.08:
+        fail("--amplitude is for a mode to show: name --mode K and -o FILE, too.")
     if output is not None and output.suffix not in (".rrd", ".toml"):
         fail(f"--output: '{output}' ends neither in .rrd (a recording) nor in .toml (a scene).")
     with clear_errors(scene):

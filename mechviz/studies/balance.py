@@ -15,7 +15,7 @@ from mechcore.errors import Fault
 from mechcore.motion.motion import Motion
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
 from mechcore.records import dataclass
-from mechcore.reduction.balancing import Counterweight, Shaking, counterweights, find_linkage, shaking
+from mechcore.reduction.balancing import Counterweight, FourBarLinks, Shaking, counterweights, find_linkage, shaking
 from mechviz.figures import COLOURS, chart, save_chart
 from mechviz.files import OutputError
 from mechviz.scene.faults import SceneError, in_scene_words
@@ -75,7 +75,10 @@ def balance_scene(
     share = fraction if fraction is not None else asked.fraction if asked is not None else 1.0
     if not 0.0 <= share <= 1.0:
         raise SceneError(scene.name, Fault("fraction", f"{share:g} is not between 0 and 1.", "Give 0.5 for half."))
-    weights = counterweights(find_linkage(scene.mechanism), (first, second), fraction=share)
+    linkage = find_linkage(scene.mechanism)
+    if rocker_radius is not None and not isinstance(linkage, FourBarLinks):
+        raise SceneError(scene.name, Fault("rocker-radius", "a slider-crank has no rocker.", "Leave it out."))
+    weights = counterweights(linkage, (first, second), fraction=share)
     changes: dict[Place, Any] = {}
     for w in weights:
         place = ("links", w.link, "point_masses")

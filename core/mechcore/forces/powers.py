@@ -227,7 +227,7 @@ def flywheel(forces: Forces, fluctuation: float, drive: str | None = None, *, sm
 
     ``smooth``: the torque is a cubic spline through the frames, else straight lines (for torques that jump); not said: straight
     lines where gas presses on a piston or a table is not smooth. Raises `MechanismError` where there is no drive, where it does not
-    turn at constant speed, or where the fluctuation is not positive.
+    turn a shaft in the frame at constant speed, or where the fluctuation is not positive.
     """
     motion = forces.motion
     joints = [d.joint for d in motion.mechanism.drives]
@@ -237,7 +237,11 @@ def flywheel(forces: Forces, fluctuation: float, drive: str | None = None, *, sm
     joint = joints[0] if drive is None else drive
     if joint not in joints:
         raise MechanismError(Fault("flywheel", f"joint '{joint}' has no drive.", f"Driven joints: {', '.join(joints)}."))
-    if motion.model.joints[motion.model.joint_index[joint]].coordinate != "angle":
+    driven = motion.model.joints[motion.model.joint_index[joint]]
+    if motion.mechanism.frame not in driven.links:
+        why = f"the drive of '{joint}' turns two moving links against each other."
+        raise MechanismError(Fault("flywheel", why, "A flywheel sits on a shaft in the frame."))
+    if driven.coordinate != "angle":
         raise MechanismError(Fault("flywheel", f"the drive of '{joint}' does not turn.", "A flywheel needs a shaft that turns."))
     position, speed, _ = motion.drives[joints.index(joint)]
     omega = float(speed[0])

@@ -96,6 +96,12 @@ def check_targets(source: str, *paths: Path | None) -> None:
             taken[real] = "is wanted for two things"
 
 
+def check_suffix(path: Path | None, suffix: str, option: str = "--output") -> None:
+    """Refuse a file whose name does not say what it will be."""
+    if path is not None and path.suffix.lower() != suffix:
+        fail(f"{option}: '{path}' does not end in {suffix}.")
+
+
 def tell_unusable(error: OSError) -> int:
     """Says which file cannot be used; gives the exit code."""
     say(f"{error.filename}: {error.strerror or error}.")

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import csv
+import io
 import json
 import math
 import re
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -40,7 +43,7 @@ PROGRAM_TEXT = """\
 #define DRIVES {count}
 #define COLUMNS {columns}
 
-static const char *const names[COLUMNS] = {{
+const char *const names[COLUMNS] = {{
     {names},
 }};
 static const double p[] = {{{parameters}}};
@@ -57,9 +60,7 @@ int main(int argc, char **argv) {{
     double q[DRIVES + 1], v[DRIVES + 1] = {{0.0}}, a[DRIVES + 1] = {{0.0}}, out[COLUMNS];
     for (long d = 0; d <= DRIVES; d++) q[d] = start[d];
     v[0] = argc > 4 ? atof(argv[4]) : {speed!r};
-    fputs({drive}, stdout);
-    for (long k = 0; k < COLUMNS; k++) printf(",%s", names[k]);
-    printf("\\n");
+    fputs({titles}, stdout);
     for (long i = 0; i < count; i++) {{
         q[0] = count > 1 ? from + (to - from) * (double)i / (double)(count - 1) : from;
         mechanism(q, v, a, out);
@@ -118,9 +119,16 @@ def code_of(scene: Scene, name: str) -> tuple[str, str | None]:
         first=low,
         last=float(own[0][1]) if own[0][1] != own[0][0] else low,
         speed=float(own[1][0]),
-        drive=json.dumps(drives[0].joint, ensure_ascii=False),
+        titles=json.dumps(_row([drives[0].joint, *written.columns]), ensure_ascii=False),
     )
     return text, written.missing
+
+
+def _row(cells: Sequence[str]) -> str:
+    """A line of a table (CSV)."""
+    line = io.StringIO()
+    csv.writer(line, lineterminator="\n").writerow(cells)
+    return line.getvalue()
 
 
 def _number(x: float) -> str:

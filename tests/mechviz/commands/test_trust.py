@@ -288,3 +288,31 @@ def test_forces_of_motions_under_forces_are_a_table_of_powers(tmp_path):
     code, text = told("crank-rocker", "--equations", "--csv", str(tmp_path / "x.csv"))
     assert code == 2 and "--csv" in text
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("words", "why"),
+    [
+        (("record", "crank-rocker", "-o", "run.csv"), "does not end in .rrd"),
+        (("share", "crank-rocker", "-o", "run.rrd"), "does not end in .html"),
+        (("balance", "crank-rocker", "--radius", "60mm", "-o", "b.png"), "does not end in .toml"),
+        (("export", "crank-rocker", "--glb", "run.stl"), "does not end in .glb"),
+        (("export", "crank-rocker", "--thickness", "4 mm", "--csv", "run.csv"), "--kit"),
+        (("export", "crank-rocker", "--every", "1 ms", "--glb", "run.glb"), "--csv or --parquet"),
+        (("sweep", "parametric-press", "--vary", "stroke=60mm,70mm", "--of", "drive.A.torque:max", "--seed", "3"), "--sample"),
+        (("vibrations", "swinging-double-pendulum", "--amplitude", "0.2"), "--mode"),
+        (("balance", "slider-crank-compressor", "--radius", "60mm", "--rocker-radius", "4mm"), "no rocker"),
+    ],
+)
+def test_what_an_option_or_a_name_would_not_do_is_refused(monkeypatch, tmp_path, words, why):
+    """A file whose name says another kind of file, and options that belong to what is not asked for."""
+    monkeypatch.chdir(tmp_path)
+    done = CliRunner().invoke(app, words)
+    assert done.exit_code == 2 and why in done.stderr
+    assert not list(tmp_path.iterdir())
+
+
+def test_counterweights_are_in_the_units_of_the_scene(tmp_path):
+    done = CliRunner().invoke(app, ["balance", "crank-rocker", "--radius", "60mm", "-o", str(tmp_path / "b.toml")])
+    assert "0.75 kg at (-60, 0) mm of its frame" in done.stdout
+    assert "{ mass = 0.75, at = [-60, 0] }" in (tmp_path / "b.toml").read_text()
