@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mechcore.branches.assembly import all_modes
-from mechcore.constructions.equations import contour_graph
 from mechcore.effects.plan import Plan
 from mechcore.forces.cam_events import cam_events
 from mechcore.forces.cam_rating import placed_cams
@@ -89,9 +88,9 @@ def check_lines(scene: Scene, *, equations: bool = False, modes: bool = False) -
         lines.append(f"           statics alone does not determine the reactions at {', '.join(indeterminate(motion))}")
     lines.append("groups     in the order in which they are solved")
     lines += [f"  {i}. {g}; {'driven' if g.solved_by == 'drive' else g.solved_by}" for i, g in enumerate(groups(model), 1)]
-    vectors, independent = len(model.loops), len(contour_graph(model).loops)
-    others = "" if vectors == independent else f", {vectors} of vectors; the others are closed by cams, gears, racks or belts"
-    lines.append(f"loops      {independent} independent{others}")
+    vectors, closing = len(model.loops), sum(r.name not in model.joint_index for r in model.relations)
+    others = f", {vectors} of vectors; the others are closed by cams, gears, racks or belts" if closing else ""
+    lines.append(f"loops      {vectors + closing} independent{others}")
     lines += [f"  {i}. {' - '.join(joints)}" for i, joints in enumerate(loop_joints(model), 1)]
     lines += [f"law        {words}" for words in continuity_words(scene.mechanism, scene.units)]
     lines += [f"table      {e.item}: {e.text}" for e in overshoots(scene.mechanism)]

@@ -48,6 +48,12 @@ def test_the_loops_are_as_many_independent_cycles_as_there_are(name):
     assert rank2([sum(1 << e for e in edges) for _, edges in graph.loops]) == len(graph.loops)
 
 
+@pytest.mark.parametrize("name", ["cam-roller", "planetary-gear", "scissor-lift"])
+def test_check_counts_the_same_loops(name):
+    said = CliRunner().invoke(app, ["check", name]).stdout
+    assert f"loops      {len(graph_of(name).loops)} independent" in said
+
+
 def test_the_contours_of_the_article():
     """I = 0-1-2-3-0 and II = 0-3-4-5-0 of the six-link lever mechanism."""
     contours = [{graph_of("contour-lever").links[v] for v in vertices} for vertices, _ in graph_of("contour-lever").loops]
