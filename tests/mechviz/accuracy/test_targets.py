@@ -102,7 +102,7 @@ def test_nothing_is_written_over_what_it_is_made_from(tmp_path: Path, monkeypatc
 
 
 def test_two_things_are_not_written_into_one_file(tmp_path: Path):
-    same = str(tmp_path / "out")
+    same = str(tmp_path / "out.parquet")
     done = CliRunner().invoke(app, ["export", "crank-rocker", "--csv", same, "--parquet", same])
     assert done.exit_code == 2 and "wanted for two things" in done.stderr and not list(tmp_path.iterdir())
 
