@@ -275,17 +275,17 @@ def test_a_pipe_or_a_device_is_no_scene(tmp_path):
 def test_forces_of_motions_under_forces_are_a_table_of_powers(tmp_path):
     """Not the reactions of a structure; what such a run does not have is refused in words."""
 
-    def told(*words: str) -> tuple[int, str]:
+    def printed(*words: str) -> tuple[int, str]:
         done = CliRunner().invoke(app, ["forces", *words])
         return done.exit_code, done.stdout + done.stderr
 
-    code, text = told("crusher-steady", "-n", "48")
+    code, text = printed("crusher-steady", "-n", "48")
     assert code == 0 and "motor" in text and "absorbed" in text and "reactions, of each joint" not in text
-    code, text = told("crusher-steady", "-n", "48", "--flywheel", "0.03")
+    code, text = printed("crusher-steady", "-n", "48", "--flywheel", "0.03")
     assert code == 2 and "--steady TURNS" in text
-    code, text = told("swinging-double-pendulum", "--plot", str(tmp_path / "x.svg"))
+    code, text = printed("swinging-double-pendulum", "--plot", str(tmp_path / "x.svg"))
     assert code == 2 and "forces decide the motion" in text
-    code, text = told("crank-rocker", "--equations", "--csv", str(tmp_path / "x.csv"))
+    code, text = printed("crank-rocker", "--equations", "--csv", str(tmp_path / "x.csv"))
     assert code == 2 and "--csv" in text
     assert not list(tmp_path.iterdir())
 
