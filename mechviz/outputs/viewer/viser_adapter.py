@@ -20,7 +20,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from typing import Any, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 import msgspec
 import numpy as np
@@ -125,6 +125,21 @@ class _Signal:
         self.set = set_
 
 
+class _OwnEvent(asyncio.Event):
+    """An event that only the thread which waits for it sets. viser sets it from any thread, and then once more from that one: the
+    first in the midst of a wait wakes nobody and lets the second do nothing, so that a browser would hear no more."""
+
+    _thread = -1
+
+    async def wait(self) -> Literal[True]:
+        self._thread = threading.get_ident()
+        return await super().wait()
+
+    def set(self) -> None:
+        if self._thread in (-1, threading.get_ident()):
+            super().set()
+
+
 class SharedBuffer(_infra.AsyncMessageBuffer):
     """viser's buffer of messages, to all browsers or to one. It stays bounded: what waits for one browser by number, what is kept
     for all by sweeping out what has been removed. ``encodings`` counts what was encoded for all, ``sendings`` what was sent."""
@@ -132,6 +147,8 @@ class SharedBuffer(_infra.AsyncMessageBuffer):
     def __init__(self, event_loop: asyncio.AbstractEventLoop, persistent_messages: bool):
         super().__init__(event_loop, persistent_messages)
         if not persistent_messages:  # for one browser only: sending stays viser's
+            own: Any = _OwnEvent()
+            self.message_event = own
             return
         self.max_window_size = MESSAGES_IN_ONE_PIECE
         self.turns = _Turns(event_loop, self.window_duration_sec)

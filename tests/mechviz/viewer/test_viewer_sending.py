@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import asyncio
+import threading
 from collections.abc import Iterator
 from typing import Any
 
@@ -203,3 +205,24 @@ def test_another_server_of_viser_keeps_its_own_way():
             assert messages(socket)[0]["updates"] == {"value": 3}
     finally:
         plain.stop()
+
+
+def test_a_message_that_comes_just_when_a_browsers_thread_begins_to_wait_wakes_it(monkeypatch):
+    """viser sets the event from the thread that sends, too: between the waiter's look and its waiting nobody would be woken."""
+
+    async def woken() -> bool:
+        loop = asyncio.get_running_loop()
+        buffer = SharedBuffer(loop, persistent_messages=False)
+        event = buffer.message_event
+
+        def about_to_wait() -> Any:
+            sender = threading.Thread(target=buffer.push, args=(_messages.SetCameraFovMessage(0.5),))
+            sender.start()
+            sender.join()
+            return loop
+
+        monkeypatch.setattr(event, "_get_loop", about_to_wait)
+        done, _ = await asyncio.wait([asyncio.ensure_future(event.wait())], timeout=PATIENCE)
+        return bool(done)
+
+    assert asyncio.run(woken())
