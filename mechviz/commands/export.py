@@ -44,6 +44,8 @@ from mechviz.progress import progress_bar
 from mechviz.quantities.vectors import VECTOR_FAMILIES
 from mechviz.scene.units import QuantityError, Units
 
+KIT_SIZES = ("3 mm", "0.2 mm", "1 mm")  # thickness, clearance, washer
+
 
 def export(
     source: SourceArg,
@@ -65,11 +67,11 @@ def export(
         Path | None,
         typer.Option("--kit", metavar="FOLDER", help="write plates, pins and spacers to print or cut (3MF, DXF, SVG)"),
     ] = None,
-    thickness: Annotated[str, typer.Option("--thickness", help="kit: of its plates")] = "3 mm",
+    thickness: Annotated[str, typer.Option("--thickness", help="kit: of its plates")] = KIT_SIZES[0],
     clearance: Annotated[
         str, typer.Option("--clearance", help="kit: by how much holes are wider than the pins that turn in them")
-    ] = "0.2 mm",
-    washer: Annotated[str, typer.Option("--washer", help="kit: distance of plates that lie on each other")] = "1 mm",
+    ] = KIT_SIZES[1],
+    washer: Annotated[str, typer.Option("--washer", help="kit: distance of plates that lie on each other")] = KIT_SIZES[2],
     code: Annotated[
         Path | None, typer.Option("--c", help="write poses, rates and drive efforts as a program in C that needs nothing else")
     ] = None,
@@ -96,7 +98,7 @@ def export(
     families = _families(arrows)
     if glb is None and arrows is not None:
         fail("--arrows is for --glb FILE: name that too.")
-    if kit is None and (thickness, clearance, washer) != ("3 mm", "0.2 mm", "1 mm"):
+    if kit is None and (thickness, clearance, washer) != KIT_SIZES:
         fail("--thickness, --clearance and --washer are for --kit FOLDER: name that too.")
     if every is not None and csv is None and parquet is None:
         fail("--every is for tables: name --csv or --parquet FILE, too.")

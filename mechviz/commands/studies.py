@@ -18,6 +18,8 @@ from mechviz.studies.balance import balance_scene, write_polar
 from mechviz.studies.graph import graph_lines, write_graph
 from mechviz.studies.vibrations import mode_scene, vibration_lines, vibrations_csv, vibrations_of
 
+AMPLITUDE = 0.08  # of a mode that is shown, in sizes of the mechanism
+
 
 def balance(
     scene: SceneArg,
@@ -89,7 +91,7 @@ def vibrations(
     mode: Annotated[int | None, typer.Option("--mode", metavar="K", help="the mode to show: 1 is the slowest")] = None,
     amplitude: Annotated[
         float, typer.Option(metavar="PART", help="largest displacement in it, as a part of the mechanism's size")
-    ] = 0.08,
+    ] = AMPLITUDE,
     output: Annotated[
         Path | None, typer.Option("--output", "-o", help="write the mode as a recording (.rrd) or as a scene (.toml)")
     ] = None,
@@ -104,7 +106,7 @@ def vibrations(
     """
     if (mode is None) != (output is None):
         fail("a mode to show needs both: --mode K and -o FILE.rrd (or FILE.toml).")
-    if mode is None and amplitude != 0.08:
+    if mode is None and amplitude != AMPLITUDE:
         fail("--amplitude is for a mode to show: name --mode K and -o FILE, too.")
     if output is not None and output.suffix not in (".rrd", ".toml"):
         fail(f"--output: '{output}' ends neither in .rrd (a recording) nor in .toml (a scene).")

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import mechviz
+from mechcore.errors import MechanismError
 from mechcore.motion.events import find_events
 from mechviz.automata.walking import walk_of, walking_scene
 from mechviz.outputs.rerun.blueprint import make_blueprint
@@ -147,3 +148,8 @@ def test_limit_positions_where_two_rises_of_a_cam_meet_are_told_apart():
     events = [event for event in find_events(run_scene(mechviz.load("theatre")).motion) if event.item == "P"]
     told = [("largest" in event.text, round(event.time / 5.0 * 360.0)) for event in events]
     assert told == [(True, 60), (False, 120), (True, 180)]
+
+
+def test_a_foot_that_is_named_twice_is_no_second_one(toy):
+    with pytest.raises(MechanismError, match="named twice"):
+        walk_of(toy, [("foot", "H"), ("foot", "H")], 1e-3)

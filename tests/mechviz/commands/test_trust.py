@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import csv
+import json
 import os
 import sys
 from dataclasses import replace
@@ -15,11 +17,13 @@ from typer.testing import CliRunner
 import mechviz
 from mechcore import simulate
 from mechcore.errors import MechanismError
+from mechcore.forces.powers import flywheel
 from mechcore.motion import events
 from mechcore.motion.events import find_events
 from mechviz.accuracy.estimate import accuracy_warnings, check_finite
 from mechviz.commands import recording
 from mechviz.commands.main import app, main
+from mechviz.outputs.exports.code import code_of
 from mechviz.outputs.viewer.app import Viewer
 from mechviz.picture.build import solids_of
 from mechviz.runs import run_scene
@@ -316,3 +320,31 @@ def test_counterweights_are_in_the_units_of_the_scene(tmp_path):
     done = CliRunner().invoke(app, ["balance", "crank-rocker", "--radius", "60mm", "-o", str(tmp_path / "b.toml")])
     assert "0.75 kg at (-60, 0) mm of its frame" in done.stdout
     assert "{ mass = 0.75, at = [-60, 0] }" in (tmp_path / "b.toml").read_text()
+
+
+def test_titles_of_a_program_in_c_are_as_many_as_its_columns():
+    """Names may have commas."""
+    comma = "rod, long"
+    text = FOUR_BAR.format(centre=15, start='"20 deg"').replace("coupler", f'"{comma}"').replace(f'""{comma}""', f'"{comma}"')
+    text = code_of(loads(text), "bar")[0]
+    columns = int(text.split("#define COLUMNS ")[1].split()[0])
+    (titles,) = csv.reader([json.loads(text.split("fputs(")[1].split(", stdout);")[0])])
+    assert len(titles) == columns + 1 and titles[0] == "A" and f"{comma} x" in titles
+
+
+def test_a_drive_between_moving_links_has_no_flywheel():
+    arm = loads(
+        """
+effects = ["inertia"]
+[links]
+frame = { points = { A = [0, 0] } }
+first = { points = { A = [0, 0], B = [0.1, 0] }, mass = "1 kg", centre = [0.05, 0], inertia = "1e-3 kg m^2" }
+second = { points = { B = [0, 0] }, mass = "1 kg", centre = [0.05, 0], inertia = "1e-3 kg m^2" }
+[joints]
+A = { revolute = ["frame", "first"], drive = { speed = 0 } }
+B = { revolute = ["first", "second"], drive = { speed = "60 rpm" } }
+"""
+    )
+    forces = run_scene(arm, frames=24).forces
+    with pytest.raises(MechanismError, match="two moving links"):
+        flywheel(forces, 0.02, "B")
