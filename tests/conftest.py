@@ -1,17 +1,21 @@
-"""Which tests run in one process: those of a module, which share what it makes, and those of a scene's run and recording.
+"""Which tests run, and which of them in one process: those of a module, which share what it makes, and those of a scene's run.
 
-No test has a deadline.
+No test has a deadline. Tests that show one thing with many cases are marked with how many of these are enough to find what broke;
+with MECHVIZ_EVERY_CASE=1 in the environment, as in CI, all of them run.
 """
 
 from __future__ import annotations
 
 import gc
 import os
+import random
 import signal
 import sys
+from collections import defaultdict
 from collections.abc import Callable, Iterator
 
 import pytest
+from cases import EVERY_CASE, examples
 from hypothesis import HealthCheck, settings
 from hypothesis.internal.conjecture import providers
 
@@ -27,7 +31,7 @@ gc.set_threshold(100_000, 20, 50)  # thousands of tests are kept, which the usua
 
 # a busy machine fails no test, and a run here tries the examples of CI: what is random is searched by --hypothesis-profile=search
 settings.register_profile("search", deadline=None, suppress_health_check=[HealthCheck.too_slow], derandomize=False, print_blob=True)
-settings.register_profile("suite", settings.get_profile("search"), max_examples=60, derandomize=True, database=None)
+settings.register_profile("suite", settings.get_profile("search"), max_examples=examples(60), derandomize=True, database=None)
 settings.load_profile("suite")
 
 
@@ -72,7 +76,9 @@ FIRST = (
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     group = parser.getgroup("random mechanisms")
-    group.addoption("--random-cases", type=int, default=30, help="how many random mechanisms, of all kinds together (30)")
+    group.addoption(
+        "--random-cases", type=int, default=examples(30), help=f"how many random mechanisms, of all kinds together ({examples(30)})"
+    )
     group.addoption("--random-from", type=int, default=0, help="number of the first of each kind (0)")
 
 
@@ -93,11 +99,33 @@ def random_seeds(request: pytest.FixtureRequest) -> Callable[[int, int], range]:
     return lambda kinds, kind: range(first, first + (cases - kind + kinds - 1) // kinds)
 
 
+def pytest_collection_finish() -> None:
+    gc.freeze()  # what has been collected stays until the end
+
+
 @pytest.hookimpl(tryfirst=True)
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    if not EVERY_CASE and not any("::" in argument for argument in config.args):
+        _sample(config, items)
     for item in items:
         module = item.path.stem
         scene = getattr(item, "callspec", None) and (item.callspec.params.get("name") or item.callspec.params.get("made"))
         together = scene if module in PER_SCENE and isinstance(scene, str) else module
         item.add_marker(pytest.mark.xdist_group(together))
     items.sort(key=lambda item: FIRST.index(item.path.stem) if item.path.stem in FIRST else len(FIRST))
+
+
+def _sample(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Leave as many of the cases of a test as its mark says: the same ones in every run, and of all tests over one list."""
+    cases: dict[str, list[pytest.Item]] = defaultdict(list)
+    for item in items:
+        if item.get_closest_marker("sample"):
+            cases[item.nodeid.partition("[")[0]].append(item)
+    left_out: set[pytest.Item] = set()
+    for own in cases.values():
+        mark = own[0].get_closest_marker("sample")
+        assert mark is not None
+        (count,) = mark.args
+        left_out.update(random.Random(0).sample(own, max(len(own) - count, 0)))
+    config.hook.pytest_deselected(items=[item for item in items if item in left_out])
+    items[:] = [item for item in items if item not in left_out]

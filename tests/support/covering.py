@@ -1,14 +1,15 @@
 """Scenes of the gallery that together have every kind of thing that any scene of it has: what the others have is proved by these.
 
-With MECHVIZ_EVERY_SCENE=1 in the environment they are all scenes.
+With MECHVIZ_EVERY_CASE=1 in the environment they are all scenes.
 """
 
 from __future__ import annotations
 
-import os
 import tomllib
 from collections.abc import Iterator, Sequence
 from typing import Any
+
+from cases import EVERY_CASE
 
 from mechviz.scene.folder import GALLERY_FOLDER
 
@@ -31,7 +32,7 @@ def kinds_of(value: Any, path: str = "", key: str = "") -> Iterator[str]:
 
 def covering(names: Sequence[str]) -> list[str]:
     """Few of the scenes that have all kinds of things that these have: time and again the one with most that are still missing."""
-    if os.environ.get("MECHVIZ_EVERY_SCENE") == "1":
+    if EVERY_CASE:
         return list(names)
     left = {name: set(kinds_of(tomllib.loads((GALLERY_FOLDER / f"{name}.toml").read_text("utf-8")))) for name in names}
     missing, taken = set().union(*left.values()), []

@@ -93,6 +93,7 @@ def base_of(name: str, results: dict[str, tuple[Case, Result]]) -> tuple[Case, R
 CHANGES = {f"turned {x}": {"turn": np.radians(x)} for x in TURNS} | {"mirrored": {"mirrored": True}, "reordered": {"mixed": 5}}
 
 
+@pytest.mark.sample(9)
 @pytest.mark.parametrize(  # each of the mechanisms by half of the changes
     ("name", "how"), [(name, how) for k, name in enumerate(CASES) for j, how in enumerate(CHANGES) if (j + k) % 2]
 )

@@ -6,6 +6,7 @@ import warnings
 
 import numpy as np
 import pytest
+from cases import examples
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -43,7 +44,7 @@ laws = st.one_of(
 )
 
 
-@settings(max_examples=200)
+@settings(max_examples=examples(200))
 @given(loops_of, st.lists(st.sampled_from(["left", "right"]), min_size=4, max_size=4), laws, st.sampled_from([24, 90]))
 def test_a_chain_moves_or_is_refused(loops, modes, law, frames):
     rows = [(a, b, c + off, d) for a, b, c, d, off in loops]

@@ -134,6 +134,7 @@ def simulated(text: str):
     return run, body, body.run(run.motion.time)
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize("name", MOVING)
 def test_motion_under_torsion_springs_is_that_of_absolute_coordinates(name):
     """Of one freedom and of several, through changes of the leading joints, with gears and with a group without a closed form."""

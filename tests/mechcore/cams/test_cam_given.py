@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import io
+from itertools import product
 
 import ezdxf
 import numpy as np
 import pytest
 from cam_scenes import refused, solved, text_of
+from cases import side_by_side
 from ezdxf.math import ConstructionEllipse, rational_bspline_from_ellipse
 
 import mechviz
@@ -48,14 +50,13 @@ def lobes():
     return spline_contour((0.03 + 0.004 * np.cos(2 * t) + 0.002 * np.sin(3 * t)) * np.exp(1j * t))[0]
 
 
-@pytest.mark.parametrize("turn", [1, -1])
-@pytest.mark.parametrize("follower", FOLLOWERS)
-@pytest.mark.parametrize(
-    "make", [tangent_cam, lobes, lambda: polygon([0.03, 0.03j, -0.03, -0.03j])], ids=["arcs", "spline", "square"]
-)
-def test_the_law_of_a_profile_is_what_the_search_finds(make, follower, turn):
+PROFILES = {"arcs": tangent_cam, "spline": lobes, "square": lambda: polygon([0.03, 0.03j, -0.03, -0.03j])}
+
+
+@pytest.mark.parametrize(("fitting", "turn"), side_by_side([*product(FOLLOWERS, PROFILES)], [1, -1]))
+def test_the_law_of_a_profile_is_what_the_search_finds(fitting, turn):
     """Between its knots as at them: value, velocity and acceleration against the global search at angles that are none."""
-    contour, f = make(), FOLLOWERS[follower]
+    f, contour = FOLLOWERS[fitting[0]], PROFILES[fitting[1]]()
     given = lift_of(contour, f, turn)
     x = np.random.default_rng(5).uniform(0.0, 2.0 * np.pi, 20)
     wanted = analyse(contour, f, x, turn, bridges=False).motion

@@ -8,6 +8,7 @@ import sys
 import numpy as np
 import pytest
 from cam_cases import CASES, CONTACT_FORCE, by_inversion, segments_program
+from cases import examples
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -249,7 +250,7 @@ def test_working_curves_are_functions_with_exact_derivatives(name):
     ) else np.testing.assert_allclose(np.real(np.conj(s.normal) * (s.pitch - s.working)), 0.0, atol=1e-16)
 
 
-@settings(max_examples=40)
+@settings(max_examples=examples(40))
 @given(st.floats(-0.02, 0.02), st.floats(0.002, 0.02), st.floats(0.03, 0.08), st.sampled_from([1, -1]), st.booleans())
 def test_envelope_and_inversion_agree_for_any_cam(e, r, base, turn, swings):
     guide = Oscillating(0.12 + e * 1j, 0.1, turn) if swings else Translating(e)

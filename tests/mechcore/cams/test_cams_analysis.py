@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from cam_cases import CASES
+from cases import examples
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
@@ -46,7 +47,7 @@ def test_eccentric_disc_of_the_reference(name):
         np.testing.assert_allclose(place, [r["flat"]["contact_offset"] for r in rows], atol=1e-15)
 
 
-@settings(max_examples=40)
+@settings(max_examples=examples(40))
 @given(
     st.sampled_from(LAWS),
     st.sampled_from(LAWS),

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from cam_cases import CASES, NAMES, segments_program
+from cases import examples
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -85,7 +86,7 @@ def test_least_base_for_a_pressure_angle(row):
     assert least.decides == "pressure angle on the rise"
 
 
-@settings(max_examples=15)
+@settings(max_examples=examples(15))
 @given(st.floats(12, 40), st.floats(12, 40), st.floats(0.0, 0.012), st.floats(0.001, 0.02), st.sampled_from([1, -1]))
 def test_best_offset_is_feasible_and_beats_its_neighbours(up, down, radius, r, turn):
     want = Requirement(radius, np.radians(up), np.radians(down))
@@ -125,7 +126,7 @@ def test_least_base_of_oscillating_followers_is_the_least(face, side):
     assert fails or limits.convex.value < want.radius
 
 
-@settings(max_examples=25)
+@settings(max_examples=examples(25))
 @given(
     st.sampled_from(sorted(set(RISES) - {"constant-velocity", "constant-acceleration"})),
     st.sampled_from(sorted(set(RISES) - {"constant-velocity", "constant-acceleration"})),

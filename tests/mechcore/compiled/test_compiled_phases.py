@@ -150,6 +150,7 @@ def test_of_several_freedoms_events_are_found_and_numpy_decides(decided: list[in
     assert len(numpy.events) > 4 and max(decided) == 1
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize("seed", range(8))
 def test_random_blocks(seed: int) -> None:
     """Belts, friction, springs, swinging loads and stops as they come."""

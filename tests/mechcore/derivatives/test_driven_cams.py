@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from cases import side_by_side
 from test_forced import SIXTH, differences
 
 from mechviz.runs import run_scene
@@ -80,8 +81,10 @@ def agree(scene: Scene, number: str, step: float, keys: list[str]) -> None:
         np.testing.assert_allclose(one.slopes[0], wanted, atol=1e-9 * size, err_msg=one.quantity.key)
 
 
-@pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("number", ["links.crank.points.B[0]", "links.frame.points.A[0]", "links.frame.points.O[0]"])
+@pytest.mark.parametrize(
+    ("kind", "number"),
+    side_by_side(list(KINDS), ["links.crank.points.B[0]", "links.frame.points.A[0]", "links.frame.points.O[0]"]),
+)
 def test_a_drag_link_turns_a_cam_in_another_way(kind, number):
     agree(loads(DRAG_LINK + KINDS[kind], kind), number, 0.02, KEYS)
 
@@ -117,6 +120,7 @@ def test_a_slider_crank_moves_a_wedge_in_another_way(number):
 LIMITS = ["cam.K.pressure_angle", "cam.K.curvature", "cam.K.contact_force"]
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(
     "name, spacing",
     [

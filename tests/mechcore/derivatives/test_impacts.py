@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from cases import side_by_side
 from test_forced import SIXTH, differences
 
 from mechcore.errors import MechanismError
@@ -106,6 +107,7 @@ def test_of_two_bodies_that_land_at_once_one_may_have_fallen_farther():
         np.testing.assert_allclose(computed[1].slopes[k], 0.0, atol=1e-9)
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("number", ["height", "other_height", "floor", "other_floor"])
 def test_bodies_that_springs_and_dampers_couple_may_land_apart(number):
     """What comes second then moves on a little longer under forces of the first one's new speed: to second order that is another
@@ -117,8 +119,10 @@ def test_bodies_that_springs_and_dampers_couple_may_land_apart(number):
         np.testing.assert_allclose(exact, 2.0 * fine - coarse, atol=1e-8 * np.abs(fine).max())
 
 
-@pytest.mark.parametrize("bounce", [0.7, 0.4])  # coefficients that differ may add energy: then the smallest holds for both
-@pytest.mark.parametrize("number", ["height", "floor", "links.beam.centre[0]", "bounce", "other_bounce"])
+@pytest.mark.parametrize(
+    ("number", "bounce"),  # coefficients that differ may add energy: then the smallest holds for both
+    side_by_side(["height", "floor", "links.beam.centre[0]", "bounce", "other_bounce"], [0.7, 0.4]),
+)
 def test_a_beam_that_falls_flat_strikes_both_stops_together(number, bounce):
     scene = one_floor((BODIES + BEAM).replace("1.3 s", "0.8 s").replace("other_bounce = 0.7", f"other_bounce = {bounce}"))
     struck_at_once(scene)

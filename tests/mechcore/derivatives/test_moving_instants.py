@@ -33,6 +33,7 @@ def agree(scene: Scene, number: str, step: float, *keys: str, bound: float = 1e-
         np.testing.assert_allclose(one.slopes[0], wanted, atol=bound * np.abs(wanted).max())
 
 
+@pytest.mark.sample(4)
 @pytest.mark.parametrize(
     "law, number",
     [
@@ -60,6 +61,7 @@ def test_a_step_that_pulls_loose_what_sticks_may_come_later():
     agree(scene.changed({("run", "frames"): FRAMES}), "loads.push.step.at", 1e-3, "joint.O.displacement", "energy[dissipated]")
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("number", ["table.time[1]", "table.time[3]"])
 def test_a_hammer_that_is_let_go_later_strikes_later(number):
     scene = load("trip-hammer").changed({("run", "tolerance"): 1e-13, ("run", "duration"): "0.85 s", ("run", "frames"): FRAMES})
@@ -71,6 +73,7 @@ def test_a_servo_may_set_out_later():
     agree(scene, "loads.shoulder.ramp.begin", 3e-4, "joint.A.angle", "joint.B.reaction")
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(
     "law, number",
     [

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from cases import side_by_side
 from test_driven_cams import CAM, DRAG_LINK, FRAMES, RISING, agree
 
 from mechviz.runs import run_scene
@@ -28,9 +29,12 @@ def test_a_roller_whose_pin_rubs_on_a_cam_that_a_linkage_turns(number, step):
     agree(loads(text.replace('"gravity"]', '"gravity", "friction"]'), "drag"), number, step, ["drive.A.torque", "joint.K.reaction"])
 
 
-@pytest.mark.parametrize("effects", [["inertia"], ["inertia", "friction"]])
 @pytest.mark.parametrize(
-    "number", ["links.carriage.mass", "joints.K.profile.barrel.radius", "joints.K.profile.base", "joints.K.follower.roller"]
+    ("number", "effects"),
+    side_by_side(
+        ["links.carriage.mass", "joints.K.profile.barrel.radius", "joints.K.profile.base", "joints.K.follower.roller"],
+        [["inertia", "friction"], ["inertia"]],
+    ),
 )
 def test_a_barrel_cam(number, effects):
     """Its shaft lies in the plane, so that its bearings carry a couple."""

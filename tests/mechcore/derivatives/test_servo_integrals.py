@@ -86,6 +86,7 @@ STICKING = {"effects": '["inertia", "gravity", "friction"]', "duration": '"3 s",
 STICKING["free"] = "{ position = 0.3, speed = 0.5 }\nfriction = { coefficient = 0.1, static = 0.15 }"
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(
     "changed, events, number, step",
     [
@@ -107,6 +108,7 @@ def test_the_integral_goes_on_through_impacts_and_while_it_sticks(changed, event
         np.testing.assert_allclose(one.slopes[0], wanted, atol=1e-9 * np.abs(wanted).max())
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("number, step", [("links.rocker.mass", 1e-3), ("loads.pid.integral", 1e-2)])
 def test_the_integral_goes_on_where_another_coordinate_leads(number, step):
     text = load("swinging-triple-rocker").source + ROCKER

@@ -219,6 +219,7 @@ STARTS = (("left", 0.0, 1.0), ("right", 0.0, -1.0), ("left", np.pi, -1.0), ("rig
 BESIDE = (0.0, 1e-12, 1e-7, -1e-7, 1e-6, -1e-6, 1e-3, -1e-3, 0.02)
 
 
+@pytest.mark.sample(6)
 @pytest.mark.parametrize(  # each beside two of the starts
     ("mode", "at", "speed", "off"), [(*s, off) for k, off in enumerate(BESIDE) for j, s in enumerate(STARTS) if (j - k) % 4 < 2]
 )

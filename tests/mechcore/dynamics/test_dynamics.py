@@ -6,6 +6,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from cases import examples
 from dynamic_mechanisms import chain, double_pendulum, free_four_bar, pendulum, slider_crank, squeezer
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -311,7 +312,7 @@ def test_watch_finds_and_ends():
 
 
 @given(st.floats(0.3, 2.8), st.floats(-3.0, 3.0), st.floats(-3.0, 3.0), st.floats(0.2, 3.0), st.floats(0.2, 3.0))
-@settings(max_examples=15)
+@settings(max_examples=examples(15))
 def test_energy_is_conserved(angle: float, w1: float, w2: float, mass: float, length: float):
     i = {"m1": mass, "J1": 0.1, "a1": 0.4 * length, "L1": length, "m2": 1.0, "J2": 0.05, "a2": 0.3, "theta_1": angle}
     simulation = simulate(double_pendulum({**i, "theta_2": -angle, "omega_1": w1, "omega_2": w2}), 1.0, tolerance=1e-10)

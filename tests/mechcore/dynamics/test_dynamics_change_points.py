@@ -68,6 +68,7 @@ CHANGE_POINTS = {
 }
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize("name", CHANGE_POINTS)
 def test_a_change_point_four_bar_turns_three_times(name: str):
     sizes, side, start, speed, gravity = CHANGE_POINTS[name]
@@ -139,6 +140,7 @@ NEAR = {
 }
 
 
+@pytest.mark.sample(4)
 @pytest.mark.parametrize(("name", "decade"), [*zip([*NEAR] * 3, range(-9, 0), strict=True)])
 def test_four_bars_near_a_change_point(name: str, decade: int):
     """The rocker is a little too long or too short for the modes to meet; 1e-4 in 2 was refused after a turn."""
@@ -152,6 +154,7 @@ def test_four_bars_near_a_change_point(name: str, decade: int):
     assert np.abs(angles_of(simulation.motion(t)) - want).max() < 1e-9
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(("gap", "rod"), [(1e-2, 2.2), (-1e-4, 2.6), (1e-6, 2.2), (-1e-9, 2.6)])
 def test_six_bars_near_a_change_point(gap: float, rod: float):
     """A four-bar and a dyad on a point of its coupler."""

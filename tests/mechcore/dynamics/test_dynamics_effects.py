@@ -222,6 +222,7 @@ def checked(text: str) -> Any:
     return simulation
 
 
+@pytest.mark.sample(4)
 @pytest.mark.parametrize("half", [0, 1])
 @pytest.mark.parametrize("case", list(CASES))
 def test_the_work_of_every_load_is_accounted_for(case: str, half: int):

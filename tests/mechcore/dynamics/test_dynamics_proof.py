@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from cases import examples
 from dynamic_mechanisms import chain, double_pendulum, pendulum, slider_crank, swinging_five_bar
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
@@ -94,6 +95,7 @@ def end_of(mechanism: Mechanism, rule, windows: int, span: float) -> np.ndarray:
     return q
 
 
+@pytest.mark.sample(8)
 @pytest.mark.parametrize("name", MANUFACTURED)
 @pytest.mark.parametrize(
     ("rule", "nodes", "windows", "span"),
@@ -146,7 +148,7 @@ def test_scipy_agrees_between_impacts_and_releases():
 # --- conservation -----------------------------------------------------------------------------------------------------
 
 
-@settings(max_examples=12)
+@settings(max_examples=examples(12))
 @given(st.floats(0.2, 0.5), st.floats(0.8, 1.4), st.floats(0.8, 1.4), st.floats(-3.0, 3.0), st.floats(-8.0, 8.0))
 def test_four_bars_keep_their_energy_and_come_back_when_time_is_reversed(crank, coupler, rocker, angle, speed):
     assume(abs(coupler - rocker) < 1.0 - crank)  # else the links miss each other
@@ -164,7 +166,7 @@ def poses(simulation) -> dict[str, tuple[float, float, float]]:
     return {k: tuple(float(x) for x in motion.pose(k)[0]) for k in motion.model.links[1:]}
 
 
-@settings(max_examples=12)
+@settings(max_examples=examples(12))
 @given(
     st.floats(0.1, 20.0),
     st.floats(0.1, 20.0),

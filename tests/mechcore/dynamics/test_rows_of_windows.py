@@ -55,6 +55,7 @@ def test_windows_between_corners_are_solved_together_as_alone():
     assert simulation.evaluations < 150
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize("beside", ["friction", "a stop", "two freedoms", "a table of position", "radau"])
 def test_what_else_happens_between_corners_is_met_as_before(monkeypatch, beside):
     """Events, contacts and breakpoints that have to be looked for end a row of windows where they come."""

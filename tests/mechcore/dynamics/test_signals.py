@@ -87,6 +87,7 @@ FORCING = {
 }
 
 
+@pytest.mark.sample(6)
 @pytest.mark.parametrize("method", ["auto", "radau"])
 @pytest.mark.parametrize("text", FORCING)
 def test_forced_oscillator(text, method):

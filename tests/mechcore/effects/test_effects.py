@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from cases import examples
 from hypothesis import given, settings
 from loaded import loaded, run, with_points
 from mechanisms import four_bar, load, move, pin, slider_crank
@@ -68,13 +69,13 @@ def test_slider_cranks_under_random_effects(mechanism):
     check(mechanism)
 
 
-@settings(max_examples=30)
+@settings(max_examples=examples(30))
 @given(loaded(six_bars()))
 def test_six_bars_under_random_effects(mechanism):
     check(mechanism)
 
 
-@settings(max_examples=40)
+@settings(max_examples=examples(40))
 @given(loaded(crank_rockers()))
 def test_potential_energy_is_what_springs_and_gravity_take(mechanism):
     """dU/dt = -power of all that stores energy, by central differences of order 4 with falling steps.

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from cases import examples
 from hypothesis import given, settings
 from loaded import loaded, run
 from mechanisms import four_bar, load, slider_crank
@@ -24,7 +25,7 @@ from mechviz.quantities.power_table import force_lines
 from mechviz.runs import run_scene
 
 
-@settings(max_examples=40)
+@settings(max_examples=examples(40))
 @given(loaded(crank_rockers()))
 def test_powers_close_under_random_effects(mechanism):
     forces = load(mechanism, ANGLES, SPEED, ACCELERATION)

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from cases import examples
 from frictional import law_of_friction, rub
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -91,32 +92,32 @@ def test_a_joint_that_carries_little_is_solved_as_one_that_carries_much(length: 
     assert law_of_friction(heavy) < 1e-9
 
 
-@settings(max_examples=40)
+@settings(max_examples=examples(40))
 @given(st.data(), crank_rockers())
 def test_crank_rockers(data, mechanism):
     check(data.draw(frictions(mechanism)))
 
 
-@settings(max_examples=40)
+@settings(max_examples=examples(40))
 @given(st.data(), slider_cranks())
 def test_slider_cranks(data, mechanism):
     check(data.draw(frictions(mechanism)))
 
 
-@settings(max_examples=30)
+@settings(max_examples=examples(30))
 @given(st.data(), six_bars())
 def test_six_bars(data, mechanism):
     check(data.draw(frictions(mechanism)))
 
 
-@settings(max_examples=25)
+@settings(max_examples=examples(25))
 @given(st.data(), loaded(slider_cranks()))
 def test_slider_cranks_with_every_effect(data, mechanism):
     """Some of every effect and load of the registry (`test_effects.loads` sees to that), with dry friction in random joints."""
     check(data.draw(frictions(mechanism)))
 
 
-@settings(max_examples=25)
+@settings(max_examples=examples(25))
 @given(st.data(), loaded(crank_rockers()))
 def test_crank_rockers_with_every_effect(data, mechanism):
     check(data.draw(frictions(mechanism)))

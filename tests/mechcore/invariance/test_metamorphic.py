@@ -125,12 +125,14 @@ def searched(kind: str, seed: int, tolerance: float) -> tuple[str, str, float, f
     return (*worst, condition)
 
 
+@pytest.mark.sample(6)
 @pytest.mark.parametrize(("kind", "seed"), MENDED)
 def test_cases_that_once_failed(kind: str, seed: int) -> None:
     how, name, ratio, _ = search(kind, seed)
     assert ratio <= 1.0, f"{how}, {name}"
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(
     ("kind", "seed", "length", "time"),
     [("slider-crank", 0, 1e-6, 1.0), ("slider-crank", 0, 1e6, 1.0), ("pin in slot", 3, 1e-6, 1e3)],

@@ -195,6 +195,7 @@ def test_a_joint_that_hardly_moves_can_start_a_motion() -> None:
     assert case.free and ratio <= 1.0, name
 
 
+@pytest.mark.sample(8)
 @pytest.mark.parametrize("kind", KINDS)
 def test_no_number_differs_from_the_second_formulation(kind: str, random_seeds: Any) -> None:
     seeds = random_seeds(len(KINDS), KINDS.index(kind))

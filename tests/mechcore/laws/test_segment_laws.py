@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from cases import examples
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -51,7 +52,7 @@ def test_free_knots_of_several_axes_are_the_reference_s_splines(axis):
 STATES = st.lists(st.tuples(st.floats(0.3, 2.0), *[st.one_of(st.none(), st.floats(-2, 2))] * 3), min_size=2, max_size=5)
 
 
-@settings(max_examples=40)
+@settings(max_examples=examples(40))
 @given(STATES, st.booleans())
 def test_free_states_join_with_least_jerk(rows, repeats):
     """Where the velocity and the acceleration are free the third and the fourth derivative are continuous, and so on: each free

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from cases import examples
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mechanisms import case, four_bar
@@ -26,6 +27,7 @@ def motion_of(name, frames=72):
     return solve_motion(compiled, default_times(scene.mechanism, frames, scene.cycles))
 
 
+@pytest.mark.sample(24)
 @pytest.mark.parametrize("name", COVERING)
 def test_every_plan_of_the_gallery_closes(name):
     run = ran(name)
@@ -165,7 +167,7 @@ def test_the_funicular_polygon_finds_the_resultants_of_the_reference(name):
             assert np.isnan(polygon.meeting[0])
 
 
-@settings(max_examples=60)
+@settings(max_examples=examples(60))
 @given(st.integers(0, 10**6), st.integers(2, 8))
 def test_the_result_does_not_depend_on_the_pole(seed, n):
     rng = np.random.default_rng(seed)
@@ -190,7 +192,7 @@ def test_the_result_does_not_depend_on_the_pole(seed, n):
             assert polygon.closing.max() < 1e-9
 
 
-@settings(max_examples=50)
+@settings(max_examples=examples(50))
 @given(st.integers(0, 10**6))
 def test_strings_are_parallel_to_rays_and_meet_on_the_forces(seed):
     rng = np.random.default_rng(seed)

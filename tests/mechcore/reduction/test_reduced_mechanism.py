@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from cases import examples
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mechanisms import case, four_bar, slider_crank
@@ -131,7 +132,7 @@ def test_shaking_is_what_joints_and_drives_do_to_the_frame(name):
     assert np.abs(computed.moment - moment).max() <= 1e-10 * computed.peak_moment
 
 
-@settings(max_examples=15)
+@settings(max_examples=examples(15))
 @given(st.integers(0, 10**6))
 def test_a_balanced_four_bar_does_not_shake_whatever_the_crank_does(seed):
     rng = np.random.default_rng(seed)

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from cases import examples
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from mechanisms import case
@@ -62,7 +63,7 @@ def test_a_couple_far_from_the_origin_is_a_couple():
     assert float(resultants.moment) == pytest.approx(1.5, rel=1e-9)
 
 
-@settings(max_examples=50)
+@settings(max_examples=examples(50))
 @given(st.lists(st.tuples(vector, vector), min_size=1, max_size=8), vector, coordinate)
 def test_the_main_vector_does_not_depend_on_the_point_and_the_moment_shifts_by_r_cross_f(system, about, couple):
     points, forces = (np.array(x) for x in zip(*system, strict=True))
@@ -185,7 +186,7 @@ def test_solids_by_density_and_clear_words():
             solid(**bad)
 
 
-@settings(max_examples=50)
+@settings(max_examples=examples(50))
 @given(st.lists(st.tuples(st.floats(0.1, 5), vector, st.floats(0, 2)), min_size=1, max_size=6))
 def test_putting_bodies_together_keeps_mass_moment_and_polar_moment(parts):
     bodies = [RigidBody(m, c, j) for m, c, j in parts]
@@ -210,7 +211,7 @@ def test_areas_with_arcs_against_known_shapes():
     assert three_quarters.centre[0] == pytest.approx(three_quarters.centre[1])
 
 
-@settings(max_examples=50)
+@settings(max_examples=examples(50))
 @given(st.floats(0.05, 0.4), vector, st.floats(0.5, 2.0), st.floats(-3, 3))
 def test_arcs_against_many_short_sides(radius, start, length, angle):
     end = (start[0] + length * math.cos(angle), start[1] + length * math.sin(angle))
@@ -332,7 +333,7 @@ def test_published_two_mass_systems():
     assert joint.excess == pytest.approx(i["m"] * (i["l1"] * i["l3"] - i["kG"] ** 2), rel=1e-13)
 
 
-@settings(max_examples=50)
+@settings(max_examples=examples(50))
 @given(
     st.floats(0.5, 5), st.floats(0.01, 2), st.integers(2, 5), st.data(),
 )  # fmt: skip
@@ -398,7 +399,7 @@ def test_a_double_root_is_one_solution():
     assert equivalent(1.35, 0.0142, (masses, places)) < 1e-12
 
 
-@settings(max_examples=50)
+@settings(max_examples=examples(50))
 @given(st.floats(0.5, 4), st.floats(0.01, 1), st.floats(0.1, 2), st.floats(0.1, 2), st.floats(-3, 3))
 def test_static_replacement_with_its_correction_couple_is_the_body(mass, inertia, a, b, angle):
     u = np.array([math.cos(angle), math.sin(angle)])

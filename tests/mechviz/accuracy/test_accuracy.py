@@ -261,6 +261,7 @@ def test_intervals_with_a_jump_stand_out():
     assert list(np.flatnonzero(stand_out(errors))) == [80]
 
 
+@pytest.mark.sample(6)
 @pytest.mark.parametrize("name", ["crank-rocker", "triad", "ten-link-forces", "shaper-quick-return", "slider-crank-compressor"])
 @pytest.mark.parametrize("target", [1e-3, 1e-5, 1e-8])
 def test_the_wanted_error_is_reached_and_not_far_undercut(name, target):

@@ -169,6 +169,7 @@ def test_infinite_jerk_and_pressure_angles_are_events():
     np.testing.assert_allclose(max(e.value for e in steep), np.abs(rows.pressure_angle).max())
 
 
+@pytest.mark.sample(12)
 @pytest.mark.parametrize("name", SCENES)
 def test_the_solids_touch_over_a_turn(name):
     """Distance of cam and follower, cut through the middle of their layer: zero within the tessellation, never overlapping."""

@@ -43,6 +43,7 @@ def test_profiles_from_the_command_line(tmp_path):
     assert head.startswith("curve,cam [rad or m],x [mm],y [mm],nx,ny") and len(rows) > 360
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(
     ("name", "lines"),
     [

@@ -9,6 +9,7 @@ from math import perm
 import numpy as np
 import pytest
 from cam_cases import CASES
+from cases import examples
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.polynomial import chebyshev
@@ -229,7 +230,7 @@ def test_polynomial_from_rest_conditions_is_3_4_5_and_its_elders():
         np.testing.assert_allclose(polynomial_law(conditions).pieces[0].poly, rise(name).pieces[0].poly, atol=1e-10)
 
 
-@settings(max_examples=40)
+@settings(max_examples=examples(40))
 @given(st.data())
 def test_polynomials_and_splines_meet_any_conditions_at_any_angles(data):
     angles = data.draw(st.lists(st.integers(0, 12), min_size=2, max_size=5, unique=True))

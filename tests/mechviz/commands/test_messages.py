@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from cases import examples
 
 import mechviz
 from mechcore.errors import Fault, MechanismError
@@ -109,7 +110,7 @@ def spoilt(rng: random.Random) -> tuple[str, dict[str, Any]]:
 @pytest.mark.parametrize("units", list(SYSTEMS), ids=lambda u: f"{u.length} {u.angle}")
 def test_faults_of_spoilt_scenes_are_in_their_units_and_at_their_keys(units):
     rng, told = random.Random(units.length), 0
-    while told < 10:
+    while told < examples(12):
         name, raw = spoilt(rng)
         if "free" in str(raw["joints"]):
             continue

@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import shapely
+from cases import examples
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
@@ -57,7 +58,7 @@ def ten():
 # --- packing ----------------------------------------------------------------------------------------------------------
 
 
-@settings(max_examples=40)
+@settings(max_examples=examples(40))
 @given(hnp.arrays(float, st.integers(0, 40), elements=NUMBERS), st.lists(st.booleans(), max_size=40))
 def test_arrays_come_back_as_exactly_as_they_are_stored(values, absent):
     pack = Pack()
@@ -298,6 +299,7 @@ def test_parts_of_a_path_are_unescaped():
     assert parts_of(entity(*parts)) == parts
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize(
     "name", ["stick-slip-feed", "plans-four-bar", "four-forces", "lumped-rod", "polodes-four-bar", "percussion-centre"]
 )

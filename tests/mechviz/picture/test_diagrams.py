@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from cases import examples
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -19,7 +20,7 @@ def back(d: Diagram, spots: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return x0 + (x1 - x0) * spots[:, 0] / DRAWING_WIDTH, y0 - (y1 - y0) * spots[:, 1] / DRAWING_HEIGHT
 
 
-@settings(max_examples=80)
+@settings(max_examples=examples(80))
 @given(st.floats(-1e3, 1e3), st.floats(1e-3, 1e6), st.integers(2, 8))
 def test_ticks_are_round_and_few(low, span, count):
     high = low + span

@@ -39,6 +39,7 @@ def standing(run: Run, picture: Picture) -> list[Mesh]:
     return [mesh for mesh in picture.fixtures[run.motion.mechanism.frame] if tuple(mesh.colors[0]) != BASE_COLOR[:3]]
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize(
     "name", ["cam-roller", "valve-train", "valve-spring", "toggle-press-stop", "lifted-boom", "shaper-quick-return"]
 )
@@ -56,6 +57,7 @@ def test_no_link_runs_into_what_stands_on_the_ground(name):
                     assert not shapely.intersects(fixed.buffer(-1e-6 * solids.size), moved).any(), (name, link)
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize("name", ["stephenson-six-bar", "slider-crank-compressor", "valve-train", "word-writer", "trip-hammer"])
 def test_all_that_stands_on_the_ground_hangs_together(name):
     """From each part of the ground others that it touches lead to every other one."""

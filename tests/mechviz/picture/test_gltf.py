@@ -233,6 +233,7 @@ def test_struts_and_torsion_springs_go_with_their_ends():
     assert np.abs(outer) == pytest.approx(np.abs(outer).max(), rel=0.01), "between targets it hardly shrinks"
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize(
     "name", ["slider-crank-compressor", "belt-drive", "door-closer", "tailgate", "engine-mounts", "cam-barrel"]
 )

@@ -7,6 +7,7 @@ import itertools
 import random
 import subprocess
 import sys
+from functools import cache
 
 import numpy as np
 import pytest
@@ -18,8 +19,7 @@ import mechviz
 from mechcore.spec.mechanism import Mechanism, Prismatic, Revolute, Screw
 from mechviz.meshes.layer_order import Post, order_layers
 from mechviz.meshes.solids import Solids, build_solids, stl_bytes
-from mechviz.scene.folder import gallery_names
-from recordings import ran, solids
+from recordings import COVERING, ran, solids
 
 
 def shown(name: str) -> tuple[Mechanism, Poses, Solids]:
@@ -121,27 +121,18 @@ CASES = {
     "plunger": plunger,
     "two cranks over each other's pivots": lambda: parallel_cranks(2, 0.06, 0.2),
 }
-ALL = [*gallery_names(), *CASES]
 
 
-@pytest.fixture(scope="module")
-def built():
-    cache: dict[str, tuple[Mechanism, Poses, Solids]] = {}
-
-    def get(name: str) -> tuple[Mechanism, Poses, Solids]:
-        if name not in cache:
-            if name in gallery_names():
-                cache[name] = shown(name)
-            else:
-                spec, poses = CASES[name]()
-                cache[name] = spec, poses, build_solids(spec, poses)
-        return cache[name]
-
-    return get
+@cache
+def built(name: str) -> tuple[Mechanism, Poses, Solids]:
+    """A case, or a gallery scene."""
+    if name not in CASES:
+        return shown(name)
+    spec, poses = CASES[name]()
+    return spec, poses, build_solids(spec, poses)
 
 
-@pytest.mark.parametrize("name", ALL)
-def test_parts_are_closed_nothing_collides_and_pins_reach_through_the_links_that_they_join(built, name):
+def nothing_collides_and_pins_reach_through(name: str) -> None:
     spec, poses, solids = built(name)
     check_shapes(solids, spec)
     assert solids.clashes == ()
@@ -149,8 +140,19 @@ def test_parts_are_closed_nothing_collides_and_pins_reach_through_the_links_that
     joined_links_lie_on_different_layers_and_one_pin_reaches_through_both(spec, poses, solids)
 
 
+@pytest.mark.parametrize("name", CASES)
+def test_parts_are_closed_nothing_collides_and_pins_reach_through_the_links_that_they_join(name):
+    nothing_collides_and_pins_reach_through(name)
+
+
+@pytest.mark.sample(24)
+@pytest.mark.parametrize("name", COVERING)
+def test_nothing_collides_in_a_scene_and_pins_reach_through_the_links_that_they_join(name):
+    nothing_collides_and_pins_reach_through(name)
+
+
 @pytest.mark.parametrize("name", ["loose-coupler-pin"])  # in the process that has run this scene
-def test_a_bearing_with_clearance_is_bored_so_wide_that_its_journal_stays_inside(built, name):
+def test_a_bearing_with_clearance_is_bored_so_wide_that_its_journal_stays_inside(name):
     """The hole in the crank is wider than that of a tight pin, by as much as the journal of the rod leaves its axis."""
     _, poses, solids = built(name)
     crank, rod = (poses[link] for link in ("crank", "rod"))
@@ -258,7 +260,7 @@ def test_frames_that_could_not_be_assembled_are_left_out():
 
 
 @pytest.mark.parametrize("name", ["slider-crank-engine", "shaper-quick-return", "elliptic-trammel", "scotch-yoke"])
-def test_rails_cover_the_travel_of_their_block(built, name):
+def test_rails_cover_the_travel_of_their_block(name):
     spec, poses, solids = built(name)
     frame = solids.links[spec.frame]
     rails = [p.bounds for k, p in zip(frame.kinds, frame.parts, strict=True) if k == "rail"]
@@ -314,7 +316,7 @@ def test_the_order_of_layers_is_the_best_there_is():
         assert order.clashes == clashes(order.layers) == best
 
 
-def test_stl_is_in_millimetres(built):
+def test_stl_is_in_millimetres():
     _, _, solids = built("crank-rocker")
     for solid in solids.links.values():
         mesh = trimesh.load_mesh(io.BytesIO(stl_bytes(solid.mesh)), file_type="stl")

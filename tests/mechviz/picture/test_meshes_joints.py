@@ -186,6 +186,7 @@ def built():
     return get
 
 
+@pytest.mark.sample(6)
 @pytest.mark.parametrize("name", CASES)
 def test_parts_are_closed_and_pass_through_nothing(built, name):
     spec, poses, solids = built(name)
@@ -231,6 +232,7 @@ MESHES = [
 ]  # fmt: skip
 
 
+@pytest.mark.sample(6)
 @pytest.mark.parametrize(("name", "first", "second", "module"), MESHES)
 def test_teeth_stand_in_the_gaps_of_each_other_from_the_start_to_the_end(built, name, first, second, module):
     """From the final meshes: at every frame the wheels do not touch, and are nearer to each other than the backlash allows."""

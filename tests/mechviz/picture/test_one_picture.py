@@ -77,6 +77,7 @@ def test_bodies_that_a_joint_brings_along_are_drawn() -> None:
     assert brought and brought <= set(view_model.bodies), "barrel and rod of its cylinder"
 
 
+@pytest.mark.sample(24)
 @pytest.mark.parametrize("name", COVERING)
 def test_a_recording_holds_the_picture_and_the_catalogue_of_its_run(name: str) -> None:
     the_picture_is_that_of_the_run(made(name))
@@ -116,6 +117,7 @@ def the_catalogue_is_that_of_the_run(m: Made) -> None:
     assert [e.time for e in m.recording.events] == pytest.approx([e.time for e in events], abs=1e-9)
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize(
     "name", ["slider-crank-friction", "valve-train", "shaking-four-bar", "four-forces", "cam-barrel", "stick-slip-feed"]
 )

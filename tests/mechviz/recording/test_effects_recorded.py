@@ -18,6 +18,7 @@ from recordings import made, vectors_of
 NAMES = ("lamp-arm", "valve-spring", "compressor-cycle", "door-closer", "tailgate", "plunger-in-drag")
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize("name", NAMES)
 def test_loads_name_both_links_and_powers_sum_to_zero(name):
     m = made(name)

@@ -98,6 +98,7 @@ def fraction(picture: np.ndarray, color: tuple[int, ...], near: float = 0.06) ->
     return float(np.mean(bright & (np.abs(tint(picture) - tint(np.array(color))).max(axis=-1) < near)))
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     ("name", "view", "families"),
     [

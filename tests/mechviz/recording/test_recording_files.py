@@ -239,6 +239,7 @@ def child(path: Path, *, pause: float, limit: int = 0) -> subprocess.Popen[str]:
     )
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGTERM, 143), (signal.SIGINT, -signal.SIGINT), (signal.SIGKILL, -9)])
 def test_signals_leave_a_readable_part(tmp_path, number, code):
     path = tmp_path / "a.rrd"

@@ -610,4 +610,4 @@ def test_the_work_of_checking_names_grows_with_the_scene_not_with_its_square(kin
         return calls
 
     loads(chain(2, "traces"))  # what is read and compiled once only
-    assert work(440) < 2.5 * work(220)
+    assert work(240) < 2.5 * work(120)

@@ -55,6 +55,7 @@ def spoilt(rng: random.Random, raw: dict[str, Any]) -> dict[str, Any]:
     return raw
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize("part", range(8))
 def test_a_spoilt_scene_gives_a_scene_or_a_report(part):
     reports = 0

@@ -66,6 +66,7 @@ def test_four_bars_are_followed_from_where_they_are_drawn():
         np.testing.assert_allclose(np.exp(1j * np.array(computed)), np.exp(1j * np.array(angles(lengths, start, side))), atol=1e-7)
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize(
     "name", ["crank-rocker", "triad", "eight-bar", "stephenson-six-bar", "jansen-leg", "excavator-arm", "shaper-quick-return"]
 )

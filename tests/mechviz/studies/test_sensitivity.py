@@ -49,6 +49,7 @@ def test_numbers_are_derived_backwards_and_curves_forwards(press, monkeypatch):
     assert len(every) > 10 and np.isfinite(sensitivities(run, [measure], every)[0].derivatives).all()
 
 
+@pytest.mark.sample(4)
 @pytest.mark.parametrize(
     "of", [*(f"drive.A.torque:{r}" for r in ("max", "min", "peak", "mean", "rms", "range", "at 75 deg")), "energy[work]:max"]
 )
@@ -255,6 +256,7 @@ def by_differences(scene, place, key, frames, h=1e-3):
         return sum(weight * (values[k] - values[-k]) for k, weight in ((1, 45), (2, -9), (3, 1))) / (60.0 * h * size)
 
 
+@pytest.mark.sample(4)
 @pytest.mark.parametrize(("name", "place", "keys"), CONTENTS)
 def test_metrics_bearings_and_contact_stresses_have_exact_derivatives(name, place, keys):
     scene = load(name)
@@ -271,6 +273,7 @@ def test_metrics_bearings_and_contact_stresses_have_exact_derivatives(name, plac
     assert moved > 1e-9
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(
     ("name", "duration", "key", "place"),
     [
@@ -313,6 +316,7 @@ KNOTS = {  # a range that another one makes up for, and what follows from it
 }
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize("name", KNOTS)
 def test_ranges_of_segments_have_exact_derivatives_beside_the_knots_that_they_move(name):
     """Against differences of the sixth order, at all frames but the two to whose piece the knot comes in these."""
@@ -337,6 +341,7 @@ def test_ranges_of_segments_have_exact_derivatives_beside_the_knots_that_they_mo
         assert off[-4] < 3e-9 and np.abs(found.slopes[0]).max() > 0.0, key
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("name", ["cam-roller", "cam-oscillating-roller", "cam-mushroom", "cam-flat"])
 def test_what_limits_a_cam_follows_its_base_circle_and_its_lift(name):
     """Pressure angle, curvature, contact force and lift, by differences of the sixth order; and the greatest pressure angle."""

@@ -81,6 +81,7 @@ def test_angles_and_least_squares():
     assert asked("function", "tan(x)", "--from", 0, "--to", 1, "--crank", 60, "--rocker", 60).exit_code == 2
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("count", [2, 3, 4])
 def test_bodies_pass_their_positions(count, tmp_path):
     rows = [(0, 0, 0), (30, 15, 20), (60, 20, 45), (75, 10, 70)][:count]

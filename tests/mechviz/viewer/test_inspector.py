@@ -120,6 +120,7 @@ def test_what_goes_well_is_said_now_and_then_and_once_more_when_it_rests(monkeyp
 
 
 # -- what can be edited -----------------------------------------------------------------------------------------------
+@pytest.mark.sample(50)
 @pytest.mark.parametrize("name", scene.gallery_names())
 def test_every_value_lies_in_its_range_and_written_back_says_the_same(name):
     loaded = gallery_scene(name)
@@ -419,6 +420,7 @@ def test_what_cannot_be_assembled_leaves_the_last_good_mechanism_and_says_how_fa
     assert session.wait() and session.status.fault == ""
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("typed", [99999.0, -3.0, 1e300])
 def test_a_typed_value_beyond_all_limits_is_refused_as_it_was_typed(session, typed):
     length, run = _value(session, "crank A–B"), session.run
@@ -479,6 +481,7 @@ def test_of_a_motion_without_drives_effects_are_weighed_by_the_largest_reaction(
 
 
 # -- recordings -------------------------------------------------------------------------------------------------------
+@pytest.mark.sample(4)
 @pytest.mark.parametrize(
     ("name", "overlays"),
     [

@@ -39,6 +39,7 @@ def other(scene, place, option):
     return scene.changed(law_changes(scene, place, option))
 
 
+@pytest.mark.sample(6)
 @pytest.mark.parametrize("option", NEAR)
 @pytest.mark.parametrize("over", PLACES)
 def test_data_of_a_law_reproduce_the_motion_and_are_edited(over, option):

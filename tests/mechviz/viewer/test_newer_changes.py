@@ -81,6 +81,7 @@ SWITCHED = pytest.mark.parametrize(
 )
 
 
+@pytest.mark.sample(2)
 @SWITCHED
 def test_what_has_not_been_read_yet_does_not_go_back_when_an_earlier_change_is_shown(control, wanted, has, monkeypatch):
     """A click that arrives while the controls follow an earlier change, and whose callback runs after that."""
@@ -105,6 +106,7 @@ def test_what_has_not_been_read_yet_does_not_go_back_when_an_earlier_change_is_s
         assert viewer.session.wait(rested=True) and box.value != wanted, "it follows again"
 
 
+@pytest.mark.sample(2)
 @SWITCHED
 def test_what_is_in_work_does_not_go_back_when_the_solids_of_an_earlier_change_are_shown(control, wanted, has, monkeypatch):
     solved = run_scene(mechviz.load("kinetostatic-four-bar"), frames=24)

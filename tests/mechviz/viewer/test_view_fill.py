@@ -116,6 +116,7 @@ def arrives(browser: ClientConnection, view: View) -> None:
                 told = message["position"]
 
 
+@pytest.mark.sample(5)
 @pytest.mark.parametrize("name", SCENES)
 def test_every_joint_has_its_mark_within_two_pixels_in_every_view(name):
     """Of the place where the joint is, at the front of one of the links that meet there."""

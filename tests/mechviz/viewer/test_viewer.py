@@ -234,6 +234,7 @@ def test_every_construction_is_drawn_beside_or_on_the_mechanism_and_has_a_switch
         assert nodes[0].visible
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("screen", [(422, 562), (602, 616), (930, 920), (390, 388), (764, 294)])
 def test_headings_of_drawings_have_room_in_every_window(constructed, screen):
     """Letters are as large in every window: no title, scale or legend over another one, and none beyond the picture."""
@@ -904,6 +905,7 @@ def test_a_refusal_is_told_with_its_remedy_and_no_traceback(viewer, caplog):
     assert "Testing is not possible" in caplog.text and "Traceback" not in caplog.text
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
 def test_serving_ends_cleanly_on_a_signal(number):
     code = (
