@@ -140,6 +140,17 @@ def test_the_sleeve_jams_at_b_over_two_mu_whatever_the_frames():
         assert friction_lanes(forces)["mechanism"][-1][1] == "jammed"
 
 
+def test_the_edge_of_a_jam_is_found_from_how_much_could_still_be_moved(monkeypatch):
+    """In three looks where halving an interval again and again would take thirty times."""
+    from mechcore.forces.friction import events
+
+    looks, solve = [], events.solve_forces
+    monkeypatch.setattr(events, "solve_forces", lambda motion: looks.append(motion.frames) or solve(motion))
+    (jam,) = find_jams(forces_of("jamming-sleeve", 7))
+    assert jam.start == pytest.approx(4.0, abs=1e-8)
+    assert len(looks) <= 3 and max(looks) <= 20
+
+
 def test_a_jam_between_two_frames_is_found():
     """The arm passes the critical length for a moment: the effort goes through infinity and back between two frames."""
     b, mu, excess = 0.08, 0.2, 2e-4

@@ -16,6 +16,8 @@ from mechcore.motion.motion import Motion
 from mechcore.records import dataclass
 
 INTERVAL_PARTS = 16  # into which an interval is divided at every round of the search for an edge
+EVEN_PARTS = np.linspace(0.0, 1.0, INTERVAL_PARTS + 1)
+BEYOND = np.array([0.5, 1.0])  # of an interval in the jam: how fast what can still be moved becomes less
 SEARCH_ROUNDS = 7  # 16^7 = 3e8 places between two frames
 NEAR_STABILITY = 0.7  # stability below which a minimum between frames is looked at
 MOST_CANDIDATES = 24
@@ -64,8 +66,9 @@ def find_jams(forces: Forces) -> list[Jam]:
         frame = first + int(np.argmin(friction.reached[first : last + 1]))
         start, end = float(time[first]), float(time[last])
         if again is not None:
-            start = _edge(again, float(time[first - 1]), start, near) if first else start
-            end = _edge(again, float(time[last + 1]), end, near) if last + 1 < len(time) else end
+            inner = start, end
+            start = _edge(again, float(time[first - 1]), start, inner[1], near) if first else start
+            end = _edge(again, float(time[last + 1]), end, inner[0], near) if last + 1 < len(time) else end
         jams.append(Jam(start, end, friction.jammed_by(frame), float(friction.reached[frame])))
     if again is not None:
         for jam in _hidden(again, friction, time, near):  # two low frames may lead to the same one
@@ -88,17 +91,38 @@ def _again(forces: Forces) -> Callable[[Real], FrictionResult] | None:
     return at
 
 
-def _edge(again: Callable[[Real], FrictionResult], free: float, jammed: float, near: float) -> float:
-    """The time at which a jam begins or ends, between one where it moves and one where it jams, to ``near`` [s]."""
+def _edge(again: Callable[[Real], FrictionResult], free: float, jammed: float, within: float, near: float) -> float:
+    """The time at which a jam begins or ends, between one where it moves and one where it jams, to ``near`` [s]; ``within`` the
+    jam: how far beyond it goes on at least."""
+    parts = EVEN_PARTS
     for _ in range(SEARCH_ROUNDS):
-        t = np.linspace(free, jammed, INTERVAL_PARTS + 1)
-        if not np.all(np.diff(np.sort(t)) > 0.0) or abs(jammed - free) <= near:
+        width = jammed - free
+        if abs(width) <= near:
             break
-        state = again(np.sort(t)).jammed
-        state = state if jammed > free else state[::-1]
-        k = int(np.argmax(state)) or INTERVAL_PARTS
+        beyond = min((within - jammed) / width, 1.0)
+        rising = np.unique(free + np.concatenate([parts, 1.0 + beyond * BEYOND]) * width)
+        friction = again(rising)
+        there = slice(None, None, 1 if width > 0.0 else -1)
+        t, states, reached = rising[there], friction.jammed[there], friction.reached[there]
+        k = int(np.argmax(states)) or int(np.argmin(np.abs(t - jammed)))
+        if k == 0 or (t[k - 1], t[k]) == (free, jammed):  # no time lies between them
+            break
         free, jammed = float(t[k - 1]), float(t[k])
+        parts = _parts_about_edge((t[k : k + 3] - free) / (jammed - free), reached[k : k + 3])
     return jammed
+
+
+def _parts_about_edge(places: Real, reached: Real) -> Real:
+    """Where to look next between 0, where it moves, and 1, where it jams: denser about where the proportion that is ``reached`` at
+    up to three places in the jam would become one, as far as a line and a parabola through it agree."""
+    short = 1.0 - reached
+    if len(short) < 3 or not np.all(np.diff(short, prepend=0.0) > 0.0):
+        return EVEN_PARTS
+    line = places[0] - short[0] * (places[1] - places[0]) / (short[1] - short[0])
+    edge = float(np.polynomial.Polynomial.fit(short, places, 2)(0.0))
+    doubt = np.abs(edge - line) * 0.1 ** np.arange(INTERVAL_PARTS // 2)
+    about = np.concatenate([edge - doubt, edge + doubt])
+    return np.unique([0.0, *about[(about > 0.0) & (about < 1.0)], 1.0])
 
 
 def _hidden(again: Callable[[Real], FrictionResult], friction: FrictionResult, time: Real, near: float) -> Iterator[Jam]:
@@ -115,8 +139,9 @@ def _hidden(again: Callable[[Real], FrictionResult], friction: FrictionResult, t
             fine = again(t)
             if fine.jammed.any():
                 first, last = runs(fine.jammed)[0]
-                start = _edge(again, float(t[first - 1]), float(t[first]), near) if first else float(t[0])
-                end = _edge(again, float(t[last + 1]), float(t[last]), near) if last + 1 < len(t) else float(t[-1])
+                inner = float(t[first]), float(t[last])
+                start = _edge(again, float(t[first - 1]), *inner, near) if first else float(t[0])
+                end = _edge(again, float(t[last + 1]), *inner[::-1], near) if last + 1 < len(t) else float(t[-1])
                 yield Jam(start, end, fine.jammed_by(first), float(fine.reached[first : last + 1].min()))
                 break
             lowest = int(np.argmin(np.where(np.isfinite(fine.stability), fine.stability, np.inf)))
