@@ -191,6 +191,8 @@ def live_file(path: Path, port: int | None, title: str, blueprint: object) -> It
     whose address it gives. The file stays if the block is interrupted, and a note on the exception says so; else it goes."""
     import rerun as rr
 
+    if port is not None:
+        port = _open(port or free_port())  # before the stream: rerun warns of one that ends without having been connected
     _, temporary, claim, pump = _begin(path)
     strict = rr.strict_mode()
     rr.set_strict_mode(True)
@@ -202,8 +204,7 @@ def live_file(path: Path, port: int | None, title: str, blueprint: object) -> It
         if port is None:
             stream.save(pump.entrance)
         else:
-            port = free_port() if port == 0 else port
-            sink = rr.GrpcServerSink(bind_ip="127.0.0.1", port=_open(port))
+            sink = rr.GrpcServerSink(bind_ip="127.0.0.1", port=port)
             stream.set_sinks(sink, rr.FileSink(pump.entrance))
             address = f"rerun+http://127.0.0.1:{port}/proxy"
         pump.opened()
@@ -242,7 +243,10 @@ def _open(port: int) -> int:
         try:
             probe.bind(("127.0.0.1", port))
         except OSError as error:
-            raise RecordingError(f"port {port} cannot be opened ({error.strerror}).", "Take another one, or --live 0.", 1) from None
+            taken = error.errno == errno.EADDRINUSE
+            why = "another program uses it" if taken else (error.strerror or str(error)).lower()
+            remedy = "Give another one, or --live 0 for a free one."
+            raise RecordingError(f"Port {port} cannot be opened: {why}.", remedy, 1) from None
     return port
 
 

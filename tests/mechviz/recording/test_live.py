@@ -195,12 +195,14 @@ def test_a_motion_that_ends_early_is_kept_on_show(scene):
         assert isinstance(computing.error, Stopped) and computing.run is None
 
 
-def test_faults_are_told(scene, tmp_path: Path):
+def test_faults_are_told(scene, tmp_path: Path, capfd):
     with socket.socket() as busy:
         busy.bind(("127.0.0.1", 0))
         busy.listen()
-        with pytest.raises(RecordingError, match="cannot be opened"), live(scene, tmp_path / "x.rrd", busy.getsockname()[1]):
+        words = "cannot be opened: another program uses it. Give another one"
+        with pytest.raises(RecordingError, match=words), live(scene, tmp_path / "x.rrd", busy.getsockname()[1]):
             pass
+    assert capfd.readouterr() == ("", ""), "no warning of rerun's"
     assert not list(tmp_path.iterdir()) and free_port() > 0
     result = CliRunner().invoke(app, ["record", "crank-rocker", "-o", str(tmp_path / "x.rrd"), "--live", "0"])
     assert result.exit_code == 2 and "nothing is free" in result.output
