@@ -12,8 +12,10 @@ from mechcore.arrays import Flags, Real
 from mechcore.errors import Fault, MechanismError
 from mechcore.records import dataclass
 from mechviz.figures import chart, over_decades
+from mechviz.files import open_regular
+from mechviz.scene.faults import closest
 from mechviz.scene.scene import Scene, loads
-from mechviz.studies.designs.sweep import REASON
+from mechviz.studies.designs.sweep import REASON, parts_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -68,12 +70,20 @@ def read_study(path: Path) -> StoredStudy:
     import pyarrow.parquet as pq
 
     try:
-        table = pq.read_table(path)
+        with open_regular(path) as file:
+            table = pq.read_table(file)
+    except FileNotFoundError:
+        near = closest(path.name, [entry.name for entry in path.parent.glob("*.parquet")])
+        fault = Fault("file", "there is no such file.", f"Did you mean '{path.parent / near}'?" if near else WANTED)
+        if parts_of(path).is_dir():
+            fault = Fault("file", "this study is not finished.", "The command of mechviz sweep that began it goes on with it.")
+        raise MechanismError(fault) from None
     except (OSError, pa.ArrowInvalid) as error:
-        raise MechanismError(Fault(str(path), f"cannot be read: {error}.", WANTED)) from None
+        why = (getattr(error, "strerror", None) or str(error)).rstrip(".")
+        raise MechanismError(Fault("file", f"this cannot be read: {why}.", WANTED)) from None
     said = {key.decode(): value.decode() for key, value in (table.schema.metadata or {}).items()}
     if "mechviz.study" not in said:
-        raise MechanismError(Fault(str(path), "is no study of mechviz.", WANTED))
+        raise MechanismError(Fault("file", "this is no study of mechviz.", WANTED))
     question = json.loads(said["mechviz.study"])
     varied = tuple((str(name), str(unit)) for name, unit, *_ in question["vary"])
     names = [f"{name} [{unit}]" if unit else name for name, unit in varied]

@@ -44,6 +44,11 @@ class DesignTable:
         return np.array([not reason for reason in self.results.reasons], bool)
 
 
+def parts_of(path: Path) -> Path:
+    """The folder of the parts of a study that is not finished."""
+    return path.with_name(path.name + ".parts")
+
+
 @dataclass
 class Store:
     """The designs of a study that are known so far: parts in a folder beside the file that they will become.
@@ -58,7 +63,7 @@ class Store:
 
     @property
     def folder(self) -> Path:
-        return self.path.with_name(self.path.name + ".parts")
+        return parts_of(self.path)
 
     def open(self, *, fresh: bool = False) -> None:
         """Takes up what an earlier run of the same study has left. Raises `MechanismError` where it was another study's."""

@@ -94,6 +94,14 @@ def test_the_command_draws_and_refuses_what_is_no_study(studies, tmp_path):
     bad = tmp_path / "bad.parquet"
     bad.write_bytes(b"PAR1 nothing")
     assert CliRunner().invoke(app, ["study", str(bad), "-o", str(chart)]).exit_code == 2
+    for command in (["study", str(tmp_path / "bat.parquet"), "-o", str(chart)], ["view", str(tmp_path / "bat.parquet")]):
+        said = CliRunner().invoke(app, command)
+        assert said.exit_code == 2 and "there is no such file." in said.output and "/bad.parquet'?" in said.output
+    (tmp_path / "begun.parquet.parts").mkdir()
+    said = CliRunner().invoke(app, ["study", str(tmp_path / "begun.parquet"), "-o", str(chart)])
+    assert said.exit_code == 2 and "not finished" in said.output
+    said = CliRunner().invoke(app, ["study", str(tmp_path), "-o", str(chart)])
+    assert said.exit_code == 2 and "not a regular file" in said.output
 
 
 def test_a_cluster_finds_the_same_bit_for_bit_and_loses_nothing_with_a_worker():
