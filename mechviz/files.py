@@ -6,6 +6,7 @@ from __future__ import annotations
 import errno
 import os
 import re
+import shutil
 import stat
 import tempfile
 from collections.abc import Iterator
@@ -125,3 +126,28 @@ def replacing(path: Path) -> Iterator[Path]:
         raise reason(error, path) from None
     finally:
         temporary.unlink(missing_ok=True)
+
+
+@contextmanager
+def replacing_in(folder: Path) -> Iterator[Path]:
+    """A temporary folder whose files take their places in ``folder``, which is made if need be, if the block succeeds. If it does
+    not, nothing in there has changed."""
+    try:
+        missing = [place for place in (folder, *folder.parents) if not place.exists()]
+        folder.mkdir(parents=True, exist_ok=True)
+        temporary = Path(tempfile.mkdtemp(prefix=".files-", dir=folder))
+    except OSError as error:
+        words = (error.strerror or str(error)).lower()
+        raise OutputError(f"The folder '{folder}' cannot be made or written: {words}.", "Choose another place.") from None
+    try:
+        yield temporary
+        targets = {made: check_target(folder / made.name) for made in sorted(temporary.iterdir())}
+        for made, target in targets.items():
+            put_in_place(made, target)
+    except OSError as error:
+        raise reason(error, folder) from None
+    finally:
+        shutil.rmtree(temporary, ignore_errors=True)
+        with suppress(OSError):  # what was made for nothing goes, what holds files stays
+            for place in missing:
+                place.rmdir()

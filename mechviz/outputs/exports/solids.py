@@ -13,7 +13,7 @@ from xml.sax.saxutils import escape, quoteattr
 
 import numpy as np
 
-from mechviz.files import OutputError, replacing
+from mechviz.files import OutputError, replacing, replacing_in
 from mechviz.meshes.kit import FlatPart, kit_of, laid_out
 from mechviz.meshes.solids import Solid, Solids, stl_bytes
 from mechviz.picture.build import looked_at, solids_of
@@ -89,12 +89,15 @@ def _hex(color: tuple[int, int, int, int]) -> str:
 
 def export_3mf(run: Run, path: Path | str, *, solids: Solids | None = None) -> Path:
     """Write the solids of all links as 3MF."""
-    return write_3mf(path, model_xml(run, solids or solids_of(run)))
+    text = model_xml(run, solids or solids_of(run))
+    with replacing(Path(path)) as temporary:
+        write_3mf(temporary, text)
+    return Path(path)
 
 
-def write_3mf(path: Path | str, text: str) -> Path:
+def write_3mf(path: Path, text: str) -> None:
     """Write a 3MF file around its model part."""
-    with replacing(Path(path)) as temporary, zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED) as archive:
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, content in (
             ("[Content_Types].xml", _CONTENT_TYPES),
             ("_rels/.rels", _PACKAGE_RELATIONS),
@@ -103,23 +106,15 @@ def write_3mf(path: Path | str, text: str) -> Path:
             entry = zipfile.ZipInfo(name, _ENTRY_DATE)
             entry.compress_type = zipfile.ZIP_DEFLATED
             archive.writestr(entry, content)
-    return Path(path)
 
 
 def export_stl(run: Run, folder: Path | str, *, solids: Solids | None = None) -> list[Path]:
     """Write one binary STL per link, in millimetres and in the link's own frame, into a folder that is made if need be."""
-    folder = Path(folder)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        words = (error.strerror or str(error)).lower()
-        raise OutputError(f"The folder '{folder}' cannot be made: {words}.", "Choose another place.") from None
     written: list[Path] = []
-    for name, _, mesh in _printed(run, solids or solids_of(run)):
-        path = _free_name(folder, name, written)
-        with replacing(path) as temporary:
-            temporary.write_bytes(stl_bytes(mesh))
-        written.append(path)
+    with replacing_in(Path(folder)) as temporary:
+        for name, _, mesh in _printed(run, solids or solids_of(run)):
+            written.append(_free_name(Path(folder), name, written))
+            (temporary / written[-1].name).write_bytes(stl_bytes(mesh))
     return written
 
 
@@ -143,23 +138,16 @@ def export_kit(run: Run, folder: Path | str, thickness: float, clearance: float,
 
     Lengths in mm, see `kit_of`.
     """
-    folder = Path(folder)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        words = (error.strerror or str(error)).lower()
-        raise OutputError(f"The folder '{folder}' cannot be made: {words}.", "Choose another place.") from None
     parts = kit_of(run.motion.mechanism, looked_at(run), thickness, clearance, washer)
     placed = laid_out(parts, SHEET_WIDTH)
     plates = [entry for entry in placed if entry[0].kind == "plate"]
     plates = laid_out([part for part, _, _ in plates], SHEET_WIDTH)
-    written = []
-    for name, text in (("plates.dxf", parts_dxf(plates)), ("plates.svg", parts_svg(plates)), ("parts.csv", list_text(parts))):
-        with replacing(folder / name) as temporary:
-            temporary.write_text(text, encoding="utf-8", newline="")
-        written.append(folder / name)
-    write_3mf(folder / "kit.3mf", model_text(run.scene.title, placed))
-    return [*written, folder / "kit.3mf"]
+    texts = {"plates.dxf": parts_dxf(plates), "plates.svg": parts_svg(plates), "parts.csv": list_text(parts)}
+    with replacing_in(Path(folder)) as temporary:
+        for name, text in texts.items():
+            (temporary / name).write_text(text, encoding="utf-8", newline="")
+        write_3mf(temporary / "kit.3mf", model_text(run.scene.title, placed))
+    return [Path(folder) / name for name in (*texts, "kit.3mf")]
 
 
 def list_text(parts: Sequence[FlatPart]) -> str:

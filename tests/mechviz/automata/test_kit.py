@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import resource
 import zipfile
 from io import StringIO
 from xml.etree import ElementTree
@@ -10,8 +11,9 @@ import numpy as np
 import pytest
 from shapely import affinity
 
+from mechviz.files import OutputError
 from mechviz.meshes.kit import kit_of, laid_out
-from mechviz.outputs.exports.solids import export_kit
+from mechviz.outputs.exports.solids import export_kit, export_stl
 from mechviz.picture.build import looked_at
 from mechviz.runs import run_scene
 from mechviz.scene.scene import load
@@ -98,6 +100,26 @@ def test_the_files_hold_the_parts(bird, parts, tmp_path):
             assert volumes[part.name] == pytest.approx(part.outline.area * THICK, rel=1e-6)
     assert len(list(root.iter(f"{MODEL}item"))) == sum(part.count for part in parts)
     assert paths["parts.csv"].read_text().count("\n") == len(parts) + 1 and 'stroke="red"' in paths["plates.svg"].read_text()
+
+
+@pytest.mark.parametrize("write", [lambda run, folder: export_kit(run, folder, THICK, PLAY, WASHER), export_stl])
+def test_where_not_all_files_can_be_written_none_is(write, bird, tmp_path):
+    """Under a limit for files that the smallest ones keep: what was there stays as it is, a new folder goes again."""
+    there = write(bird, tmp_path / "kit")
+    before = {path.name: path.read_bytes() for path in there}
+    sizes = sorted(map(len, before.values()))
+    for path in there:
+        path.write_bytes(b"mine")
+    usual = resource.getrlimit(resource.RLIMIT_FSIZE)
+    for folder in (tmp_path / "kit", tmp_path / "new" / "kit"):
+        resource.setrlimit(resource.RLIMIT_FSIZE, (sizes[-1] - 1, usual[1]))
+        try:
+            with pytest.raises(OutputError, match="larger than the limit for files"):
+                write(bird, folder)
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, usual)
+    assert [path.name for path in tmp_path.iterdir()] == ["kit"]
+    assert {path.name: path.read_bytes() for path in (tmp_path / "kit").iterdir()} == dict.fromkeys(before, b"mine")
 
 
 def test_rollers_turn_on_pins_of_their_own():
