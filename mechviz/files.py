@@ -75,13 +75,17 @@ def read_regular(path: Path | str, most: int) -> bytes:
 def check_target(path: Path) -> Path:
     """The real path of a file that is to be written; raises `OutputError` if nothing can be put there.
 
-    Devices, pipes and folders are refused: a file that is renamed onto ``/dev/null`` would replace the device.
+    Devices, pipes and folders are refused: a file that is renamed onto ``/dev/null`` would replace the device. So is a file into
+    which standard output or messages go, whose lines would be lost.
     """
     real = Path(os.path.realpath(path))
     if real.is_dir():
         raise OutputError(f"'{path}' is a folder.", "Name a file in it.")
-    if real.exists() and not real.is_file():
-        raise OutputError(f"'{path}' is not a regular file.", "Name a file that may be replaced.")
+    if path.exists() and not path.is_file():  # the path itself: of a pipe, as /dev/stdout may be, there is no real one
+        why = f"'{path}' is not a regular file: what is written is made beside it, and takes its place when it is complete."
+        raise OutputError(why, "Name a file that may be replaced, and pass that on.")
+    if path.exists() and any(_is_open_as(number, path) for number in (1, 2)):
+        raise OutputError(f"'{path}' takes what is printed, which would be lost.", "Name another file.")
     if not real.parent.exists() and path.is_symlink():
         raise OutputError(f"'{path}' is a link to '{real}', whose folder does not exist.", "Remove it, or write to another file.")
     if not real.parent.exists():
@@ -91,6 +95,14 @@ def check_target(path: Path) -> Path:
     if not os.access(real.parent, os.W_OK | os.X_OK):
         raise OutputError(f"The folder '{path.parent}' is not writable.", "Change its permissions, or write elsewhere.")
     return real
+
+
+def _is_open_as(number: int, path: Path) -> bool:
+    """Whether a file descriptor is open on what is at a path."""
+    try:
+        return os.path.samestat(os.fstat(number), os.stat(path))
+    except OSError:
+        return False
 
 
 def put_in_place(temporary: Path, target: Path) -> None:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import csv
 import json
+import subprocess
+import sys
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -104,6 +106,21 @@ def test_files_are_replaced_whole_or_not_at_all(tmp_path, write, monkeypatch):
     assert path.read_text() == "old" and [p.name for p in tmp_path.iterdir()] == ["t"]
     write(compressor(), path)
     assert path.stat().st_size > 1000 and [p.name for p in tmp_path.iterdir()] == ["t"]
+
+
+def test_a_table_is_not_put_in_the_place_of_what_is_printed(tmp_path):
+    """Neither a pipe, which nothing can replace, nor the file of a shell's ``>>``, which would be lost."""
+    log = tmp_path / "log"
+    log.write_text("kept\n")
+    command = [sys.executable, "-m", "mechviz", "export", "crank-rocker", "--csv"]
+    piped = subprocess.run([*command, "/dev/stdout"], capture_output=True, text=True, check=False)
+    assert piped.returncode == 2 and not piped.stdout
+    assert piped.stderr.startswith("'/dev/stdout' is not a regular file") and "Name a file" in piped.stderr
+    for path in ("/dev/stdout", str(log)):
+        with open(log, "a") as appended:
+            printed = subprocess.run([*command, path], stdout=appended, stderr=subprocess.PIPE, text=True, check=False)
+        assert printed.returncode == 2 and "takes what is printed" in printed.stderr
+        assert log.read_text() == "kept\n"
 
 
 def test_a_folder_that_cannot_be_made(tmp_path):
