@@ -550,6 +550,23 @@ def test_a_bar_is_drawn_on_a_terminal_only(monkeypatch):
             assert stream.getvalue() == ""
 
 
+def test_where_there_is_no_terminal_long_work_says_now_and_then_how_far_it_is(monkeypatch):
+    now = [0.0]
+    monkeypatch.setattr("mechviz.progress.time.monotonic", lambda: now[0])
+    monkeypatch.setattr(sys, "stderr", io.StringIO())
+    with progress_bar("making cake") as bar:
+        for seconds, done in ((10, 1), (40, 4), (60, 6), (80, 8)):
+            now[0] = seconds
+            bar(done, 100)
+        bar.stage("oven")
+        now[0] = 7400.0
+        bar.stage("icing")
+        now[0] = 14600.0
+        bar(1, 100)
+    lines = ["making cake, 4 %, about 16 min left", "making cake, 8 %, about 15 min left", "making cake: icing"]
+    assert sys.stderr.getvalue().splitlines() == [*lines, "making cake: icing, 1 %, about 198 h left"]
+
+
 class Notebook(types.ModuleType):
     """As much of IPython as shows a line that changes, with a run in it."""
 
