@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 from collections.abc import Iterator
 from concurrent.futures.process import BrokenProcessPool
+from functools import partial
 from io import StringIO
 from pathlib import Path
 from typing import Annotated
@@ -18,10 +19,10 @@ from mechviz.commands.shared.messages import aligned_rows, check_suffix, check_t
 from mechviz.commands.shared.solving import CyclesOpt, DaskOpt, DesignExecutorOpt, FramesOpt, JobsOpt, checked, solve, workers
 from mechviz.figures import check_ending, save_chart
 from mechviz.files import OutputError, replacing
-from mechviz.progress import progress_bar
+from mechviz.progress import duration, progress_bar
 from mechviz.quantities.catalogue import Axis
 from mechviz.scene.scene import dump
-from mechviz.studies.designs.evaluate import study_of
+from mechviz.studies.designs.evaluate import Study, expected_seconds, study_of
 from mechviz.studies.designs.figures import FigureKind, read_study, study_chart
 from mechviz.studies.designs.measures import parse_measure
 from mechviz.studies.designs.optimise import Search, front_chart
@@ -33,6 +34,8 @@ from mechviz.studies.designs.sweep import DesignTable, Store, about_study, csv_l
 from mechviz.studies.designs.tolerance import Distribution, Tolerances, parse_limits, tolerance_chart, toleranced, tolerances
 from mechviz.studies.designs.variables import variables_of
 
+LEAST_FORECAST = 32  # designs, for which a run that tells how long they take is a small part
+LONG_STUDY = 10.0  # [s] from which on it is said beforehand how long a study takes
 INTERRUPTED = "Interrupted: what was found is kept; the same command goes on with the rest."
 
 
@@ -86,6 +89,7 @@ def sweep(
                 store.open(fresh=fresh)
             try:
                 with progress_bar("sweeping") as bar, workers(jobs, dask) as (pool, most):
+                    _say_how_long("--jobs N takes N processes", most // 2, study, len(designs) - len(store.done if store else ()))
                     table = run_study(study, designs, store, executor=pool, most=most, progress=bar)
             except BrokenProcessPool:
                 fail("A process of the study has died, perhaps for lack of memory. The same command goes on; take fewer --jobs.", 1)
@@ -99,6 +103,13 @@ def sweep(
             print(output)
         say("\n".join(_summary(table)))
         say(f"Computed by {study.computed_by}.")
+
+
+def _say_how_long(remedy: str, at_once: int, study: Study, count: int) -> None:
+    """Say how many designs are left of a study, and how long they take, where each is run by itself and that is long."""
+    seconds = expected_seconds(study, count) / at_once if count >= LEAST_FORECAST else 0.0
+    if seconds >= LONG_STUDY:
+        say(f"{count:,} designs are run one by one, which takes about {duration(seconds)}. {remedy}.")
 
 
 def _summary(table: DesignTable) -> Iterator[str]:
@@ -233,10 +244,12 @@ def tolerance(
         ends = [parse_limits(text) for text in limits or ()]
         with interruptible(*(["matplotlib.figure"] if plot is not None else [])):
             run = solve(loaded, frames, cycles)
+            remedy = "--jobs N takes N processes, --samples N fewer designs"
             with progress_bar("sampling") as bar, workers(jobs, dask) as (pool, most):
                 results = tolerances(
                     run, measures, variables, limits=ends, samples=samples, distribution=distribution, seed=seed,
-                    executor=pool, most=most, progress=bar, program=checked(executor),
+                    executor=pool, most=most, begin=partial(_say_how_long, remedy, most // 2), progress=bar,
+                    program=checked(executor),
                 )  # fmt: skip
             say(f"Samples computed by {results[0].computed_by}.")
             axis = run.catalogue.axes[0]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
 from dataclasses import field
 from functools import lru_cache
@@ -197,6 +198,17 @@ def evaluate(study: Study, designs: Real) -> DesignResults:
     """Results of designs (D, n), the values of the study's variations in their units."""
     with ONE_AT_A_TIME:
         return _evaluated(study, designs)
+
+
+def expected_seconds(study: Study, count: int) -> float:
+    """How long so many designs take that are run one after the other, by a run of the nominal one; 0 where they are computed side
+    by side."""
+    if study.batch is not None:
+        return 0.0
+    run = study.nominal  # what happens at a first run only is done
+    begun = time.perf_counter()
+    run_scene(run.scene)
+    return count * (time.perf_counter() - begun)
 
 
 def _evaluated(study: Study, designs: Real) -> DesignResults:

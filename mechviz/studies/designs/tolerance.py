@@ -184,11 +184,13 @@ def tolerances(
     seed: int = 0,
     executor: Pool | None = None,
     most: int = 4,
+    begin: Callable[[Study, int], None] = lambda *_: None,
     progress: Callable[[int, int], None] = lambda *_: None,
     program: Executor = "numpy",
 ) -> list[Tolerances]:
-    """Effects of the tolerances of variables on measures of a run. ``samples``: a power of two, at least 16; ``program``: what
-    computes them side by side. Raises `MechanismError`."""
+    """Effects of the tolerances of variables on measures of a run. ``samples``: a power of two, at least 16; ``begin`` gets the
+    study and the number of its designs before they are computed; ``program``: what computes them side by side. Raises
+    `MechanismError`."""
     some = [v for v in variables if v.tolerance > 0.0]
     if not some:
         remedy = "Give parameters a tolerance in the scene, or here: --tolerance stroke=0.1mm."
@@ -209,6 +211,7 @@ def tolerances(
     designs = np.concatenate([nominal[None], nominal + half * offsets])
     own, cycles = run.scene.frames or None, run.scene.cycles
     study = study_of(scene, varied, measures, frames=own, cycles=cycles, executor=program, count=len(designs))
+    begin(study, len(designs))
     results = run_study(study, designs, executor=executor, most=most, progress=progress).results
     if results.reasons[0]:
         raise MechanismError(Fault("--of", f"the nominal design has no values: {results.reasons[0]}.", "Mend the scene."))

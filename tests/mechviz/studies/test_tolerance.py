@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 from mechanisms import case
@@ -163,6 +165,24 @@ def test_the_command_says_yield_and_contributions(tmp_path):
     assert len(band.read_text().splitlines()) == 14
     along = said.stdout.partition("angle of drive A [°]")[2].splitlines()[1:14]
     assert [row.split()[:2] for row in along[:4:3]] == [["0", "200"], ["90", "154.919"]] and len(along) == 13
+
+
+def test_how_long_many_runs_take_is_said_before_they_begin(monkeypatch):
+    """Of a motion under forces, whose samples are run one by one; not of what is computed side by side."""
+    said = []
+    monkeypatch.setattr("mechviz.commands.designs.say", said.append)
+    monkeypatch.setattr("mechviz.commands.designs.LONG_STUDY", 0.0)
+    monkeypatch.setattr("mechviz.commands.designs.tolerances", lambda *given, **how: tolerances(*given, **how | {"progress": stop}))
+
+    def stop(*_: int) -> None:
+        raise KeyboardInterrupt
+
+    words = ["-t", "links.upper.mass=0.01kg", "--of", "joint.J.reaction:peak", "-n", "20", "--samples", "4096"]
+    result = CliRunner().invoke(app, ["tolerance", "swinging-double-pendulum", *words])
+    assert result.exit_code == 130
+    assert len(said) == 1 and re.fullmatch(
+        r"4,099 designs are run one by one, which takes about \d.* (s|min|h)\. .*fewer designs\.", said[0]
+    )
 
 
 def test_an_extreme_that_another_frame_takes_over_moves_as_the_frames_do():
