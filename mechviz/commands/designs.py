@@ -310,12 +310,18 @@ def optimise(
             fail("--front, --plot: the goal has one objective only, and so no front.")
         with interruptible("scipy.optimize", "scipy.stats", *(["matplotlib.figure"] if plot is not None else [])):
             with progress_bar("optimising") as bar, workers(jobs, dask) as (pool, _):
+                reached = "samples"
 
                 def report(stage: str, objective: int, value: float, violation: float) -> None:
+                    nonlocal reached
                     shown = problem.terms[objective].shown(value)
-                    bar.stage(f"{stage}: {shown if violation <= LIMIT_ROUNDING else f'limits missed by {100.0 * violation:.3g} %'}")
+                    reached = f"{stage}: {shown if violation <= LIMIT_ROUNDING else f'limits missed by {100.0 * violation:.3g} %'}"
+                    bar.stage(reached)
 
-                search = Search(problem, seed, population or 0, generations, pool, report)
+                def advance(done: int, total: int) -> None:
+                    bar.stage(f"{reached}; {done} of {total} designs")
+
+                search = Search(problem, seed, population or 0, generations, pool, report, advance)
                 best = find_best(search, points=points)
             print("\n".join(aligned_rows(best.lines())))
             say(f"{search.evaluations} designs were looked at, computed by {problem.study.computed_by}.")

@@ -45,6 +45,7 @@ SearchProgress = Callable[[str, int, float, float], None]
 class Search:
     """The search for a problem's best designs: what has been looked at, and the best of it.
 
+    ``progress`` gets the best after each stage and generation, ``advance`` how many designs of many are judged, and their number;
     ``archive``: all that was judged, in portions; ``evaluations``: how many designs; ``refused``: why no derivatives were used.
     """
 
@@ -54,6 +55,7 @@ class Search:
     generations: int = 60
     executor: Executor | None = None
     progress: SearchProgress = lambda *_: None
+    advance: Callable[[int, int], None] = lambda *_: None
     archive: list[Judged] = field(default_factory=list)
     evaluations: int = 0
     refused: str = ""
@@ -61,7 +63,7 @@ class Search:
 
     def judged(self, designs: Real) -> Judged:
         """Designs (D, n) judged, and kept."""
-        judgement = self.problem.judged(designs, self.executor)
+        judgement = self.problem.judged(designs, self.executor, self.advance)
         self.archive.append(judgement)
         self.evaluations += len(designs)
         return judgement

@@ -108,7 +108,8 @@ def _known(place: Place) -> bool:
 
 LIMIT_ROUNDING = 1e-9  # relative: a limit that is missed by no more is kept
 SCREENED_GENERATIONS = 8  # generations' worth of designs that are looked at before the first one
-DESIGNS_AT_ONCE = 512  # designs that are handed on at once
+DESIGNS_AT_ONCE = 512  # designs that are computed side by side
+RUNS_AT_ONCE = 4  # designs that are run one by one between two news of how far it is, by one of several processes
 UNFIT_VIOLATION = 10.0  # violation of a design that cannot be assembled at some frame; up to twice that where it cannot be at any
 
 
@@ -205,13 +206,17 @@ class Problem:
         """The values (n,) of the scene."""
         return np.array([v.value for v in self.variables])
 
-    def judged(self, designs: Real, executor: Pool | None = None) -> Judged:
-        """Objectives and violations of designs (D, n), in portions over an executor if there is one."""
-        portions = [designs[k : k + DESIGNS_AT_ONCE] for k in range(0, len(designs), DESIGNS_AT_ONCE)]
-        if executor is None:
-            results = [evaluate(self.study, own) for own in portions]
-        else:
-            results = list(executor.map(evaluate, [self.study] * len(portions), portions))
+    def judged(self, designs: Real, executor: Pool | None = None, progress: Callable[[int, int], None] = lambda *_: None) -> Judged:
+        """Objectives and violations of designs (D, n), in portions over an executor if there is one. ``progress`` gets after each
+        portion but the last how many designs are done, and their number."""
+        size = RUNS_AT_ONCE if self.study.batch is None else DESIGNS_AT_ONCE
+        portions = [designs[k : k + size] for k in range(0, len(designs), size)]
+        compute = map if executor is None else executor.map
+        results = []
+        for one in compute(evaluate, [self.study] * len(portions), portions):
+            results.append(one)
+            if len(results) < len(portions):
+                progress(size * len(results), len(designs))
         values = [np.concatenate([a.values[k] for a in results]) for k in range(len(self.study.measures))]
         missing = np.concatenate([a.missing for a in results])
         with np.errstate(invalid="ignore"):

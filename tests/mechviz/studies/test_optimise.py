@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 from typer.testing import CliRunner
@@ -174,6 +176,23 @@ def test_an_interrupted_search_keeps_its_best():
         search.interrupted
         and search.all.objectives[search.all.best(), 0] == search.problem.judged(best.design[None]).objectives[0, 0]
     )
+
+
+def test_designs_that_are_run_one_by_one_say_how_many_of_them_are_done(tmp_path, monkeypatch):
+    """Of an eccentric cam, whose designs are not computed side by side: samples, and a generation."""
+    monkeypatch.setattr("mechviz.progress.LINE_PAUSE", 0.0)
+    path = tmp_path / "cam.toml"
+    text = load("cam-eccentric").text.replace("centre = [12, 0]", 'centre = ["e", 0]')
+    path.write_text(f"""{text}
+[parameters]
+e = {{ value = "12 mm", range = ["8 mm", "16 mm"] }}
+[goal]
+minimise = "link.follower.position[y]:range"
+""")
+    said = CliRunner().invoke(app, ["optimise", str(path), "-n", "4", "--population", "5", "--generations", "0"])
+    assert said.exit_code == 0, said.output
+    assert "optimising: samples; 4 of 65 designs\n" in said.stderr
+    assert re.search(r"optimising: samples: 1.* mm; 4 of 5 designs\n", said.stderr)
 
 
 def test_what_cannot_be_had_is_said():
