@@ -343,7 +343,7 @@ def toleranced(scene: Scene, stated: Sequence[str]) -> list[Variable]:
     """The scene's variables with tolerances: its own, or those of texts such as ``stroke=0.1mm``. Raises `MechanismError`."""
     given: dict[str, str] = {}
     for text in stated:
-        name, equals, value = text.partition("=")
+        name, equals, value = text.rpartition("=")  # names of points and links may have one
         if not equals or not name.strip() or not value.strip():
             raise MechanismError(Fault(f"--tolerance {text}", "is no tolerance.", "Write it like stroke=0.1mm."))
         given[name.strip()] = value.strip().removeprefix("±").strip()

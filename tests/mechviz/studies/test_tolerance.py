@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 from mechcore.errors import MechanismError
 from mechviz.commands.main import app
 from mechviz.runs import run_scene
-from mechviz.scene.scene import Scene, load
+from mechviz.scene.scene import Scene, load, loads
 from mechviz.studies.designs.measures import parse_measure
 from mechviz.studies.designs.sensitivity import Sensitivity
 from mechviz.studies.designs.tolerance import QuantityLimits, parse_limits, slopes_within, toleranced, tolerances
@@ -165,6 +165,15 @@ def test_the_command_says_yield_and_contributions(tmp_path):
     assert len(band.read_text().splitlines()) == 14
     along = said.stdout.partition("angle of drive A [°]")[2].splitlines()[1:14]
     assert [row.split()[:2] for row in along[:4:3]] == [["0", "200"], ["90", "154.919"]] and len(along) == 13
+
+
+def test_a_name_with_an_equals_sign_has_a_tolerance():
+    text = load("crank-rocker").text
+    for name in (" B = [", "\nB = {"):
+        text = text.replace(name, name.replace("B", '"B=1"'))
+    scene = loads(text)
+    (own,) = toleranced(scene, ["links.crank.points.B=1[0]=0.1mm"])
+    assert own.name == "links.crank.points.B=1[0]" and own.tolerance == 0.1
 
 
 def test_how_long_many_runs_take_is_said_before_they_begin(monkeypatch):
