@@ -4,6 +4,7 @@ that cannot be done."""
 from __future__ import annotations
 
 import errno
+import fcntl
 import os
 import re
 import shutil
@@ -103,6 +104,16 @@ def _is_open_as(number: int, path: Path) -> bool:
         return os.path.samestat(os.fstat(number), os.stat(path))
     except OSError:
         return False
+
+
+def is_locked(handle: int, path: Path) -> bool:
+    """Whether an open file or folder is now held for this process alone, until it is closed, and still is what its path names."""
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        own, there = os.fstat(handle), os.lstat(path)
+    except OSError:
+        return False
+    return os.path.samestat(own, there)
 
 
 def put_in_place(temporary: Path, target: Path) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 from collections.abc import Iterator
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import ExitStack
 from functools import partial
 from io import StringIO
 from pathlib import Path
@@ -83,9 +84,10 @@ def sweep(
         measures = [parse_measure(loaded, text) for text in of]
         how = checked(executor)
         study = study_of(loaded, variations, measures, frames=frames, cycles=cycles, executor=how, count=len(designs))
-        with interruptible("pyarrow.parquet"):
+        with interruptible("pyarrow.parquet"), ExitStack() as last:
             store = None if output is None else Store(output, about_study(study, chosen))
             if store is not None:
+                last.callback(store.close)
                 store.open(fresh=fresh)
             try:
                 with progress_bar("sweeping") as bar, workers(jobs, dask) as (pool, most):

@@ -16,7 +16,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mechviz.files import OutputError, check_target, put_in_place, reason
+from mechviz.files import OutputError, check_target, is_locked, put_in_place, reason
 from mechviz.outputs.rerun.entities import APPLICATION_ID, RecordingError
 from mechviz.outputs.rerun.rerun_adapter import send_blueprint
 
@@ -280,7 +280,7 @@ def _claim(temporary: Path) -> int:
         except FileExistsError:
             _clear_away(temporary)
             continue
-        if _locked(claim, temporary):
+        if is_locked(claim, temporary):
             return claim
         os.close(claim)
         raise _busy(temporary)
@@ -296,21 +296,11 @@ def _clear_away(temporary: Path) -> None:
     except FileNotFoundError:
         return
     try:
-        if not _locked(old, temporary):
+        if not is_locked(old, temporary):
             raise _busy(temporary)
         temporary.unlink(missing_ok=True)
     finally:
         os.close(old)
-
-
-def _locked(handle: int, path: Path) -> bool:
-    """Whether an open file is now held for this process alone, and still is what its path names."""
-    try:
-        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        own, there = os.fstat(handle), os.lstat(path)
-    except OSError:
-        return False
-    return (own.st_dev, own.st_ino) == (there.st_dev, there.st_ino)
 
 
 def _busy(temporary: Path) -> RecordingError:

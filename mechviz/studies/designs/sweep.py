@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
+from contextlib import suppress
 from dataclasses import field
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -16,7 +18,7 @@ import numpy as np
 from mechcore.arrays import Flags, Index, Real
 from mechcore.errors import Fault, MechanismError
 from mechcore.records import dataclass
-from mechviz.files import put_in_place, replacing
+from mechviz.files import OutputError, is_locked, put_in_place, replacing
 from mechviz.runs import package_version
 from mechviz.studies.designs.evaluate import DesignResults, Study, evaluate
 from mechviz.studies.designs.sampling import Sample
@@ -53,35 +55,52 @@ def parts_of(path: Path) -> Path:
 class Store:
     """The designs of a study that are known so far: parts in a folder beside the file that they will become.
 
-    A part is there as a whole or not at all, so that a study may be killed at any time.
+    A part is there as a whole or not at all, so that a study may be killed at any time. From `open` to `close` the folder is held
+    for this store alone.
     """
 
     path: Path
     about: dict[str, str]
     done: set[int] = field(default_factory=set)
     written: int = 0
+    held: int | None = None  # descriptor of the folder
 
     @property
     def folder(self) -> Path:
         return parts_of(self.path)
 
     def open(self, *, fresh: bool = False) -> None:
-        """Takes up what an earlier run of the same study has left. Raises `MechanismError` where it was another study's."""
+        """Takes up what an earlier run of the same study has left. Raises `MechanismError` where it was another study's,
+        `OutputError` where another run is at it."""
         import pyarrow.parquet as pq
 
+        self.folder.mkdir(exist_ok=True)
+        self.held = os.open(self.folder, os.O_RDONLY | os.O_CLOEXEC)
+        if not is_locked(self.held, self.folder):
+            os.close(self.held)
+            self.held = None
+            raise OutputError(f"'{self.path}' is being written by another sweep.", "Wait for it, or write to another file.", 1)
         if fresh:
-            shutil.rmtree(self.folder, ignore_errors=True)
+            for part in self.folder.iterdir():
+                part.unlink()
             self.path.unlink(missing_ok=True)
         if self.path.exists():
             self._check(dict(pq.read_schema(self.path).metadata or {}))
             self.done.update(pq.read_table(self.path, columns=["design"])["design"].to_pylist())
-        if not self.folder.is_dir():
-            return
         for part in sorted(self.folder.glob("[0-9]*.parquet")):
             read = pq.ParquetFile(part)
             self._check(dict(read.schema_arrow.metadata or {}))
             self.done.update(read.read(columns=["design"])["design"].to_pylist())
             self.written = max(self.written, int(part.stem) + 1)
+
+    def close(self) -> None:
+        """Lets others write. The folder goes where it holds nothing."""
+        if self.held is not None:
+            if is_locked(self.held, self.folder):
+                with suppress(OSError):
+                    self.folder.rmdir()
+            os.close(self.held)
+            self.held = None
 
     def _check(self, metadata: dict[bytes, bytes]) -> None:
         for key, value in self.about.items():
@@ -107,8 +126,8 @@ class Store:
         import pyarrow as pa
         import pyarrow.parquet as pq
 
-        if self.folder.is_dir():
-            parts = [pq.read_table(part) for part in sorted(self.folder.glob("[0-9]*.parquet"))]
+        parts = [pq.read_table(part) for part in sorted(self.folder.glob("[0-9]*.parquet"))]
+        if parts:
             whole = pa.concat_tables(parts).sort_by("design").replace_schema_metadata(self.about)
             with replacing(self.path) as temporary:
                 pq.write_table(whole, temporary)

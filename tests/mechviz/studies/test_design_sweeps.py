@@ -251,10 +251,29 @@ def test_a_study_that_was_cut_off_goes_on_and_ends_the_same(press, tmp_path, mon
     complete = Store(path, about_study(study, None))
     complete.open()
     assert complete.done == set(range(20))
+    np.testing.assert_array_equal(run_study(study, designs, complete).results.values[0], whole.results.values[0])
+    complete.close()
+    assert [p.name for p in tmp_path.iterdir()] == ["study.parquet"]
     assert pq.read_schema(path).metadata[b"mechviz.scene_toml"].decode() == press.text
     other = Store(path, about_study(study, parse_sample("lhs:4", 1)))
     with pytest.raises(MechanismError, match="another study"):
         other.open()
+
+
+def test_two_sweeps_at_once_do_not_write_one_file(press, tmp_path):
+    study, path = question(press, ["speed=60..240rpm:20"], ["drive.A.torque:max"]), tmp_path / "study.parquet"
+    first = Store(path, about_study(study, None))
+    first.open()
+    words = ["sweep", "parametric-press", "--vary", "stroke=60mm,70mm", "--of", "drive.A.torque:max", "-n", "12", "-o", str(path)]
+    for more in ([], ["--fresh"]):
+        second = CliRunner().invoke(app, [*words, *more])
+        assert second.exit_code == 1 and "being written by another sweep. Wait for it" in second.output
+    run_study(study, grid(study.variations), first)
+    first.close()
+    assert CliRunner().invoke(app, words).exit_code == 2  # another study: nothing is lost
+    assert pq.read_table(path).num_rows == 20 and [p.name for p in tmp_path.iterdir()] == ["study.parquet"]
+    assert CliRunner().invoke(app, [*words, "--fresh"]).exit_code == 0
+    assert pq.read_table(path).num_rows == 2 and [p.name for p in tmp_path.iterdir()] == ["study.parquet"]
 
 
 def test_samples_fill_their_ranges_and_repeat(press):
