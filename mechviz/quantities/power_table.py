@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import csv
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mechcore.forces.kinetostatics import Forces
-from mechcore.forces.powers import Flywheel, PowerTable, drive_shares, power_table
+from mechcore.forces.powers import Flywheel, PowerTable, drive_shares, power_table, thinning_change
 from mechviz.files import replacing
 
 if TYPE_CHECKING:
@@ -18,6 +19,8 @@ if TYPE_CHECKING:
 
 
 ROUND_OFF = 1e-9  # of a run's duration
+MOST_CHANGE = 0.05  # of works by frames that are left out: the works themselves are then off by two per cent
+CLOSED = 1e-6  # to which works close that are more than rounding
 _HEADS = ("force", "cause", "place", "power is", "use", "mean [W]", "peak [W]", "supplies [J]", "absorbs [J]")
 
 
@@ -54,6 +57,16 @@ def _closing(table: PowerTable) -> str:
     return f"What is supplied is absorbed: the works close to {table.closure:.1e} of what is supplied."
 
 
+def _resolution(table: PowerTable) -> Iterator[str]:
+    """That the frames are too few, where they are. Where powers do not close, they are rounding or unknown."""
+    change = thinning_change(table)
+    if np.isinf(change):
+        yield f"{len(table.time) - 1} frames are too few for works and peaks: give more with --frames."
+    elif change > MOST_CHANGE and table.closure < CLOSED:
+        words = f"without every second one works change by {100.0 * change:.2g} % of what is supplied"
+        yield f"The frames are too few for works and peaks: {words}. Give more with --frames."
+
+
 def force_lines(forces: Forces) -> list[str]:
     """Every force with its classes and works over the run, and which drive delivers power when."""
     table = power_table(forces)
@@ -64,7 +77,7 @@ def force_lines(forces: Forces) -> list[str]:
         for row in rows
     ]
     lines.insert(len(lines) - 1, "-" * len(lines[0]))
-    lines += ["", _closing(table), ""]
+    lines += ["", _closing(table), *_resolution(table), ""]
     least = ROUND_OFF * float(np.ptp(forces.motion.time))
     for share in drive_shares(forces) if forces.motion.mechanism.drives else ():
         if np.isnan(share.power).all():

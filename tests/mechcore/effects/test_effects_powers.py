@@ -17,7 +17,7 @@ from typer.testing import CliRunner
 
 import mechviz
 from mechcore.errors import MechanismError
-from mechcore.forces.powers import drive_shares, flywheel, flywheel_of_torque, power_table, works
+from mechcore.forces.powers import drive_shares, flywheel, flywheel_of_torque, power_table, thinning_change, works
 from mechcore.numerics.interpolation import integral_so_far
 from mechcore.spec.loads import Damper, Factor, Force, Spring, Torque
 from mechviz.commands.main import app
@@ -198,6 +198,27 @@ def test_friction_absorbs_and_a_steady_load_drives_or_resists_even_where_it_rest
     m = slider_crank(r=1.0, l=3.0, loads=(Torque(name="along", link="crank", moment=2.0),))
     along = next(i for i in power_table(load(m, np.linspace(0.0, 6.0, 40), np.linspace(0.0, 3.0, 40))).items if i.label == "along")
     assert (along.role, along.absorbed) == ("driving", 0.0) and along.power[0] == 0.0
+
+
+def test_too_few_frames_for_works_are_said():
+    """Works of a compressor at few frames, against those at 2880; a steady torque needs but a few; rounding is no work."""
+
+    def told(name: str, frames: int) -> str:
+        return "\n".join(force_lines(run_scene(mechviz.load(name), frames=frames).forces))
+
+    exact = power_table(run_scene(mechviz.load("slider-crank-compressor"), frames=2880).forces)
+    for frames in (2, 3, 4, 8, 12, 16, 48, 96):
+        table = power_table(run_scene(mechviz.load("slider-crank-compressor"), frames=frames).forces)
+        off = max(abs(a.supplied - b.supplied) for a, b in zip(table.items, exact.items, strict=True)) / exact.supplied
+        assert ("too few for works" in told("slider-crank-compressor", frames)) == (off > 0.01), (frames, off)
+    assert "3 frames are too few" in told("slider-crank-compressor", 3)
+    assert "too few" not in told("inertia-uniform-rotation", 12)
+    steady = load(
+        slider_crank(r=1.0, l=3.0, loads=(Torque(name="along", link="crank", moment=2.0),)),
+        np.linspace(0.0, 6.0, 6),
+        np.linspace(0.0, 3.0, 6),
+    )
+    assert thinning_change(power_table(steady)) < 1e-12
 
 
 def test_powers_of_a_run_that_jams_throughout_are_unknown():
