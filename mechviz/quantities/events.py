@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from enum import StrEnum
 from typing import TYPE_CHECKING
 
@@ -11,10 +10,9 @@ from numpy.typing import NDArray
 
 from mechcore.constants import SINGULAR
 from mechcore.dynamics.events import EventKind
-from mechcore.forces.cam_events import cam_events, limit_events
-from mechcore.forces.cam_rating import placed_cams
+from mechcore.forces.cam_events import cam_events
 from mechcore.forces.friction.events import friction_events
-from mechcore.forces.load_events import belt_events, load_events
+from mechcore.forces.load_events import ForcesAt, belt_events, load_events
 from mechcore.motion.events import Event, find_events
 from mechcore.spec.loads import BeltTension
 from mechcore.texts import as_force, as_torque
@@ -24,6 +22,7 @@ from mechviz.quantities.tables import rounding_of_efforts
 
 if TYPE_CHECKING:
     from mechcore.dynamics.simulation import Simulation
+    from mechcore.motion.motion import Motion
     from mechviz.runs import Run
 
 
@@ -50,21 +49,17 @@ def simulation_events(run: Run) -> list[Event]:
     # a coordinate that forces move turns back often, and where it hits a stop only seemingly between two frames
     if run.steady is not None:
         events.insert(0, Event(0.0, "INFO", run.steady.joint, steady_lines(run.steady)[0]))
-    events += [e for e in find_events(run.motion) if not e.text.startswith("limit position")]
-    return events + list(_cam_limits(run, simulation))
+    return events + [e for e in find_events(run.motion) if not e.text.startswith("limit position")]
 
 
-def _cam_limits(run: Run, simulation: Simulation) -> Iterator[Event]:
-    """Pressure angles and faces of cams beyond their limits, while their followers touch them."""
-    if not run.motion.frames or not any(r.geometry is not None for r in run.motion.model.relations):
-        return
-    lanes, separable = lanes_of(simulation), {each.joint for each in simulation.separable_cams}
-    for cam in placed_cams(run.motion):
-        changes = lanes[cam.name] if cam.name in separable else [(0.0, LaneState.TOUCHES)]
-        place = np.searchsorted([t for t, _ in changes], run.motion.time, side="right") - 1
-        yield from limit_events(
-            run.motion, cam, np.array([state == LaneState.TOUCHES for _, state in changes])[np.maximum(place, 0)]
-        )
+def _touching(motion: Motion, simulation: Simulation) -> dict[str, NDArray[np.bool_]]:
+    """Whether followers that may leave their cams touch them at the frames (F,), by the names of the cams' joints."""
+    lanes, out = lanes_of(simulation), {}
+    for each in simulation.separable_cams:
+        times, states = zip(*lanes[each.joint], strict=True)
+        place = np.searchsorted(times, motion.time, side="right") - 1
+        out[each.joint] = np.array([state == LaneState.TOUCHES for state in states])[np.maximum(place, 0)]
+    return out
 
 
 def lanes_of(simulation: Simulation) -> Lanes:
@@ -116,24 +111,32 @@ def line_of(event: Event) -> str:
 
 def _motion_events(run: Run) -> list[Event]:
     """Events in the course of the motion."""
+    contacts = [*_cam_events(run), *_belt_events(run)]
     if run.simulation is not None:
-        return [*simulation_events(run), *load_events(run.motion, run.scene.mechanism)]
+        return [*simulation_events(run), *load_events(run.motion, run.scene.mechanism), *contacts]
     rubbing = [] if run.forces is None else friction_events(run.forces)
-    return [*find_events(run.motion), *load_events(run.motion), *rubbing, *_cam_events(run), *_belt_events(run)]
+    return [*find_events(run.motion), *load_events(run.motion), *rubbing, *contacts]
+
+
+def _forces_at(run: Run) -> ForcesAt | None:
+    """The forces at other times of a motion under forces; None where laws lead the motion, which can be solved again."""
+    simulation = run.simulation
+    return None if simulation is None else lambda t: simulation.forces(simulation.view(t))
 
 
 def _cam_events(run: Run) -> list[Event]:
     """Events of the cams, where there are any."""
     if not any(r.geometry is not None for r in run.motion.model.relations):
         return []
-    return cam_events(run.motion, run.forces)
+    touches = None if run.simulation is None else _touching(run.motion, run.simulation)
+    return cam_events(run.motion, run.forces, touches, _forces_at(run))
 
 
 def _belt_events(run: Run) -> list[Event]:
     """Where belts slip, where one has a tension."""
     if run.forces is None or not any(isinstance(load, BeltTension) for load in run.motion.mechanism.loads):
         return []
-    return belt_events(run.forces)
+    return belt_events(run.forces, _forces_at(run))
 
 
 def peak_events(run: Run) -> list[Event]:

@@ -240,7 +240,7 @@ def _springs(forces: Forces, cam: AnyCam, need: float) -> Iterator[str]:
         yield "; ".join(Text.of(f.message).source for f in error.faults)
         return
     if not springs:
-        yield "no spring presses this follower"
+        yield "no spring between two points presses this follower, and others are not sized"
     for spring in springs:
         offers = []
         if spring.stiffness is not None:

@@ -15,7 +15,7 @@ from mechcore.forces.kinetostatics import solve_forces
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
 from mechcore.records import dataclass
 from mechcore.spec.mechanism import EFFECTS
-from mechviz.quantities.items import joints_of
+from mechviz.quantities.items import joint_unit, joints_of
 from mechviz.runs import run_scene
 from mechviz.scene.faults import in_scene_words
 from mechviz.studies.cost import Timed, side_by_side
@@ -27,14 +27,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class KeyFigures:
-    """Answer of a run: the largest effort of its drives, the largest reaction [N], and where forces decide the motion the
-    fluctuation of the speed (largest less smallest over the mean); NaN where there is none. ``curve``: efforts and reactions."""
+    """Answer of a run: the largest effort of its drives by unit, the largest reaction [N], and where forces decide the motion the
+    fluctuation of the speed (largest less smallest over the mean), NaN where there is none. ``curves``: efforts by unit and drive,
+    reactions by "reaction" and joint."""
 
-    effort: float
-    unit: str
+    efforts: dict[str, float]
     reaction: float
     fluctuation: float
-    curve: dict[str, Real]
+    curves: dict[tuple[str, str], Real]
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class Influence:
     """An effect or load: whether the scene has it, by how much it changes the answers (relative), and what it costs (relative).
 
     ``effort``, ``reaction``, ``fluctuation``: change of the peak, or of the fluctuation; ``curve``: largest change at any frame,
-    relative to the peak; ``spread``: of the cost. ``problem``: why there is no number.
+    relative to the peak of what has its unit; ``spread``: of the cost. ``problem``: why there is no number.
     """
 
     name: str
@@ -64,24 +64,22 @@ class Influence:
 def key_figures_of(scene: Scene) -> KeyFigures:
     """Compute a scene's answer."""
     motion, forces, simulation = _compute(scene)
-    curve: dict[str, Real] = {}
-    effort, unit, reaction, fluctuation = float("nan"), "", float("nan"), float("nan")
+    curves: dict[tuple[str, str], Real] = {}
+    efforts: dict[str, float] = {}
+    reaction, fluctuation = float("nan"), float("nan")
     if forces is not None:
         for joint in joints_of(motion):
-            curve[f"reaction {joint.name}"] = np.hypot(*forces.reaction(joint.name)[:, :2].T)
-        reaction = max((float(np.nanmax(c)) for c in curve.values()), default=float("nan"))
+            curves["reaction", joint.name] = np.hypot(*forces.reaction(joint.name)[:, :2].T)
+        reaction = max((float(np.nanmax(c)) for c in curves.values()), default=float("nan"))
         for drive in motion.mechanism.drives:
-            slides = next(j.unit for j in joints_of(motion) if j.name == drive.joint) == "m"
-            values = forces.effort(drive.joint)
-            curve[f"effort {drive.joint}"] = values
-            peak = float(np.nanmax(np.abs(values)))
-            if not peak <= effort:
-                effort, unit = peak, "N" if slides else "N m"
+            unit = "N" if joint_unit(motion, drive.joint) == "m" else "N m"
+            curves[unit, drive.joint] = values = forces.effort(drive.joint)
+            efforts[unit] = float(np.fmax(efforts.get(unit, np.nan), np.nanmax(np.abs(values))))
     if simulation is not None:
         t = np.linspace(0.5 * simulation.duration, simulation.duration, 400)
         speed = np.abs(simulation(t)[1][:, 0]) if simulation([0.0])[1].shape[1] else np.zeros(1)
         fluctuation = float(np.ptp(speed) / max(float(speed.mean()), 1e-300))
-    return KeyFigures(effort, unit, reaction, fluctuation, curve)
+    return KeyFigures(efforts, reaction, fluctuation, curves)
 
 
 @in_scene_words
@@ -137,21 +135,20 @@ def _compared(name: str, kind: str, named: bool, figures: tuple[KeyFigures, KeyF
         return float("nan") if np.isnan(a) else abs(a - b) / max(abs(a), 1e-300)
 
     peak: dict[str, float] = {}
-    for key, values in whole.curve.items():
-        family = key.split(" ")[0]
+    for (family, _), values in whole.curves.items():
         peak[family] = max(peak.get(family, 0.0), float(np.nanmax(np.abs(values), initial=0.0)))
     curve = 0.0
-    for key, values in whole.curve.items():
-        before = less.curve.get(key, np.zeros_like(values))
-        if len(before) == len(values) and peak[key.split(" ")[0]] > 0.0:
-            curve = max(curve, float(np.nanmax(np.abs(values - before), initial=0.0)) / peak[key.split(" ")[0]])
+    for key, values in whole.curves.items():
+        before, size = less.curves.get(key, np.zeros_like(values)), peak[key[0]]
+        if len(before) == len(values) and size > 0.0:
+            curve = max(curve, float(np.nanmax(np.abs(values - before), initial=0.0)) / size)
     fluctuation = abs(whole.fluctuation - less.fluctuation)
     with_it, without = times
     return Influence(
         name,
         kind,
         named,
-        change(whole.effort, less.effort),
+        float(np.fmax.reduce([change(peak, less.efforts.get(unit, 0.0)) for unit, peak in whole.efforts.items()], initial=np.nan)),
         change(whole.reaction, less.reaction),
         fluctuation,
         curve,

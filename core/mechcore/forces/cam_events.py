@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from mechcore.cams.followers import Flat
 from mechcore.cams.placement.plane import PlacedCam
 from mechcore.forces.cam_rating import AnyCam, contact_force, contact_stress, drawn_lift, joint_of, placed_cams
 from mechcore.forces.kinetostatics import Forces
-from mechcore.forces.load_events import crossing
+from mechcore.forces.load_events import ForcesAt, crossing, forces_at
 from mechcore.laws.factors import VELOCITY_JUMP, jumps
 from mechcore.motion.events import Event, at_drive, runs
 from mechcore.motion.motion import Motion
@@ -21,33 +21,37 @@ from mechcore.texts import as_angle, as_coordinate, as_force, as_length, as_pres
 PULL_ROUNDING = 1e-9  # pull below this part of the largest force is rounding
 
 
-def cam_events(motion: Motion, forces: Forces | None) -> list[Event]:
-    """Events of all cams of a run, in order of time."""
+def cam_events(
+    motion: Motion, forces: Forces | None, touches: Mapping[str, Flags] | None = None, again: ForcesAt | None = None
+) -> list[Event]:
+    """Events of all cams of a run, in order of time. Where forces move the mechanism: at which frames (F,) followers that may leave
+    their cams ``touches`` them, and the forces ``again`` at other times."""
     events: list[Event] = []
     for cam in placed_cams(motion):
         if not motion.frames:
             continue
-        events += _shocks(motion, cam)
-        events += _leaps(motion, cam)
+        on = (touches or {}).get(cam.name)
+        met = [*_shocks(motion, cam), *_leaps(motion, cam)]
+        events += met if on is None else [e for e in met if on[np.searchsorted(motion.time, e.time, side="right") - 1]]
         events += _beyond(motion, cam)
-        events += limit_events(motion, cam)
-        if forces is not None and not cam.form:
-            events += _lost(forces, cam)
+        events += limit_events(motion, cam, on)
+        if forces is not None and not cam.form and on is None:  # one that may leave its cam does, and says so
+            events += _lost(forces, cam, again or forces_at(forces))
         joint = joint_of(motion, cam)
         if forces is not None and joint.rating is not None:
-            events += _rated(forces, cam, joint.rating)
+            events += _rated(forces, cam, joint.rating, np.ones(motion.frames, bool) if on is None else on)
         if joint.drawn is not None:
             events.append(_drawn(motion, cam, joint.drawn))
     return sorted(events, key=lambda e: e.time)
 
 
-def _rated(forces: Forces, cam: AnyCam, rating: CamRating) -> Iterator[Event]:
-    """Hertz pressure beyond its limit, and contact force below its margin."""
+def _rated(forces: Forces, cam: AnyCam, rating: CamRating, touches: Flags) -> Iterator[Event]:
+    """Hertz pressure beyond its limit, and contact force below its margin, where the follower ``touches`` its cam (F)."""
     motion = forces.motion
     x = _arguments(motion, cam)
     if rating.width is not None and rating.limit is not None:
         pressure = contact_stress(forces, cam, rating).pressure
-        for first, last in runs(pressure > rating.limit):
+        for first, last in runs(touches & (pressure > rating.limit)):
             k = first + int(np.argmax(pressure[first : last + 1]))
             words = as_pressure(pressure[k], 4) if np.isfinite(pressure[k]) else "infinity: an edge touches"
             remedy = f"It needs a width of {as_length(rating.width * (pressure[k] / rating.limit) ** 2, 4)}"
@@ -58,7 +62,7 @@ def _rated(forces: Forces, cam: AnyCam, rating: CamRating) -> Iterator[Event]:
             yield Event(float(motion.time[first]), "WARN", cam.name, text, float(pressure[k]))
     if rating.margin is not None and not cam.form:
         force = contact_force(forces, cam)
-        for first, last in runs(force < rating.margin):
+        for first, last in runs(touches & (force < rating.margin)):
             if force[first : last + 1].min() < 0.0:
                 continue  # contact is lost, which is an event of its own
             k = first + int(np.argmin(force[first : last + 1]))
@@ -85,6 +89,12 @@ def _where(cam: AnyCam, argument: float) -> str:
     return f"{as_coordinate(argument % (2.0 * np.pi) if rotary else argument, rotary=rotary, digits=4)} of the cam"
 
 
+def _drives_at(motion: Motion, t: float) -> str:
+    """Where the drives are at a time, after a comma; empty where there are none."""
+    places = at_drive(motion, t)
+    return f", {places}" if places else ""
+
+
 def _at(motion: Motion, values: Real, t: float) -> float:
     return float(np.interp(t, motion.time, values))
 
@@ -94,7 +104,7 @@ def _arguments(motion: Motion, cam: AnyCam) -> Real:
     return x if cam.bed is not None else np.unwrap(x)
 
 
-def _lost(forces: Forces, cam: AnyCam) -> Iterator[Event]:
+def _lost(forces: Forces, cam: AnyCam, again: ForcesAt | None) -> Iterator[Event]:
     """Where a follower that is only pressed on its cam would have to be pulled."""
     motion = forces.motion
     n, time = contact_force(forces, cam), forces.motion.time
@@ -109,8 +119,8 @@ def _lost(forces: Forces, cam: AnyCam) -> Iterator[Event]:
                 t = float(time[k])
             else:
                 ends = float(time[other]), float(time[k]), float(n[other]), float(n[k])
-                t = crossing(forces, lambda f: contact_force(f, cam), *ends)
-            where = f"at {_where(cam, _at(motion, x, t))}, {at_drive(motion, t)}"
+                t = crossing(again, lambda f: contact_force(f, cam), *ends)
+            where = f"at {_where(cam, _at(motion, x, t))}{_drives_at(motion, t)}"
             if what == "lost":
                 text = (
                     f"contact lost {where}{_turning(motion, t)}: the cam would have to pull with up to {as_force(-least, 4)}. "
@@ -151,7 +161,7 @@ def _shocks(motion: Motion, cam: AnyCam) -> Iterator[Event]:
         named.append(step.angle)
         what = "the velocity jumps: a knock" if step.order == 1 else "the acceleration jumps: infinite jerk"
         for t in _passes(motion, cam, step.angle):
-            text = f"{what} at {_where(cam, step.angle * cam.ahead)}, {at_drive(motion, t)}"
+            text = f"{what} at {_where(cam, step.angle * cam.ahead)}{_drives_at(motion, t)}"
             yield Event(t, "WARN" if step.order == 1 else "INFO", cam.name, text)
 
 
@@ -187,7 +197,7 @@ def _leaps(motion: Motion, cam: AnyCam) -> Iterator[Event]:
             else f"the contact leaps {as_length(distance, 4)} over a hollow"
         )
         for t in _passes(motion, cam, bridge.angle):
-            text = f"{what}{knock} at {_where(cam, bridge.angle)}, {at_drive(motion, t)}"
+            text = f"{what}{knock} at {_where(cam, bridge.angle)}{_drives_at(motion, t)}"
             yield Event(t, "WARN" if bridge.shock else "INFO", cam.name, text, after - before)
     for first, last, at, deviation in lost_ranges(cam):
         size = as_coordinate(abs(deviation), rotary=cam.arm != 0.0, digits=4)

@@ -124,16 +124,25 @@ def _squeezed(motion: Motion, load: Spring, solid: float) -> Iterator[Event]:
         yield Event(float(motion.time[first]), "WARN", load.name, text, least)
 
 
-def crossing(forces: Forces, values: Callable[[Forces], Real], t0: float, t1: float, n0: float, n1: float) -> float:
+ForcesAt = Callable[[Real], Forces]
+"""The forces of a run at other times (n,) [s]."""
+
+
+def forces_at(forces: Forces) -> ForcesAt | None:
+    """The forces at other times of a run that laws lead."""
+    again = forces.motion.again
+    return None if again is None else lambda t: solve_forces(again(t))
+
+
+def crossing(again: ForcesAt | None, values: Callable[[Forces], Real], t0: float, t1: float, n0: float, n1: float) -> float:
     """The time [s] at which ``values`` (F,) turn from ``n0`` >= 0 at ``t0`` to ``n1`` < 0 at ``t1`` (earlier or later); where a jam
     lies between, its end next to ``t1``."""
-    again = forces.motion.again
     for _ in range(SEARCH_ROUNDS if again is not None else 0):
         assert again is not None
         t = np.sort(np.linspace(t0, t1, INTERVAL_PARTS + 1))
         if not np.all(np.diff(t) > 0.0):
             break
-        loads = values(solve_forces(again(t)))
+        loads = values(again(t))
         if t1 < t0:
             t, loads = t[::-1], loads[::-1]
         k = int(np.argmax(loads < 0.0)) or INTERVAL_PARTS
@@ -158,7 +167,8 @@ def belt_grip(motion: Motion, load: BeltTension) -> BeltGrip:
     """The wraps of a belt and what it can carry; without a coefficient (a toothed belt, a chain) without limit."""
     joint = next(p for p in motion.mechanism.joints if p.name == load.joint)
     assert isinstance(joint, Belt)
-    lean = spans(motion, next(r for r in motion.model.relations if r.name == load.joint))[2]
+    (_, part), *_ = motion.parts  # it stays as it is over a run
+    lean = spans(part, next(r for r in motion.model.relations if r.name == load.joint))[2]
     first = 2.0 * math.pi - 2.0 * math.acos(lean)
     wraps = (first, first if joint.crossed else 2.0 * math.pi - first)
     ratio = load.coefficient * min(wraps)
@@ -166,9 +176,10 @@ def belt_grip(motion: Motion, load: BeltTension) -> BeltGrip:
     return BeltGrip(load.joint, wraps, load.slack, most)
 
 
-def belt_events(forces: Forces) -> list[Event]:
-    """Where belts with a coefficient would slip, in order of time; their motion goes on as if they did not."""
-    motion = forces.motion
+def belt_events(forces: Forces, again: ForcesAt | None = None) -> list[Event]:
+    """Where belts with a coefficient would slip, in order of time; their motion goes on as if they did not. ``again``: the forces
+    at other times where forces move the mechanism."""
+    motion, again = forces.motion, again or forces_at(forces)
     events: list[Event] = []
     for load in motion.mechanism.loads:
         if not isinstance(load, BeltTension) or not load.coefficient or not motion.frames:
@@ -183,14 +194,19 @@ def belt_events(forces: Forces) -> list[Event]:
             available = grip.most - float(left[first : last + 1].min())
             start, end = float(time[first]), float(time[last])
             if first:
-                start = crossing(forces, margin, float(time[first - 1]), start, float(left[first - 1]), float(left[first]))
+                start = crossing(again, margin, float(time[first - 1]), start, float(left[first - 1]), float(left[first]))
             if last + 1 < len(time):
-                end = crossing(forces, margin, float(time[last + 1]), end, float(left[last + 1]), float(left[last]))
+                end = crossing(again, margin, float(time[last + 1]), end, float(left[last + 1]), float(left[last]))
             text = (
-                f"slips from {at_drive(motion, start)} to {at_drive(motion, end)}: up to {as_force(available, 5)} is asked for, "
+                f"slips from {_moment(motion, start)} to {_moment(motion, end)}: up to {as_force(available, 5)} is asked for, "
                 f"{as_force(grip.most, 5)} is the most that it carries (Euler and Eytelwein: {as_force(grip.slack, 5)} in the "
                 f"slack span, coefficient {load.coefficient:g}, wrap {as_angle(min(grip.wraps), 4)}). The motion goes on as if it "
                 "held"
             )
             events.append(Event(start, "WARN", load.joint, text, available))
     return sorted(events, key=lambda e: e.time)
+
+
+def _moment(motion: Motion, t: float) -> str:
+    """Where the drives are at a time, or the time where there are none."""
+    return at_drive(motion, t) or f"{t:.5g} s"

@@ -38,8 +38,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Distribution = Literal["normal", "uniform", "triangular"]
-SIGMAS = {"normal": 3.0, "uniform": 3.0**0.5, "triangular": 6.0**0.5}
-"""Standard deviations in a tolerance."""
+NORMAL_SIGMAS = 3.0  # standard deviations in a tolerance, of parts that vary normally
 SCRAMBLES = 8  # independent scrambles of the samples, whose differences say how far results may be off
 MOST_CORNERS = 12  # tolerances whose corners are all computed
 MOST_NUMBERS = 60_000_000  # of the curves of all samples
@@ -267,7 +266,7 @@ def _samples(count: int, samples: int, distribution: Distribution, seed: int) ->
         return np.asarray(2.0 * u - 1.0)
     if distribution == "triangular":
         return np.asarray(np.where(u < 0.5, np.sqrt(2.0 * u) - 1.0, 1.0 - np.sqrt(2.0 * (1.0 - u))))
-    return np.asarray(ndtri(u) / SIGMAS["normal"])
+    return np.asarray(ndtri(u) / NORMAL_SIGMAS)
 
 
 def _fitted(values: Real, designs: Real, corners: int) -> Real:
@@ -323,7 +322,7 @@ def _judged(
         slopes=slopes,
         exact=exact,
         worst=np.asarray(moved.sum(axis=0)),
-        root_sum_square=np.asarray(3.0 / SIGMAS[distribution] * np.sqrt((moved**2).sum(axis=0))),
+        root_sum_square=np.asarray(np.sqrt((moved**2).sum(axis=0))),
         corners=corners,
         mean=np.asarray(some.mean(axis=0)),
         sigma=sigma,

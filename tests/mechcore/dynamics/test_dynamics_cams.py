@@ -25,7 +25,7 @@ from mechcore.spec.loads import Force, Torque
 from mechcore.spec.mechanism import CamJoint, Drive, Friction, Mechanism
 from mechviz.outputs.rerun.reader import Recording
 from mechviz.outputs.rerun.writer import write_recording
-from mechviz.quantities.events import lanes_of, simulation_events
+from mechviz.quantities.events import events_of, lanes_of
 from mechviz.quantities.tables import tables
 from mechviz.runs import run_scene
 
@@ -379,13 +379,49 @@ def test_an_inverse_cam_goes_on_beside_a_cam_that_its_follower_leaves():
     assert len(set(cam.segment(run.motion))) == 3
 
 
+RATED = """
+units = { length = "mm", angle = "deg" }
+effects = ["inertia"]
+run = { frames = 360 }
+[links]
+frame = { points = { O = [0, 0], G = [0, 95], H = [0, 170] } }
+cam = { points = { O = [0, 0] }, mass = "1.2 kg", inertia = "0.0014 kg m^2" }
+follower = { points = { T = [0, 0], E = [0, 80] }, mass = "0.4 kg", centre = [0, 30] }
+[joints]
+O = { revolute = ["frame", "cam"], drive = { speed = "600 rpm" } }
+S = { prismatic = ["frame", "follower"], at = ["G", "T"], along = [0, 1] }
+[joints.K]
+cam = ["cam", "follower"]
+profile.base = 42
+profile.lift = [{ over = 120, to = 20, law = "LAW" }, { over = 40 }, { over = 120, to = 0, law = "LAW" }, { over = 80 }]
+follower = { roller = 10, guide = "S", point = "T" }
+rating = { width = 8, limit = "100 MPa", margin = "650 N" }
+[loads]
+return_spring = { spring = ["follower.E", "frame.H"], stiffness = "8 N/mm", free_length = 110 }
+"""
+
+
+@pytest.mark.parametrize("law", ["cycloidal", "parabolic"])
+def test_what_is_told_of_a_cam_is_told_of_one_whose_follower_may_leave_it_too(law):
+    """It never does: pressures, forces and jerks are those of the prescribed motion, and so is what is said of them."""
+    text = RATED.replace("LAW", law)
+    leaving = text.replace("rating =", "liftoff = { restitution = 0 }\nrating =").replace("360 }", '360, duration = "100 ms" }', 1)
+    free = run_scene(mechviz.loads(leaving))
+    led = run_scene(mechviz.loads(text))
+    assert free.simulation is not None and led.simulation is None and not free.simulation.events
+    told, wanted = ([(e.item, e.text) for e in events_of(run) if e.item == "K"] for run in (free, led))
+    assert [e for e in told if "joint reaction" not in e[1]] == [e for e in wanted if "joint reaction" not in e[1]]
+    for words in ("Hertz pressure", "contact force down to", *(["infinite jerk"] if law == "parabolic" else [])):
+        assert any(words in text for _, text in told)
+
+
 def test_a_face_too_short_is_told_while_the_follower_touches():
     text = resources.files("mechviz").joinpath("gallery", "valve-float.toml").read_text(encoding="utf-8")
     data = tomllib.loads(text) | {"run": {"frames": 120, "duration": "14 ms"}}
     data["joints"]["O"]["drive"] = {"speed": "5200 rpm", "start": 180}
     data["joints"]["K"]["follower"]["face"] = [2, 2]
     run = run_scene(mechviz.Scene.build(**data))
-    told = [e for e in simulation_events(run) if "the contact leaves the face" in e.text]
+    told = [e for e in events_of(run) if "the contact leaves the face" in e.text]
     (cam,) = placed_cams(run.motion)
     outside = np.abs(cam.rows(run.motion).eccentricity) > 2e-3
     touching = np.abs(run.simulation.gap("K", run.motion)) < 1e-12

@@ -37,6 +37,8 @@ from mechcore.spec.mechanism import (
     Screw,
     Weld,
 )
+from mechviz.quantities.events import events_of
+from mechviz.runs import run_scene
 
 THETA = np.linspace(0.1, 6.0, 19)
 C = 7.0
@@ -235,6 +237,34 @@ def test_a_belt_slips_where_its_tensions_differ_too_much():
         assert event.value == pytest.approx(2.0 * most if frames == 9 else event.value, rel=1e-9)
     held = replace(m, loads=(m.loads[0], replace(m.loads[1], slack=500.0)))
     assert belt_events(solve_forces(solve_motion(compile_mechanism(held), np.linspace(0.0, 4.0, 31)))) == []
+
+
+DRUM = """
+units = { length = "mm", angle = "deg" }
+effects = ["inertia"]
+run = { duration = "1 s", frames = 20 }
+[links]
+frame = { points = { A = [0, 0], B = [360, 90] } }
+motor = { points = { A = [0, 0] }, mass = "1.5 kg", inertia = "0.01 kg m^2" }
+drum = { points = { B = [0, 0] }, mass = "9 kg", inertia = "0.2 kg m^2" }
+[joints]
+A = { revolute = ["frame", "motor"], free = { speed = "10 rpm" } }
+B = { revolute = ["frame", "drum"] }
+V = { belt = ["motor", "drum"], radii = [55, 130] }
+[loads]
+drive = { torque = "40 N m", on = "motor", ramp = { begin = 0, end = "1 s" } }
+tension = { belt_tension = "V", slack = "120 N", coefficient = 0.35 }
+"""
+
+
+def test_a_belt_that_forces_move_says_when_it_slips():
+    """The drum takes its part of a torque that rises with time: from when Euler and Eytelwein let the belt carry no more."""
+    (event,) = [e for e in events_of(run_scene(mechviz.loads(DRUM))) if "slips from" in e.text]
+    i, distance = 55.0 / 130.0, np.hypot(360.0, 90.0)
+    carried = 120.0 * np.expm1(0.35 * (np.pi - 2.0 * np.arcsin((130.0 - 55.0) / distance)))
+    of_full_torque = 40.0 * 0.2 * i**2 / (0.01 + 0.2 * i**2) / 0.055  # [N]
+    assert event.item == "V" and event.time == pytest.approx(carried / of_full_torque, rel=1e-4)
+    assert f"{carried:.5g} N is the most that it carries" in event.text
 
 
 def test_the_tension_makes_friction_in_the_bearings():

@@ -16,7 +16,7 @@ from mechviz.accuracy.fit import PROFILE_POINTS
 from mechviz.commands.main import app
 from mechviz.figures import DOTS_AN_INCH, chart_svg
 from mechviz.outputs.rerun.precision import write_rrd
-from mechviz.scene.scene import load
+from mechviz.scene.scene import load, loads
 from mechviz.studies import cost, precision
 from mechviz.studies.cost import Timed, side_by_side, timed
 from mechviz.studies.influences import influence_lines, influences
@@ -328,6 +328,37 @@ def test_what_effects_do_is_what_two_runs_differ_by():
     assert by_name["friction"].worth(0.05) and not by_name["gravity"].worth(0.05)
     words = "\n".join(influence_lines(_, computed, 0.05))
     assert "keep: friction changes the peak effort by 9.54 %" in words and "could be left out: gravity" in words
+
+
+TWO_AXES = """
+units = { length = "mm", angle = "deg" }
+effects = ["inertia"]
+[run]
+frames = 90
+[links]
+frame = { points = { G = [0, 0] } }
+slide = { points = { T = [0, 0], A = [0, 0] }, mass = "50 kg", centre = "T", inertia = "0.1 kg m^2" }
+arm = { points = { A = [0, 0] }, mass = "0.4 kg", centre = "A", inertia = "0.01 kg m^2" }
+[joints]
+A = { revolute = ["slide", "arm"], drive = { oscillation = { amplitude = 60, period = "1 s" } } }
+[joints.S]
+prismatic = ["frame", "slide"]
+at = ["G", "T"]
+along = [1, 0]
+drive = { oscillation = { amplitude = 100, period = "1 s" } }
+[loads]
+cut = { force = [-2000, 0], on = "slide", at = "T" }
+tool = { torque = "-1.5 N m", on = "arm" }
+"""
+
+
+def test_newtons_and_newton_metres_are_not_compared():
+    """A torque of which a drive is moved by three quarters is not little beside the force of another drive."""
+    _, computed = influences(loads(TWO_AXES), budget=0.0)
+    tool = next(i for i in computed if i.name == "tool")
+    whole = 0.01 * np.radians(60.0) * (2.0 * np.pi) ** 2 + 1.5
+    assert tool.effort == pytest.approx(1.5 / whole, rel=1e-3)  # of the frames
+    assert tool.curve == pytest.approx(tool.effort, rel=1e-9)
 
 
 def test_effects_that_a_scene_has_not_are_tried_and_not_applied():

@@ -116,6 +116,16 @@ def test_the_band_of_a_ram_is_its_closed_form():
     assert computed.at is not None and computed.deviations().sum() == pytest.approx(computed.worst[computed.at])
 
 
+@pytest.mark.parametrize("distribution", ["normal", "uniform", "triangular"])
+def test_the_root_sum_square_is_that_of_the_contributions_however_parts_vary(distribution):
+    scene = load("parametric-press")
+    measure = parse_measure(scene, "drive.A.torque:peak")
+    varied = toleranced(scene, ["ratio=0.05"])
+    of = tolerances(run_scene(scene, frames=24), [measure], varied, samples=64, distribution=distribution)[0]
+    assert float(of.root_sum_square) == pytest.approx(np.sqrt((of.deviations() ** 2).sum()), rel=1e-12)
+    assert float(of.root_sum_square) < float(of.worst)
+
+
 def test_uniform_parts_fill_their_tolerance():
     scene = load("parametric-press")
     run = run_scene(scene, frames=4)
