@@ -227,7 +227,7 @@ class Change:
         rise = L if isinstance(guide, sp.Prismatic) else 1.0
         lift = MotionCurve(tuple(x.scaled(1.0, rise) for x in p.lift.pieces), p.lift.start, p.lift.repeats)
         face: Any = p.face if not hasattr(p.face, "radius") or not p.face.radius else replace(p.face, radius=L * p.face.radius)
-        assert not isinstance(face, Flat) or face.endless
+        assert not isinstance(face, Flat) or face.left == face.right == np.inf
         sense = int(p.sense * self.sense)
         shift = self.shift(FRAME, p.links[0])
         more = {"guide": self.names[p.guide], "lift": lift, "face": face, "base": L * p.base, "side": self.other(p.side)}

@@ -59,9 +59,7 @@ class Task:
                 if isinstance(face, Flat):
                     d = np.exp(1j * face.tilt)
                     q = np.imag(np.conj(d) * (z - guide.offset)) / np.cos(face.tilt)
-                    if face.endless:
-                        return np.where(np.isfinite(q), q, -np.inf)
-                    return self._on_face(q, z, guide.offset + 1j * q, d)
+                    return np.where(np.isfinite(q), q, -np.inf)
                 x = z.real - guide.offset
                 q = z.imag + np.sqrt(r * r - x * x)
                 q = np.where(self.on_arc(z, q), q, -np.inf)
@@ -71,10 +69,7 @@ class Task:
             if isinstance(face, Flat):
                 lever = face.shift * np.cos(face.tilt) - guide.side * guide.arm * np.sin(face.tilt)
                 q = beta + guide.side * face.tilt + np.arcsin(lever / size)
-                if face.endless:
-                    return np.where(np.isfinite(q), q, -np.inf)
-                t = guide.pivot + (guide.arm + 1j * guide.side * face.shift) * guide.home * np.exp(-1j * guide.side * q)
-                return self._on_face(q, z, t, self.follower.face_direction(q))
+                return np.where(np.isfinite(q), q, -np.inf)
             c = (size**2 + guide.arm**2 - r * r) / (2.0 * size * guide.arm)
             q = beta + np.arccos(c)
             q = np.where(self.on_arc(z, q), q, -np.inf)
@@ -91,13 +86,6 @@ class Task:
             arm = guide.home * np.exp(-1j * guide.side * q)
             down, centre = 1j * guide.side * arm, guide.pivot + guide.arm * arm
         return np.asarray(np.abs(np.angle((z - centre) / down)) <= face.half_angle)
-
-    def _on_face(self, q: Real, z: Complex, t: Complex, d: Complex | complex) -> Real:
-        face = self.follower.face
-        assert isinstance(face, Flat)
-        along = np.real(np.conj(d) * (z - t))
-        good = (along >= -face.left) & (along <= face.right) & np.isfinite(q)
-        return np.where(good, q, -np.inf)
 
     def touch_normal(self, z: Complex, q: Real) -> Complex:
         """Direction from a touched ground point to the follower (n)."""

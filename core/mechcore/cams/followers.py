@@ -136,18 +136,14 @@ class Flat:
     """A flat face through the reference point: across the line of a translating follower, along the arm of an oscillating one.
 
     ``tilt`` [rad] turns it counter-clockwise; ``shift`` [m] moves the face of an oscillating follower from the arm's line
-    towards the cam. ``left``, ``right`` [m]: how far the face reaches from the reference point along its direction.
+    towards the cam. ``left``, ``right`` [m]: how far the face reaches from the reference point along its direction. They are limits
+    to judge a contact by: the follower moves as if the face were endless.
     """
 
     tilt: float = 0.0
     shift: float = 0.0
     left: float = np.inf
     right: float = np.inf
-
-    @property
-    def endless(self) -> bool:
-        """Whether the face reaches as far as is asked for on both sides."""
-        return self.left == np.inf and self.right == np.inf
 
 
 Face = Knife | Roller | Arc | Flat

@@ -19,6 +19,7 @@ from mechcore.spec.mechanism import CamDrawn, CamRating, Revolute
 from mechcore.texts import as_angle, as_coordinate, as_force, as_length, as_pressure
 
 PULL_ROUNDING = 1e-9  # pull below this part of the largest force is rounding
+FACE_ROUNDING = 1e-9  # a contact beyond the end of a face by this part of its length is on it
 
 
 def cam_events(
@@ -257,11 +258,12 @@ def limit_events(motion: Motion, cam: AnyCam, touches: Flags | None = None) -> I
             yield Event(float(motion.time[first]), "WARN", cam.name, text, float(size[k]))
     face = cam.face
     if isinstance(face, Flat) and np.isfinite([face.left, face.right]).any():
-        for first, last in runs(on & ((rows.eccentricity < -face.left) | (rows.eccentricity > face.right))):
+        slack = 1.0 + FACE_ROUNDING
+        for first, last in runs(on & ((rows.eccentricity < -slack * face.left) | (rows.eccentricity > slack * face.right))):
             far = rows.eccentricity[first : last + 1]
             worst = float(far[np.argmax(np.abs(far))])
             text = (
                 f"the contact leaves the face at {_where(cam, x[first])}: it reaches {as_length(worst, 4)} from the follower's "
-                "point"
+                "point. Motion and forces are those of a longer face"
             )
             yield Event(float(motion.time[first]), "WARN", cam.name, text, worst)

@@ -8,7 +8,7 @@ from itertools import product
 import ezdxf
 import numpy as np
 import pytest
-from cam_scenes import refused, solved, text_of
+from cam_scenes import changed, refused, solved, text_of
 from cases import side_by_side
 from ezdxf.math import ConstructionEllipse, rational_bspline_from_ellipse
 
@@ -19,7 +19,7 @@ from mechcore.cams.followers import Arc, Flat, Follower, Knife, Oscillating, Rol
 from mechcore.cams.real_profiles import lift_of
 from mechcore.cams.synthesis import cam_on_base
 from mechcore.errors import MechanismError
-from mechcore.forces.cam_events import cam_events
+from mechcore.forces.cam_events import cam_events, lost_ranges
 from mechcore.forces.cam_rating import placed_cams
 from mechcore.laws.program import Segment, program
 from mechcore.motion.solve import compile_mechanism
@@ -166,6 +166,38 @@ def test_what_the_cutter_leaves(tmp_path):
     unspoilt: list[str] = []
     export_profiles(run_scene(mechviz.load("cam-flat")), tmp_path / "flat.dxf", "dxf", unspoilt.append)
     assert unspoilt == []
+
+
+def test_a_face_that_is_too_short_changes_no_motion_and_is_told():
+    """The eccentric disc under its face is a Scotch yoke: s = r + e sin(theta), and the contact goes e to either side."""
+    text = changed(text_of("cam-eccentric"), "flat = true", "flat = true, face = [5, 5]")
+    motion, forces = solved(text)
+    (cam,) = placed_cams(motion)
+    rows, theta, omega = cam.rows(motion), motion.pose("cam")[:, 2], 180.0 * np.pi / 30.0
+    s, v, a = motion.coordinate("S").T
+    np.testing.assert_allclose(s, 1e-3 * (38.0 + 12.0 * np.sin(theta) - 95.0), atol=1e-13)
+    np.testing.assert_allclose(v, 1e-3 * 12.0 * omega * np.cos(theta), atol=1e-12)
+    np.testing.assert_allclose(a, -1e-3 * 12.0 * omega**2 * np.sin(theta), atol=1e-10)
+    np.testing.assert_allclose(rows.place, 1e-3 * (12.0 * np.exp(1j * theta) + 38.0j), atol=1e-13)
+    np.testing.assert_allclose(rows.radius, 0.038, rtol=1e-10)
+    told = [e for e in cam_events(motion, forces) if "leaves the face" in e.text]
+    assert [abs(e.value) for e in told] == pytest.approx(3 * [0.012]) and "those of a longer face" in told[0].text
+    exact, forces = solved(text.replace("[5, 5]", "[12, 12]"))
+    assert not [e for e in cam_events(exact, forces) if "leaves the face" in e.text], "it reaches just to the ends"
+
+
+def test_a_short_face_follows_what_the_cutter_leaves():
+    """The face rests on the highest point of the profile; the velocity is the derivative of the displacement."""
+    motion, _ = solved(changed(text_of("cam-undercut"), "flat = true", "flat = true, face = [5, 5]"), 720)
+    (cam,) = placed_cams(motion)
+    theta = cam.argument(motion)
+    z = cam.contour(np.linspace(0.0, cam.contour.count, 40001))[0]
+    heights = np.array([(z * np.exp(1j * x)).imag.max() for x in theta[::15]])
+    np.testing.assert_allclose(cam.rows(motion).coordinate[::15], heights, atol=1e-7)
+    s, v, _ = motion.coordinate("S").T
+    near = (s[2:] - s[:-2]) / (motion.time[2:] - motion.time[:-2])
+    assert np.abs(near - v[1:-1]).max() < 0.005 * np.abs(v).max()
+    assert max(abs(d) for *_, d in lost_ranges(cam)) == pytest.approx(0.6398e-3, rel=1e-4)
 
 
 def test_a_drawing_that_was_exported_gives_the_lift_back(tmp_path):

@@ -203,16 +203,31 @@ def test_first_contact_wins_everywhere():
     assert np.all(flat.motion[0] >= top * (1 - 1e-14)) and np.all(flat.motion[0] < top * (1 + 1e-5))
 
 
-def test_faces_of_finite_length_lose_the_contact():
-    disc = circle(0.03, 0.02)
-    theta = np.linspace(0, 2 * PI, 25)
-    whole = analyse(disc, Follower(Translating(), Flat()), theta, bridges=False)
-    short = analyse(disc, Follower(Translating(), Flat(left=0.005, right=0.005)), theta, bridges=False)
-    where = np.abs((whole.point * np.exp(1j * theta)).real) < 0.0049
-    np.testing.assert_allclose(short.motion[0][where], whole.motion[0][where], rtol=1e-12)
-    assert np.all(short.motion[0] <= whole.motion[0] + 1e-15)
-    far = analyse(disc, Follower(Translating(0.06), Knife()), theta, bridges=False)
-    assert far.lost.all()
+@pytest.mark.parametrize("tilt", [0.0, 0.2])
+def test_a_short_face_moves_as_an_endless_one(tilt):
+    """An eccentric disc: its centre is a radius away from the face, at the angle theta; the velocity is the exact derivative."""
+    r, e, theta = 0.03, 0.02, np.linspace(0, 2 * PI, 25)
+    c = analyse(circle(r, e), Follower(Translating(), Flat(tilt=tilt, left=0.005, right=0.005)), theta, bridges=False)
+    x, cosine = theta - tilt, np.cos(tilt)
+    wanted = np.array([r + e * np.sin(x), e * np.cos(x), -e * np.sin(x), -e * np.cos(x)]) / cosine
+    np.testing.assert_allclose(c.motion, wanted, atol=1e-14)
+    np.testing.assert_allclose(c.point * np.exp(1j * theta), e * np.exp(1j * theta) + 1j * r * np.exp(1j * tilt), atol=1e-14)
+    np.testing.assert_allclose(c.radius, r, rtol=1e-12)
+
+
+def test_a_short_face_on_an_arm_moves_as_an_endless_one():
+    """The face through the pivot touches a disc whose centre is d away: its angle from the line to the centre is asin(r / d)."""
+    r, e, pivot, theta = 0.03, 0.01, 0.1 + 0j, np.linspace(0, 2 * PI, 25)
+    follower = Follower(Oscillating(pivot, 0.1), Flat(left=0.005, right=0.005))
+    c = analyse(circle(r, e), follower, theta, bridges=False)
+    away = e * np.exp(1j * theta) - pivot
+    np.testing.assert_allclose(c.motion[0], -np.angle(-away) + np.arcsin(r / np.abs(away)), atol=1e-14)
+    reach = np.abs(c.point * np.exp(1j * theta) - follower.reference(c.motion[:1])[0])
+    assert reach.max() > 0.005, "the contact lies beyond the ends of the face"
+
+
+def test_a_knife_beside_the_profile_touches_nothing():
+    assert analyse(circle(0.03, 0.02), Follower(Translating(0.06), Knife()), TURN, bridges=False).lost.all()
 
 
 def test_tangent_cam_of_arcs_and_lines():
