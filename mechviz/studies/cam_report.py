@@ -117,11 +117,14 @@ def _facts(motion: Motion, forces: Forces | None, cam: AnyCam, joint: CamJoint, 
         k = int(np.nanargmax(steep))
         words = f"up to {as_angle(steep[k], 5)} at {_place(cam, x[k])}"
         yield _judged("pressure angle", words, float(steep[k]), cam.pressure_limit, _degrees)
-    sharp = np.where(rows.radius > 0.0, rows.radius, np.inf)
-    if np.isfinite(sharp).any() and not exact and not joint.inverse:
-        k = int(np.argmin(sharp))
-        words = f"least radius of the convex profile {as_length(sharp[k], 5)} at {_place(cam, x[k])}"
-        yield "curvature", words, None, False
+    if isinstance(cam, PlacedCam) and cam.given is not None:
+        corner = np.abs(rows.radius) <= NOISE * cam.given.size
+        sharp = np.where(corner, 0.0, np.where(rows.radius > 0.0, rows.radius, np.inf))
+        if np.isfinite(sharp).any():
+            k = int(np.argmin(sharp))
+            yield _curvature(cam, float(sharp[k]), f" at {_place(cam, x[k])}")
+        if np.isfinite(rows.eccentricity).any():
+            yield from _face(cam, float(np.nanmin(rows.eccentricity)), float(np.nanmax(rows.eccentricity)))
     if force is not None and forces is not None and np.isfinite(force).any():
         yield from _loaded(forces, cam, joint, force, margin)
     if joint.drawn is not None:
@@ -179,24 +182,37 @@ def _limits(cam: AnyCam) -> Iterator[ReportRow]:
     yield _judged("pressure angle", ", ".join(ends), worst, cam.pressure_limit, _degrees)
     if cam.curvature_limit is not None:
         least = 0.0 if limits.undercut or limits.convex is None else limits.convex.value
-        fits = least >= cam.curvature_limit * (1.0 - NOISE)
-        words = f"least radius of the convex profile {as_length(least, 5)}; limit {as_length(cam.curvature_limit, 5)}"
-        yield "curvature", f"{words}: {_verdict(fits)}", fits, True
+        yield _curvature(cam, least)
     radius = (
         [] if limits.convex is None else [f"least radius {as_length(limits.convex.value, 5)} at {_place(cam, limits.convex.angle)}"]
     )
     if limits.greatest_roller is not None and np.isfinite(limits.greatest_roller.value):
         radius.append(f"radii of the follower up to {as_length(limits.greatest_roller.value, 5)}")
     yield "undercut", "; ".join([_verdict(not limits.undercut), *radius]), not limits.undercut, False
-    if isinstance(cam.face, Flat) and limits.distance_left is not None and limits.distance_right is not None:
-        left, right = abs(limits.distance_left.value), abs(limits.distance_right.value)
-        words = f"the contact goes {as_length(left, 5)} to the left and {as_length(right, 5)} to the right"
-        if not np.isfinite([cam.face.left, cam.face.right]).any():
-            yield "face", words, None, False
-            return
-        passed = left <= cam.face.left and right <= cam.face.right
-        ends_of_face = f"face {as_length(cam.face.left, 5)} and {as_length(cam.face.right, 5)}"
-        yield "face", f"{words}; {ends_of_face}: {_verdict(passed)}", passed, True
+    if limits.distance_left is not None and limits.distance_right is not None:
+        yield from _face(cam, limits.distance_left.value, limits.distance_right.value)
+
+
+def _curvature(cam: PlacedCam, least: float, at: str = "") -> ReportRow:
+    """The least radius of the convex profile [m] beside its limit, if there is one."""
+    words, limit = f"least radius of the convex profile {as_length(least, 5)}{at}", cam.curvature_limit
+    if limit is None:
+        return "curvature", words, None, False
+    passed = least >= limit * (1.0 - NOISE)
+    return "curvature", f"{words}; limit {as_length(limit, 5)}: {_verdict(passed)}", passed, True
+
+
+def _face(cam: PlacedCam, least: float, most: float) -> Iterator[ReportRow]:
+    """How far the contact goes along a flat face, from its ``least`` to its ``most`` distance [m], beside the ends of the face."""
+    face, left, right = cam.face, max(-least, 0.0), max(most, 0.0)
+    assert isinstance(face, Flat)
+    words = f"the contact goes {as_length(left, 5)} to the left and {as_length(right, 5)} to the right"
+    if min(face.left, face.right) == np.inf:
+        yield "face", words, None, False
+        return
+    passed = left <= face.left * (1.0 + NOISE) and right <= face.right * (1.0 + NOISE)
+    ends = f"face {as_length(face.left, 5)} and {as_length(face.right, 5)}"
+    yield "face", f"{words}; {ends}: {_verdict(passed)}", passed, True
 
 
 def _verdict(passed: bool) -> str:

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mechcore.branches.assembly import all_modes
+from mechcore.cams.followers import Flat
+from mechcore.cams.placement.plane import PlacedCam
 from mechcore.effects.plan import Plan
 from mechcore.forces.cam_events import cam_events
 from mechcore.forces.cam_rating import placed_cams
@@ -127,7 +129,7 @@ def check_lines(scene: Scene, *, equations: bool = False, modes: bool = False) -
         if any(joint.rating is not None or joint.drawn is not None for joint in cams) and not free:
             lines += ["", *cam_lines(motion, known, scene.units)]
     if free or decided:
-        lines += _section("a run", [f"tells {words}" for words in _reported_by_runs(scene.mechanism)])
+        lines += _section("a run", [f"tells {words}" for words in _reported_by_runs(scene.mechanism, motion)])
     if modes:
         lines += _all_modes(compiled, scene.units)
     if equations:
@@ -269,17 +271,23 @@ def _idle(scene: Scene, compiled: Compiled, ranges: list[tuple[float, float]]) -
     return _section("load", lines)
 
 
-def _reported_by_runs(mechanism: Mechanism) -> list[str]:
+def _reported_by_runs(mechanism: Mechanism, motion: Motion) -> list[str]:
     """Limits of a scene that only forces decide."""
     limited = []
+    given = {cam.name for cam in placed_cams(motion) if isinstance(cam, PlacedCam) and cam.given is not None}
     for joint in mechanism.joints:
         if isinstance(joint, CamJoint):
             rating = joint.rating
             limits = {
                 "Hertz pressure": rating is not None and rating.limit is not None,
                 "contact force": rating is not None and rating.margin is not None,
-                "pressure angle": joint.contour is not None and joint.pressure_limit is not None,  # else its law states it
             }
+            if joint.name in given:  # of others their laws state these
+                limits |= {
+                    "pressure angle": joint.pressure_limit is not None,
+                    "curvature": joint.curvature_limit is not None,
+                    "face": isinstance(joint.face, Flat) and min(joint.face.left, joint.face.right) < np.inf,
+                }
             limited += [f"whether the {what} at {joint.name} keeps its limit" for what, stated in limits.items() if stated]
     for load in mechanism.loads:
         if isinstance(load, Spring) and load.solid_length is not None:

@@ -283,6 +283,50 @@ def test_check_tells_limits_that_are_violated_and_the_command_fails(tmp_path):
     assert "limits " not in invoked(tmp_path, kept, "check").output and invoked(tmp_path, kept, "cams", "--strict").exit_code == 0
 
 
+@pytest.mark.parametrize(
+    ("at", "face", "told"),
+    [
+        (0, [5, 5], "12 mm to the left and 12 mm to the right; face 5 mm and 5 mm: FAIL"),
+        (0, [12, 12], "12 mm to the left and 12 mm to the right; face 12 mm and 12 mm: pass"),
+        (-20, [1, 32], "0 mm to the left and 32 mm to the right; face 1 mm and 32 mm: pass"),
+    ],
+)
+def test_the_face_on_a_given_profile_is_judged(tmp_path, at, face, told):
+    """The contact of an eccentric disc goes 12 mm, its eccentricity, to either side of the disc's axis."""
+    text = text_of("cam-eccentric").replace("flat = true", f"flat = true, face = {face}").replace("G = [0,", f"G = [{at},")
+    run = invoked(tmp_path, text, "cams", "--strict")
+    failed = told.endswith("FAIL")
+    assert told in run.output and run.exit_code == failed and ("limits are violated: face of K." in run.output) == failed
+    lines = [line for line in invoked(tmp_path, text, "check").output.splitlines() if line.startswith("limits ")]
+    assert len(lines) == failed and all("K: face" in line and line.endswith(told) for line in lines)
+
+
+def test_a_contact_on_one_side_of_the_follower_s_point_goes_nowhere_on_the_other(tmp_path):
+    """A cycloidal rise of 20 mm over 120 degrees: the contact lies h' - e from the point, h' up to 2 * 20 mm / 120 degrees."""
+    text = text_of("cam-flat").replace("G = [0,", "G = [30,").replace("face = [30, 30]", "face = [50, 1]")
+    run = invoked(tmp_path, text, "cams")
+    assert f"{30.0 + 40.0 / np.radians(120.0):.5g} mm to the left and 0 mm to the right; face 50 mm and 1 mm: pass" in run.output
+
+
+def test_the_curvature_of_what_the_cutter_leaves_is_judged(tmp_path):
+    """Corners remain of the undercut profile, of radius zero; the law would keep to no positive one."""
+    text = text_of("cam-undercut").replace('undercut = "cut"', 'undercut = "cut"\ncurvature_limit = 10')
+    run = invoked(tmp_path, text, "cams")
+    assert re.search(r"least radius of the convex profile 0 mm at \d+°; limit 10 mm: FAIL", run.output)
+    assert run.exit_code == 1 and "limits are violated: curvature of K." in run.output
+    assert "K: curvature least radius" in invoked(tmp_path, text, "check").output
+    plain = CliRunner().invoke(app, ["cams", "cam-undercut"])
+    assert "least radius of the convex profile 0 mm" in plain.output and "limit" not in plain.output
+
+
+def test_limits_of_given_profiles_that_only_a_run_decides_are_named(tmp_path):
+    text = text_of("cam-undercut").replace('undercut = "cut"', 'undercut = "cut"\ncurvature_limit = 10\npressure_limit = 30')
+    text = text.replace("flat = true,", "flat = true, face = [5, 5],").replace("[joints.K.p", "liftoff = {}\n[joints.K.p")
+    checked = invoked(tmp_path, f'run = {{ duration = "1 s", frames = 60 }}\n{text}', "check").output
+    for what in ("pressure angle", "curvature", "face"):
+        assert f"tells whether the {what} at K keeps its limit" in checked, checked
+
+
 def test_what_the_scene_states_no_limit_for_fails_if_asked_to(tmp_path):
     run = CliRunner().invoke(app, ["cams", "cam-undercut"])
     assert run.exit_code == 0 and "undercut           FAIL" in run.output and "by up to 0.6398 mm" in run.output
