@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 ROUND_OFF = 1e-9  # of a run's duration
 MOST_CHANGE = 0.05  # of works by frames that are left out: the works themselves are then off by two per cent
+LEAST_MEAN = 1e-9  # of what is supplied: a smaller mean power is rounding
 CLOSED = 1e-6  # to which works close that are more than rounding
 _HEADS = ("force", "cause", "place", "power is", "use", "mean [W]", "peak [W]", "supplies [J]", "absorbs [J]")
 
@@ -38,7 +39,7 @@ def _rows(table: PowerTable) -> list[tuple[str, ...]]:
             i.place,
             i.role,
             i.use or "-",
-            number(i.mean, nothing / span),
+            number(i.mean, LEAST_MEAN * table.supplied / span),
             number(i.peak, 0.0 if i.role != "idle" else np.inf),
             *(number(work if i.role != "unknown" else np.nan, nothing) for work in (i.supplied, i.absorbed)),
         )
@@ -47,7 +48,17 @@ def _rows(table: PowerTable) -> list[tuple[str, ...]]:
     mean = (table.supplied - table.absorbed) / span
     return [
         *rows,
-        ("sum", "", "", "", "", number(mean, 1e-9 * table.supplied / span), "", number(table.supplied), number(table.absorbed)),
+        (
+            "sum",
+            "",
+            "",
+            "",
+            "",
+            number(mean, LEAST_MEAN * table.supplied / span),
+            "",
+            number(table.supplied),
+            number(table.absorbed),
+        ),
     ]
 
 
@@ -61,7 +72,7 @@ def _resolution(table: PowerTable) -> Iterator[str]:
     """That the frames are too few, where they are. Where powers do not close, they are rounding or unknown."""
     change = thinning_change(table)
     if np.isinf(change):
-        yield f"{len(table.time) - 1} frames are too few for works and peaks: give more with --frames."
+        yield f"{len(table.frames) - 1} frames are too few for works and peaks: give more with --frames."
     elif change > MOST_CHANGE and table.closure < CLOSED:
         words = f"without every second one works change by {100.0 * change:.2g} % of what is supplied"
         yield f"The frames are too few for works and peaks: {words}. Give more with --frames."
@@ -79,7 +90,7 @@ def force_lines(forces: Forces) -> list[str]:
     lines.insert(len(lines) - 1, "-" * len(lines[0]))
     lines += ["", _closing(table), *_resolution(table), ""]
     least = ROUND_OFF * float(np.ptp(forces.motion.time))
-    for share in drive_shares(forces) if forces.motion.mechanism.drives else ():
+    for share in drive_shares(table):
         if np.isnan(share.power).all():
             lines.append(f"drive {share.joint}: its power is unknown throughout")
             continue

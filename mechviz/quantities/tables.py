@@ -12,7 +12,7 @@ import numpy as np
 from mechcore.arrays import Real
 from mechcore.forces.cam_rating import AnyCam, contact_force, contact_stress, drawn_lift, drawn_rows, joint_of, placed_cams
 from mechcore.forces.kinetostatics import Forces, LoadResult
-from mechcore.forces.powers import power_labels, power_table
+from mechcore.forces.powers import power_labels, powers_by_label
 from mechcore.forces.section_forces import bearing_ends, bearings
 from mechcore.motion import metrics
 from mechcore.motion.motion import Motion
@@ -281,7 +281,7 @@ def _powers(run: Run) -> Iterator[ItemTable]:
     labels = power_labels(forces)
     if labels:
         names: ColumnUnits = tuple((label, "W") for label in labels)
-        yield ItemTable(("data", "power"), "power", names, lambda: np.column_stack([i.power for i in power_table(forces).items]))
+        yield ItemTable(("data", "power"), "power", names, lambda: np.column_stack(list(powers_by_label(forces).values())))
     energies: ColumnUnits = tuple((k, "J") for k in ("kinetic", "potential", "work", "dissipated"))
     yield ItemTable(("data", "energy"), "energy", energies, lambda: forces.energy)
 

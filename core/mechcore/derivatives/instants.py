@@ -17,10 +17,10 @@ import numpy as np
 from mechcore.arrays import Real
 from mechcore.dynamics.equations.charts import Chart
 from mechcore.dynamics.equations.reduced import motion_at
-from mechcore.dynamics.segments import next_break, segment_forces
+from mechcore.dynamics.segments import segment_forces
 from mechcore.dynamics.simulation import powers_of
 from mechcore.effects.registry import effects_of
-from mechcore.laws.timed import Free, Law, Piecewise
+from mechcore.laws.timed import Free, Law, Piecewise, next_break
 from mechcore.motion.compiled import Compiled
 from mechcore.records import dataclass
 from mechcore.spec.loads import Prescribed, Servo

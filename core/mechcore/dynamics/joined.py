@@ -148,7 +148,7 @@ class JoinedForces(Forces):
     """`Forces` whose results by name are put together: their frames come from several motions of the same mechanism.
 
     ``stops``: end stops that may hold something somewhere; ``energies``: time (n,) -> kinetic and potential energy, work done and
-    energy dissipated so far (n, 4) [J].
+    energy dissipated so far (n, 4) [J]; ``again``: the forces at other times; ``boundaries``: see `Forces`.
     """
 
     def __init__(
@@ -158,15 +158,22 @@ class JoinedForces(Forces):
         *,
         stops: Sequence[EndStop] = (),
         energies: Callable[[Real], Real] | None = None,
+        again: Callable[[Real], Forces] | None = None,
+        boundaries: Callable[[float], Real] | None = None,
     ):
         self.motion: JoinedMotion = motion
         self._parts = tuple(parts)
         self._stops = {stop_load(s): s for s in stops}
-        self._energies = energies
+        self._energies, self._again = energies, again
+        self.boundaries = boundaries
         self.friction = None if all(f.friction is None for _, f in parts) else JoinedFriction(self)
 
     def _join(self, value: Callable[[Forces], Real]) -> Real:
         return together(self.motion.frames, [(rows, value(f)) for rows, f in self._parts])
+
+    def again(self, t: Real) -> Forces:
+        assert self._again is not None
+        return self._again(t)
 
     @property
     def parts(self) -> Sequence[tuple[Index, Forces]]:

@@ -24,7 +24,7 @@ from mechcore.effects.base import joint_wrench, sum_up
 from mechcore.effects.registry import effects_of
 from mechcore.forces.equilibrium import transmit
 from mechcore.forces.kinetostatics import Forces, solve_forces
-from mechcore.laws.timed import Free, Law, Piecewise
+from mechcore.laws.timed import next_break, timed
 from mechcore.motion.compiled import Compiled
 from mechcore.motion.motion import Motion
 from mechcore.records import dataclass
@@ -133,9 +133,7 @@ class Breakpoints(Programmed):
 
     def __init__(self, compiled: Compiled):
         self.compiled, effects = compiled, effects_of(compiled.mechanism)
-        laws = [d.law for d in compiled.mechanism.drives if not isinstance(d.law, Free)]
-        laws += [law for e in effects for law in e.laws]
-        self.laws = [law for law in laws if law.breaks or isinstance(law, Piecewise)]
+        self.laws = timed([*(d.law for d in compiled.mechanism.drives), *(law for e in effects for law in e.laws)])
         self.breaks = np.array(sorted({t for e in effects for t in e.breaks}))
         self.driven = "friction" in compiled.mechanism.effects and not free_of(compiled)  # else friction's phases end segments
         several = any(e.piecewise for e in effects) or any(r.kind == "cam" for r in compiled.model.relations)
@@ -184,10 +182,3 @@ def breakpoint_finder(compiled: Compiled) -> Breakpoints | None:
     """Finder of the breakpoints of a mechanism's laws; None where nothing in it has several forms."""
     finder = Breakpoints(compiled)
     return finder if finder.searched or len(finder.breaks) or finder.laws else None
-
-
-def next_break(law: Law, after: float) -> float:
-    """The first time [s] later than ``after`` at which a prescribed drive's acceleration may jump, within cycles or between."""
-    begun = np.floor(after / law.duration) * law.duration if np.isfinite(law.duration) else 0.0
-    times = begun + np.array([0.0, law.duration])[:, None] + np.array([0.0, *law.breaks])
-    return float(times[times > after].min(initial=np.inf))

@@ -166,7 +166,14 @@ class Simulation:
         parts = []
         for (segment, rows), (_, part) in zip(self._rows(motion.time), motion.parts, strict=True):
             parts.append((rows, segment.forces(motion.time[rows], part)))
-        return JoinedForces(motion, parts, stops=self.stops, energies=self.energies)
+        return JoinedForces(
+            motion,
+            parts,
+            stops=self.stops,
+            energies=self.energies,
+            again=lambda t: self.forces(self.view(t)),
+            boundaries=self.boundaries,
+        )
 
     def gap(self, cam: str, motion: Motion) -> Real:
         """How far the follower of a cam is from it in a `view` of this simulation (F,), in its guide's coordinate [m or rad]."""

@@ -70,6 +70,15 @@ class Forces:
         self._contacts = contacts  # of each relation: place and force on its second link
         self._shape = motion.shape
 
+    boundaries: Callable[[float], Real] | None = (
+        None  # of a motion under forces: times (n,) until one [s], between which it is smooth
+    )
+
+    def again(self, t: Real) -> Forces:
+        """The forces at other times (n,) [s] of a motion that can be had `again` there."""
+        assert self.motion.again is not None
+        return solve_forces(self.motion.again(t))
+
     @property
     def parts(self) -> Sequence[tuple[Index, Forces]]:
         """The frames and the forces of every part of the motion, see `Motion.parts`."""

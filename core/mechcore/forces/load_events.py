@@ -10,7 +10,7 @@ import numpy as np
 
 from mechcore.arrays import Real
 from mechcore.effects.resistance import spans
-from mechcore.forces.kinetostatics import Forces, solve_forces
+from mechcore.forces.kinetostatics import Forces
 from mechcore.laws.timed import Table
 from mechcore.motion.events import Event, at_drive, runs
 from mechcore.motion.metrics import largest_maximum
@@ -129,9 +129,8 @@ ForcesAt = Callable[[Real], Forces]
 
 
 def forces_at(forces: Forces) -> ForcesAt | None:
-    """The forces at other times of a run that laws lead."""
-    again = forces.motion.again
-    return None if again is None else lambda t: solve_forces(again(t))
+    """The forces at other times of a run that can be had there."""
+    return None if forces.motion.again is None else forces.again
 
 
 def crossing(again: ForcesAt | None, values: Callable[[Forces], Real], t0: float, t1: float, n0: float, n1: float) -> float:

@@ -12,14 +12,17 @@ small delta).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from itertools import pairwise
 from typing import Literal
 
 import numpy as np
 
-from mechcore.arrays import Real
+from mechcore.arrays import Index, Real
 from mechcore.effects.base import LOSSES, Wrench
 from mechcore.effects.prescribed import breaks_of
 from mechcore.errors import Fault, MechanismError
+from mechcore.forces.instants import instants
 from mechcore.forces.kinetostatics import Forces
 from mechcore.records import dataclass
 from mechcore.spec.loads import GasPressure, Load, Prescribed
@@ -30,7 +33,7 @@ SMALL_POWER = 1e-9  # part of the largest power of a run that counts as nothing
 
 @dataclass(frozen=True, eq=False)
 class PowerItem:
-    """A force, its classes, and its power (F,) [W] over the run; ``supplied`` and ``absorbed`` are works [J], both positive."""
+    """A force, its classes, and its power (n,) [W] over the run; ``supplied`` and ``absorbed`` are works [J], both positive."""
 
     name: str
     kind: str
@@ -51,10 +54,12 @@ class PowerItem:
 
 @dataclass(frozen=True, eq=False)
 class PowerTable:
-    """All forces of a run; ``time`` (F,) [s]. ``closure``: what is left of the sum of all works over the work supplied."""
+    """All forces of a run; ``time`` (n,) [s] of its frames and of both sides of what makes powers jump, ``frames``: which of them
+    are frames. ``closure``: what is left of the sum of all works over the work supplied."""
 
     items: tuple[PowerItem, ...]
     time: Real
+    frames: Index
 
     @property
     def supplied(self) -> float:
@@ -73,7 +78,7 @@ class PowerTable:
 
 
 def works(power: Real, time: Real) -> tuple[float, float]:
-    """Work supplied and absorbed [J] by a power (F,) [W] that goes straight from frame to frame; exact, sign changes included."""
+    """Work supplied and absorbed [J] by a power (n,) [W] that goes straight from time to time; exact, sign changes included."""
     a, b, dt = power[:-1], power[1:], np.diff(time)
     high, low = np.maximum(a, b), np.minimum(a, b)
     mixed = (high > 0.0) & (low < 0.0)
@@ -87,11 +92,10 @@ def thinning_change(table: PowerTable) -> float:
     """Largest change of the works of an item where every second frame is left out, in parts of all works that are supplied: about
     three times the error of the works, as that of straight lines falls with the square of the steps. Without four steps, of which
     two are left, nothing is known, which is infinity."""
-    steps = len(table.time) - 1
-    if steps <= 4:
+    if len(table.frames) <= 5:
         return np.inf
-    kept = np.append(np.arange(0, steps, 2), steps)
-    changes = [np.subtract(works(i.power[kept], table.time[kept]), (i.supplied, i.absorbed)) for i in table.items]
+    kept = np.delete(np.arange(len(table.time)), table.frames[1:-1:2])
+    changes = [np.subtract(works(i.power[kept], table.time[kept]), works(i.power, table.time)) for i in table.items]
     return float(np.max(np.abs(changes), initial=0.0)) / max(table.supplied, table.absorbed, 1e-300)
 
 
@@ -109,15 +113,18 @@ def power_labels(forces: Forces) -> tuple[str, ...]:
 
 def power_table(forces: Forces) -> PowerTable:
     """Every force of a run with its classes, its mean and peak power, and the work that it supplies and absorbs."""
-    motion, rows = forces.motion, _power_rows(forces)
-    uses = {load.name: load.use for load in motion.mechanism.loads}
+    at = instants(forces)
+    beside = [_power_rows(part) for part in at.parts[1:]]
+    rows = [
+        (name, kind, cause, place, at.together(power, *(own[k][-1] for own in beside)))
+        for k, (name, kind, cause, place, power) in enumerate(_power_rows(forces))
+    ]
+    uses = {load.name: load.use for load in forces.motion.mechanism.loads}
     largest = max((float(np.nanmax(np.abs(row[-1]), initial=0.0)) for row in rows), default=0.0)
     return PowerTable(
-        items=tuple(
-            _power_item(name, kind, cause, place, power, motion.time, uses.get(name) or "", largest)
-            for name, kind, cause, place, power in rows
-        ),
-        time=motion.time,
+        items=tuple(_power_item(row, at.time, uses.get(row[0]) or "", largest) for row in rows),
+        time=at.time,
+        frames=at.frames,
     )
 
 
@@ -145,16 +152,8 @@ def _place(w: Wrench) -> Literal["external", "internal"]:
     return "external" if w.other is None else "internal"
 
 
-def _power_item(
-    name: str,
-    kind: str,
-    cause: str,
-    place: Literal["external", "internal"],
-    power: Real,
-    time: Real,
-    use: str,
-    largest: float,
-) -> PowerItem:
+def _power_item(row: PowerRow, time: Real, use: str, largest: float) -> PowerItem:
+    name, kind, cause, place, power = row
     supplied, absorbed = works(power, time)
     known = power[np.isfinite(power)]
     low, high = (float(known.min()), float(known.max())) if known.size else (np.nan, np.nan)
@@ -184,7 +183,8 @@ def _power_item(
 
 @dataclass(frozen=True, eq=False)
 class DriveShare:
-    """Work of a drive over a run: its power (F,) [W], works [J], and the times [s] between which it delivers power."""
+    """Work of a drive over a run: its power (n,) [W] at the times of the table, works [J], and the times [s] between which it
+    delivers power."""
 
     joint: str
     power: Real
@@ -193,18 +193,11 @@ class DriveShare:
     delivers: tuple[tuple[float, float], ...]
 
 
-def drive_shares(forces: Forces) -> tuple[DriveShare, ...]:
-    """Which drive delivers power when, and how much. Raises `MechanismError` where there is no drive."""
-    motion = forces.motion
-    if not motion.mechanism.drives:
-        raise MechanismError(Fault("drives", "the mechanism has no drive.", "Add one."))
-    powers = {d.joint: forces.power(d.joint) for d in motion.mechanism.drives}
-    small = SMALL_POWER * max(float(np.nanmax(np.abs(p), initial=0.0)) for p in powers.values())
-    shares = []
-    for joint, power in powers.items():
-        supplied, absorbed = works(power, motion.time)
-        shares.append(DriveShare(joint, power, supplied, absorbed, _positive(power - small, motion.time)))
-    return tuple(shares)
+def drive_shares(table: PowerTable) -> tuple[DriveShare, ...]:
+    """Which drive delivers power when, and how much."""
+    drives = [i for i in table.items if i.kind == "drive"]
+    small = SMALL_POWER * max((float(np.nanmax(np.abs(i.power), initial=0.0)) for i in drives), default=0.0)
+    return tuple(DriveShare(i.name, i.power, i.supplied, i.absorbed, _positive(i.power - small, table.time)) for i in drives)
 
 
 def _positive(values: Real, time: Real) -> tuple[tuple[float, float], ...]:
@@ -237,8 +230,8 @@ class Flywheel:
 def flywheel(forces: Forces, fluctuation: float, drive: str | None = None, *, smooth: bool | None = None) -> Flywheel:
     """The flywheel on a drive (the first, if not named) that turns at constant speed over one or more whole cycles.
 
-    ``smooth``: the torque is a cubic spline through the frames, else straight lines (for torques that jump); not said: straight
-    lines where gas presses on a piston or a table is not smooth. Raises `MechanismError` where there is no drive, where it does not
+    ``smooth``: the torque is a cubic spline through the frames from jump to jump, else straight lines; not said: straight lines
+    where gas presses on a piston or a table is not smooth. Raises `MechanismError` where there is no drive, where it does not
     turn a shaft in the frame at constant speed, or where the fluctuation is not positive.
     """
     motion = forces.motion
@@ -255,7 +248,7 @@ def flywheel(forces: Forces, fluctuation: float, drive: str | None = None, *, sm
         raise MechanismError(Fault("flywheel", why, "A flywheel sits on a shaft in the frame."))
     if driven.coordinate != "angle":
         raise MechanismError(Fault("flywheel", f"the drive of '{joint}' does not turn.", "A flywheel needs a shaft that turns."))
-    position, speed, _ = motion.drives[joints.index(joint)]
+    speed = motion.drives[joints.index(joint)][1]
     omega = float(speed[0])
     if omega == 0.0 or np.ptp(speed) > 1e-9 * abs(omega):
         raise MechanismError(
@@ -263,7 +256,10 @@ def flywheel(forces: Forces, fluctuation: float, drive: str | None = None, *, sm
         )
     if smooth is None:
         smooth = not any(_jumps(load) for load in motion.mechanism.loads)
-    return flywheel_of_torque(position, forces.effort(joint), omega, fluctuation, smooth=smooth)
+    at = instants(forces)
+    position = at.together(*(part.motion.drives[joints.index(joint)][0] for part in at.parts))
+    torque = at.together(*(part.effort(joint) for part in at.parts))
+    return flywheel_of_torque(position, torque, omega, fluctuation, smooth=smooth, before=at.before)
 
 
 def _jumps(load: Load) -> bool:
@@ -273,38 +269,51 @@ def _jumps(load: Load) -> bool:
     return isinstance(load, GasPressure) or bent or bool(breaks_of(factor))
 
 
-def flywheel_of_torque(position: Real, torque: Real, omega: float, fluctuation: float, *, smooth: bool = True) -> Flywheel:
-    """The same from positions (F,) [rad] over whole cycles and the torque (F,) [N m] that the machine needs there."""
-    from scipy.interpolate import CubicSpline, PPoly, make_interp_spline
+def flywheel_of_torque(
+    position: Real,
+    torque: Real,
+    omega: float,
+    fluctuation: float,
+    *,
+    smooth: bool = True,
+    before: Sequence[int] | Index = (),
+) -> Flywheel:
+    """The same from positions (n,) [rad] over whole cycles and the torque (n,) [N m] that the machine needs there; ``before``:
+    positions just before a jump, the next ones being just after it, between which a torque is smooth."""
+    from scipy.interpolate import CubicSpline, PPoly
 
     if not fluctuation > 0.0:
         raise MechanismError(
             Fault("flywheel", f"a coefficient of fluctuation of {fluctuation:g}.", "Give a positive one, such as 0.02.")
         )
+    curve: PPoly
     sense = 1.0 if omega > 0.0 else -1.0
     x, y = sense * np.asarray(position, float), sense * np.asarray(torque, float)
     if len(x) < 3:
         raise MechanismError(Fault("flywheel", f"a torque at {len(x)} positions.", "Compute more frames."))
-    if smooth:
+    if smooth and len(before):
+        ends = np.unique([0, *before, *np.add(before, 1), len(x) - 1])
+        pieces = [CubicSpline(x[a : b + 1], y[a : b + 1]).c for a, b in pairwise(ends)]
+        curve = PPoly(np.concatenate(pieces, axis=1), x)
+    elif smooth:
         closed = abs(y[-1] - y[0]) <= 1e-6 * np.abs(y).max(initial=1e-300)
         if closed:
             y = np.append(y[:-1], y[0])
-        curve: PPoly = CubicSpline(x, y, bc_type="periodic" if closed else "not-a-knot")
+        curve = CubicSpline(x, y, bc_type="periodic" if closed else "not-a-knot")
     else:
-        line = make_interp_spline(x, y, k=1)
-        curve = PPoly.from_spline((line.t, line.c, 1))
+        curve = PPoly(np.stack([np.diff(y) / np.diff(x), y[:-1]]), x)
     work = curve.antiderivative()
     total = float(work(x[-1]) - work(x[0]))
     mean = total / (x[-1] - x[0])
     turning = curve.solve(mean, extrapolate=False)  # the excess is extreme where the torque is its mean
     places = np.concatenate([x, turning[np.isfinite(turning)]])  # the frames too: there the torque may jump past its mean
     excess = mean * (places - x[0]) - (work(places) - work(x[0]))  # what the motor has given more than was taken
-    top, bottom = int(np.argmax(excess)), int(np.argmin(excess))
-    span = float(excess[top] - excess[bottom])
+    span = float(np.ptp(excess))
+    top, bottom = (int(np.argmax(sign * excess >= (sign * excess).max() - SMALL_POWER * span)) for sign in (1.0, -1.0))  # the first
     return Flywheel(
         inertia=span / (fluctuation * omega**2),
         fluctuation=fluctuation,
-        mean=sense * mean,
+        mean=sense * mean if abs(mean) > SMALL_POWER * np.abs(y).max() else 0.0,
         excess=span,
         fastest=sense * float(places[top]),
         slowest=sense * float(places[bottom]),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import field
 from functools import cached_property, lru_cache
 from typing import Any, Literal, Protocol, cast
@@ -393,3 +393,15 @@ class TableLaw:
         rate = self.advance / self.duration
         q, v, a = (np.asarray(f(self.t[0] + np.mod(t - self.t[0], self.duration), k)) for k in range(3))
         return q + rate * (t - self.t[0]), v + rate, a
+
+
+def timed(laws: Iterable[Law]) -> list[Law]:
+    """Those of some laws that may change their form at times that they state, see `next_break`."""
+    return [law for law in laws if law.breaks or isinstance(law, Piecewise)]
+
+
+def next_break(law: Law, after: float) -> float:
+    """The first time [s] later than ``after`` at which a prescribed drive's acceleration may jump, within cycles or between."""
+    begun = np.floor(after / law.duration) * law.duration if np.isfinite(law.duration) else 0.0
+    times = begun + np.array([0.0, law.duration])[:, None] + np.array([0.0, *law.breaks])
+    return float(times[times > after].min(initial=np.inf))

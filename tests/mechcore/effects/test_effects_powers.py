@@ -18,6 +18,7 @@ from typer.testing import CliRunner
 import mechviz
 from mechcore.errors import MechanismError
 from mechcore.forces.powers import drive_shares, flywheel, flywheel_of_torque, power_table, thinning_change, works
+from mechcore.laws.signals import Step
 from mechcore.numerics.interpolation import integral_so_far
 from mechcore.spec.loads import Damper, Factor, Force, Spring, Torque
 from mechviz.commands.main import app
@@ -152,7 +153,7 @@ def test_flywheels_that_make_no_sense_are_refused(options, message):
 
 def test_two_drives_share_the_work():
     forces = run_scene(mechviz.load("two-motors"), frames=480).forces
-    shares = {s.joint: s for s in drive_shares(forces)}
+    shares = {s.joint: s for s in drive_shares(power_table(forces))}
     assert set(shares) == {"A", "E"}
     table = power_table(forces)
     lost = sum(i.absorbed for i in table.items if i.cause in ("viscous", "medium"))
@@ -235,7 +236,7 @@ def test_a_drive_delivers_power_as_far_as_it_is_known():
     """Up to the last frame before the sleeve jams."""
     forces = run_scene(mechviz.load("jamming-sleeve"), frames=60).forces
     known = forces.motion.time[np.isfinite(forces.power("V"))]
-    (share,) = (s for s in drive_shares(forces) if s.joint == "V")
+    (share,) = (s for s in drive_shares(power_table(forces)) if s.joint == "V")
     assert len(known) < 61 and share.delivers == ((0.0, pytest.approx(known[-1])),)
 
 
@@ -247,6 +248,74 @@ def test_a_flywheel_takes_torques_that_jump_as_straight_lines():
         == flywheel(forces, 0.02, smooth=False).inertia
         != flywheel(forces, 0.02, smooth=True).inertia
     )
+
+
+UNITS = 'units = { length = "mm", angle = "deg" }'
+
+
+def net(table, label: str) -> float:
+    return next(i.supplied - i.absorbed for i in table.items if i.label == label)
+
+
+@pytest.mark.parametrize("frames", [72, 90, 100, 360])
+def test_works_and_flywheels_of_accelerations_that_jump(frames):
+    """A parabolic law speeds 2 kg up to twice its mean velocity and stops them, whatever the frames: m v^2 / 2, twice a turn."""
+    forces = run_scene(mechviz.loads(UNITS + """
+effects = ["inertia"]
+[links]
+frame = { points = { O = [0, 0], G = [0, 95] } }
+cam = { points = { O = [0, 0] } }
+follower = { points = { T = [0, 0] }, mass = "2 kg" }
+[joints.O]
+revolute = ["frame", "cam"]
+drive = { speed = "600 rpm" }
+[joints.S]
+prismatic = ["frame", "follower"]
+at = ["G", "T"]
+along = [0, 1]
+[joints.K]
+cam = ["cam", "follower"]
+follower = { roller = 10, guide = "S", point = "T" }
+closure = "form"
+[joints.K.profile]
+base = 60
+phase = 45
+lift = [{ over = 60, to = 20, law = "parabolic" }, { over = 40 }, { over = 60, to = 0, law = "parabolic" }, { over = 200 }]
+"""), frames=frames).forces  # fmt: skip
+    work = 0.5 * 2.0 * (2.0 * 0.02 / (0.1 / 6.0)) ** 2
+    drive = power_table(forces).items[0]
+    assert (drive.supplied, drive.absorbed) == pytest.approx((2.0 * work, 2.0 * work), rel=1e-6)
+    wheel = flywheel(forces, 0.02)
+    assert (wheel.excess, wheel.mean) == (pytest.approx(work, rel=1e-6), pytest.approx(0.0, abs=1e-6))
+    assert wheel.inertia == pytest.approx(work / (0.02 * (20.0 * np.pi) ** 2), rel=1e-6)
+
+
+def test_works_of_a_drive_that_speeds_up_evenly():
+    """0.3 kg m^2 to 2 rad/s and back to rest: I w^2 / 2 each way, whether or not a frame is where the acceleration jumps."""
+    scene = f"""
+{UNITS}
+effects = ["inertia"]
+[links]
+frame = {{ points = {{ O = [0, 0] }} }}
+wheel = {{ points = {{ O = [0, 0] }}, mass = "1 kg", inertia = "0.3 kg m^2" }}
+[joints.O]
+revolute = ["frame", "wheel"]
+drive = {{ speed = "2 rad/s", zones = {{ run_up = "12 deg", steady = "65 deg", braking = "17 deg" }} }}
+"""
+    for frames in (20, 23):
+        drive = power_table(run_scene(mechviz.loads(scene), frames=frames).forces).items[0]
+        assert (drive.supplied, drive.absorbed) == pytest.approx((0.6, 0.6), rel=1e-6)
+
+
+def test_works_of_a_load_that_steps():
+    """2 N m against a shaft of 5 rad/s from 0.37 s on: the work is exact, and the excess T theta (1 - theta / 2 pi)."""
+    factor = Factor(of="time", function=Step(before=0.0, after=1.0, at=0.37))
+    m = four_bar(E=(4.0, 0.0), AB=1.0, BD=3.5, DE=3.0, speed=5.0)
+    forces = run(replace(m, effects=(), loads=(Torque(name="M", link="crank", moment=-2.0, factor=factor),)), 40)
+    theta = 2.0 * np.pi - 5.0 * 0.37
+    assert net(power_table(forces), "M") == pytest.approx(-2.0 * theta, rel=1e-6)
+    wheel = flywheel(forces, 0.1)
+    assert (wheel.excess, wheel.mean) == pytest.approx((2.0 * theta * (1.0 - theta / (2.0 * np.pi)), theta / np.pi), rel=1e-6)
 
 
 @pytest.mark.parametrize("frames", [1, 2, 3, 4, 7, 60])

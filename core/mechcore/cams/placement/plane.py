@@ -60,12 +60,12 @@ def _argument(cam: Any, motion: Motion) -> Real:
     return np.broadcast_to(x, motion.shape) + 0.0
 
 
-def segment_of(cam: Any, motion: Motion) -> Real:
-    """Number of the segment of the law in which a placed cam is, by frame (F)."""
+def segment_of(cam: Any, motion: Motion, knots: Real | None = None) -> Real:
+    """Number of the segment of the law in which a placed cam is, by frame (F); between some of its ``knots`` only, if stated."""
     law = cam.cam.law
     x = cam.argument(motion) * cam.ahead
     local = np.mod(x - law.start, law.length) + law.start if law.repeats else x
-    number: Real = np.multiply(np.searchsorted(cam.knots, local, side="right"), 1.0)
+    number: Real = np.multiply(np.searchsorted(cam.knots if knots is None else knots, local, side="right"), 1.0)
     return number
 
 

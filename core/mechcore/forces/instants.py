@@ -1,0 +1,122 @@
+"""Instants at which the powers of a run are integrated: its frames, and both sides of whatever makes powers jump between them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from mechcore.arrays import Index, Real
+from mechcore.cams.placement.plane import segment_of
+from mechcore.effects.registry import effects_of
+from mechcore.forces.cam_rating import placed_cams
+from mechcore.forces.kinetostatics import Forces
+from mechcore.laws.factors import jumps
+from mechcore.laws.timed import next_break, timed
+from mechcore.motion.motion import Motion
+
+LEAST_JUMP = 1e-3  # of the largest velocity or acceleration of a cam's law: less does not count
+NEAR = 1e-9  # of a frame's step, between the two sides of a jump
+NEAR_IN_RUN = 4e-12  # of the run: arguments that are as close to a knot of a law are put on it
+ROUNDING = 8.0  # distances of neighbouring numbers
+MOST_CHANGES = 0.25  # of the frames: what changes more often is resolved by them, or rounding
+LEAST_CHANGES = 8  # so many are looked for even within few frames
+_WITHIN = np.linspace(0.0, 1.0, 65)  # places within a step, at which a change is looked for: 64^5 = 1e9
+
+
+class Instants(NamedTuple):
+    """``time`` (n,) [s]; ``before``: which of them are just before a jump, the next one being just after it. ``parts``: the forces
+    at the frames, and at both sides of the jumps, whose values in a row are taken in the ``order`` of time."""
+
+    time: Real
+    before: Index
+    parts: tuple[Forces, ...]
+    order: Index
+
+    def together(self, *values: Real) -> Real:
+        """Values (n, ...) at all instants from those of the ``parts``."""
+        return values[0] if len(values) == 1 else np.concatenate(values)[self.order]
+
+    @property
+    def frames(self) -> Index:
+        """Which instants are frames."""
+        return np.setdiff1d(np.arange(len(self.time)), [self.before, self.before + 1])
+
+
+def instants(forces: Forces) -> Instants:
+    """The frames of a run and both sides of its jumps; frames only where the motion cannot be had at other times."""
+    time = forces.motion.time
+    pairs = _pairs(forces)
+    if not len(pairs):
+        return Instants(time, np.zeros(0, int), (forces,), np.arange(len(time)))
+    k = np.searchsorted(pairs[:, 1], time, side="left")
+    apart = (k == len(pairs)) | (time < pairs[np.minimum(k, len(pairs) - 1), 0])  # others are replaced by the two sides
+    every = np.concatenate([np.where(apart, time, np.nan), pairs.ravel()])
+    order = np.argsort(every, kind="stable")[: int(apart.sum()) + pairs.size]  # NaN comes last
+    return Instants(every[order], np.flatnonzero(np.isin(order, len(time) + 2 * np.arange(len(pairs)))),
+                    (forces, forces.again(pairs.ravel())), order)  # fmt: skip
+
+
+def _pairs(forces: Forces) -> Real:
+    """Times (n, 2) [s] just before and just after the jumps of a run, in order and apart from each other."""
+    motion = forces.motion
+    if motion.again is None or motion.frames < 2:
+        return np.zeros((0, 2))
+    start, end = float(motion.time[0]), float(motion.time[-1])
+    if forces.boundaries is not None:
+        before = np.unique(forces.boundaries(end))
+        before = before[(before > start) & (before < end)]
+        after = np.minimum(before + ROUNDING * np.spacing(before), 0.5 * (before + np.append(before[1:], end)))
+        return np.column_stack([before, np.maximum(after, np.nextafter(before, np.inf))])
+    near = max(NEAR * (end - start) / (motion.frames - 1), NEAR_IN_RUN * (end - start), ROUNDING * float(np.spacing(end)))
+    pairs: list[list[float]] = []
+    for t in sorted([*_breaks(motion, start, end), *_changes(motion, motion.again, near)]):
+        low, high = max(t - near, start), min(t + near, end)
+        if pairs and low <= pairs[-1][1]:
+            pairs[-1][1] = high
+        else:
+            pairs.append([low, high])
+    return np.array(pairs).reshape(-1, 2)
+
+
+def _breaks(motion: Motion, start: float, end: float) -> Iterator[float]:
+    """Times [s] within a run at which laws of time say that they change their form."""
+    effects = effects_of(motion.mechanism)
+    yield from (t for e in effects for t in e.breaks if start <= t <= end)
+    for law in timed([*(d.law for d in motion.mechanism.drives), *(law for e in effects for law in e.laws)]):
+        t = start
+        while (t := next_break(law, t)) < end:
+            yield t
+
+
+def _forms(motion: Motion) -> list[Real]:
+    """Numbers (F,) that change where the force of a load may jump, or bend, or the acceleration of a cam's law jumps."""
+    numbers: list[Real | Index] = [e.phase(motion) for e in effects_of(motion.mechanism) if e.piecewise]
+    for cam in placed_cams(motion):
+        law = cam.cam.law
+        places = np.unique([j.angle for j in jumps(law, (1, 2), LEAST_JUMP, law.repeats)])
+        if len(places):
+            numbers.append(segment_of(cam, motion, places))
+    return [np.broadcast_to(x, motion.shape) for x in numbers]
+
+
+def _changes(motion: Motion, again: Callable[[Real], Motion], near: float) -> Iterator[float]:
+    """Times [s] at which one of the `_forms` changes, but for those that change most of the time."""
+    frames = _forms(motion)
+    if not frames:
+        return
+    start, end = motion.time[0], motion.time[-1]
+    ends = np.array([start, start + near, end - near, end])
+    for number, (inner, outer) in enumerate(zip(frames, _forms(again(ends)), strict=True)):
+        t = np.concatenate([ends[:2], motion.time[1:-1], ends[2:]])
+        form = np.concatenate([outer[:2], inner[1:-1], outer[2:]])
+        while len(k := np.flatnonzero((form[1:] != form[:-1]) & np.isfinite(form[1:] - form[:-1]))):
+            low, high = t[k], t[k + 1]
+            if len(k) > max(MOST_CHANGES * motion.frames, LEAST_CHANGES):
+                break
+            if (high - low <= near).all():
+                yield from 0.5 * (low + high)
+                break
+            t = (low[:, None] + (high - low)[:, None] * _WITHIN).ravel()
+            form = _forms(again(t))[number]
