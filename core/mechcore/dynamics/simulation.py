@@ -173,7 +173,13 @@ class Simulation:
             energies=self.energies,
             again=lambda t: self.forces(self.view(t)),
             boundaries=self.boundaries,
+            impacts=self.impacts,
         )
+
+    @property
+    def impacts(self) -> tuple[tuple[float, float, float], ...]:
+        """Of every impact the time [s], the energy that it takes, and the work of prescribed drives in it [J]."""
+        return tuple(sorted([*((t, lost, 0.0) for t, lost in self.lost), *((t, 0.0, work) for t, work in self.pushed)]))
 
     def gap(self, cam: str, motion: Motion) -> Real:
         """How far the follower of a cam is from it in a `view` of this simulation (F,), in its guide's coordinate [m or rad]."""

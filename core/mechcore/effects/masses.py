@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mechcore.arrays import Real
+from mechcore.arrays import Real, Values
 from mechcore.effects.base import Configuration, Effect, PointLoad
 from mechcore.kinematics.model import Model
 from mechcore.motion.motion import Motion
@@ -52,11 +52,19 @@ class Inertia(Effect):
 
 def kinetic_energy(motion: Motion) -> Real:
     """Kinetic energy of all links (F,) [J]; at a unit rate of a free coordinate half of the reduced inertia."""
-    total = np.zeros(motion.shape)
+    total: Real = sum(link_energies(motion), start=np.zeros(motion.shape))  # type: ignore[arg-type] # numbers, too
+    return total
+
+
+def link_energies(motion: Motion) -> list[Values]:
+    """Kinetic energy of every link (F,) [J]."""
+    energies: list[Values] = []
     for k, (mass, centre, inertia) in enumerate(motion.model.masses):
+        own: Values = 0.0
         if k and not nothing(mass):
             v = motion.of_point(k, centre, 1)
-            total = total + 0.5 * mass * (v.real**2 + v.imag**2)
+            own = 0.5 * mass * (v.real**2 + v.imag**2)
         if k and not nothing(inertia):
-            total = total + 0.5 * inertia * motion.speeds.angular[motion.model.angles.rotation_class[k]] ** 2
-    return total
+            own = own + 0.5 * inertia * motion.speeds.angular[motion.model.angles.rotation_class[k]] ** 2
+        energies.append(own)
+    return energies

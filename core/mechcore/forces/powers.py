@@ -20,15 +20,17 @@ import numpy as np
 
 from mechcore.arrays import Index, Real
 from mechcore.effects.base import LOSSES, Wrench
+from mechcore.effects.masses import link_energies
 from mechcore.effects.prescribed import breaks_of
 from mechcore.errors import Fault, MechanismError
-from mechcore.forces.instants import instants
+from mechcore.forces.instants import Instants, instants
 from mechcore.forces.kinetostatics import Forces
 from mechcore.records import dataclass
 from mechcore.spec.loads import GasPressure, Load, Prescribed
 
 Role = Literal["driving", "resisting", "alternating", "idle", "unknown"]  # unknown: in a run that jams throughout
-SMALL_POWER = 1e-9  # part of the largest power of a run that counts as nothing
+SMALL_POWER = 1e-9  # part of the largest power of a run, or of the largest work in an impact, that counts as nothing
+NO_IMPULSES = np.zeros(0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,9 +44,10 @@ class PowerItem:
     role: Role
     use: Literal["useful", "harmful", ""]
     power: Real
+    impulses: Real  # works in impacts (k,) [J]
     mean: float  # [W]
     peak: float  # power of the largest magnitude, with its sign [W]; as the mean NaN where no power is known
-    supplied: float  # where the power is known
+    supplied: float  # where the power is known, and in impacts
     absorbed: float
 
     @property
@@ -112,20 +115,44 @@ def power_labels(forces: Forces) -> tuple[str, ...]:
 
 
 def power_table(forces: Forces) -> PowerTable:
-    """Every force of a run with its classes, its mean and peak power, and the work that it supplies and absorbs."""
+    """Every force of a run with its classes, its mean and peak power, and the work that it supplies and absorbs.
+
+    What impacts take is a force of its own; what prescribed drives do in them is work of the only one, else of all together."""
     at = instants(forces)
     beside = [_power_rows(part) for part in at.parts[1:]]
     rows = [
         (name, kind, cause, place, at.together(power, *(own[k][-1] for own in beside)))
         for k, (name, kind, cause, place, power) in enumerate(_power_rows(forces))
     ]
+    impulses = _impulses(forces, at)
+    rows += [(*key, _PLACES[key[1]], np.zeros(len(at.time))) for key in impulses if key[1] in _PLACES]
     uses = {load.name: load.use for load in forces.motion.mechanism.loads}
     largest = max((float(np.nanmax(np.abs(row[-1]), initial=0.0)) for row in rows), default=0.0)
     return PowerTable(
-        items=tuple(_power_item(row, at.time, uses.get(row[0]) or "", largest) for row in rows),
+        items=tuple(_power_item(row, impulses.get(row[:3], NO_IMPULSES), at.time, uses.get(row[0]) or "", largest) for row in rows),
         time=at.time,
         frames=at.frames,
     )
+
+
+_PLACES: dict[str, Literal["external", "internal"]] = {"impulse": "external", "impact": "internal"}  # of rows of impacts alone
+
+
+def _impulses(forces: Forces, at: Instants) -> dict[tuple[str, str, str], Real]:
+    """Works (k,) [J] in the impacts of a run, by name, kind and cause: of inertia, of prescribed drives, and what impacts take."""
+    impacts = np.array([row for row in forces.impacts if at.time[0] < row[0] < at.time[-1]])
+    if not len(impacts) or len(at.parts) == 1:
+        return {}
+    struck = np.flatnonzero(np.isin(at.time[at.before], impacts[:, 0]))
+    energies = at.parts[1].motion.over_parts(lambda m: np.stack([np.broadcast_to(e, m.shape) for e in link_energies(m)], axis=-1))
+    gained = energies[2 * struck + 1] - energies[2 * struck]
+    works = {(w.name, w.kind, w.cause): -gained[:, w.link] for w in forces.applied if w.kind == "inertia"}
+    drives = [d.joint for d in forces.motion.mechanism.drives]
+    if drives:
+        works[(drives[0], "drive", "drive") if len(drives) == 1 else ("drives in impacts", "impulse", "drive")] = impacts[:, 2]
+    works["impacts", "impact", "impact"] = -impacts[:, 1]
+    least = SMALL_POWER * max(float(np.abs(w).max(initial=0.0)) for w in works.values())
+    return {key: np.where(np.abs(w) > least, w, 0.0) for key, w in works.items()}
 
 
 PowerRow = tuple[str, str, str, Literal["external", "internal"], Real]  # name, kind, cause, place, power (F,) [W]
@@ -152,17 +179,18 @@ def _place(w: Wrench) -> Literal["external", "internal"]:
     return "external" if w.other is None else "internal"
 
 
-def _power_item(row: PowerRow, time: Real, use: str, largest: float) -> PowerItem:
+def _power_item(row: PowerRow, impulses: Real, time: Real, use: str, largest: float) -> PowerItem:
     name, kind, cause, place, power = row
-    supplied, absorbed = works(power, time)
+    supplied, absorbed = np.add(works(power, time), (impulses[impulses > 0.0].sum(), -impulses[impulses < 0.0].sum()))
     known = power[np.isfinite(power)]
     low, high = (float(known.min()), float(known.max())) if known.size else (np.nan, np.nan)
     small = SMALL_POWER * largest
-    role: Role = "unknown" if not known.size else "idle" if max(high, -low) <= small else "alternating"
-    if role == "alternating" and (low >= -small or high <= small):
-        role = "driving" if low >= -small else "resisting"
+    drives, resists = high > small or bool((impulses > 0.0).any()), low < -small or bool((impulses < 0.0).any())
+    role: Role = "unknown" if not known.size else "idle"
+    if drives or resists:
+        role = "alternating" if drives and resists else "driving" if drives else "resisting"
     span = float(time[-1] - time[0])
-    if not use and cause in LOSSES:
+    if not use and cause in (*LOSSES, "impact"):
         use = "harmful"
     elif not use and cause == "process" and absorbed > supplied:
         use = "useful"  # on the whole it resists: what the machine is there for
@@ -174,10 +202,11 @@ def _power_item(row: PowerRow, time: Real, use: str, largest: float) -> PowerIte
         role=role,
         use=use,  # type: ignore[arg-type] # one of the three words
         power=power,
+        impulses=impulses,
         mean=np.nan if not known.size else (supplied - absorbed) / span if len(time) > 1 else float(power[0]),
-        peak=high if high >= -low else low,
-        supplied=supplied,
-        absorbed=absorbed,
+        peak=np.nan if kind in _PLACES else high if high >= -low else low,
+        supplied=float(supplied),
+        absorbed=float(absorbed),
     )
 
 
@@ -259,7 +288,11 @@ def flywheel(forces: Forces, fluctuation: float, drive: str | None = None, *, sm
     at = instants(forces)
     position = at.together(*(part.motion.drives[joints.index(joint)][0] for part in at.parts))
     torque = at.together(*(part.effort(joint) for part in at.parts))
-    return flywheel_of_torque(position, torque, omega, fluctuation, smooth=smooth, before=at.before)
+    if forces.impacts and len(joints) > 1:
+        why = "the share of every drive in the work of impacts is not known."
+        raise MechanismError(Fault("flywheel", why, "Let one drive turn the machine."))
+    sudden = [sum(work for when, _, work in forces.impacts if when == t) for t in at.time[at.before]]
+    return flywheel_of_torque(position, torque, omega, fluctuation, smooth=smooth, before=at.before, sudden=sudden)
 
 
 def _jumps(load: Load) -> bool:
@@ -277,9 +310,11 @@ def flywheel_of_torque(
     *,
     smooth: bool = True,
     before: Sequence[int] | Index = (),
+    sudden: Sequence[float] = (),
 ) -> Flywheel:
     """The same from positions (n,) [rad] over whole cycles and the torque (n,) [N m] that the machine needs there; ``before``:
-    positions just before a jump, the next ones being just after it, between which a torque is smooth."""
+    positions just before a jump, the next ones being just after it, between which a torque is smooth; ``sudden``: works [J] that
+    the machine needs at these jumps, of impacts."""
     from scipy.interpolate import CubicSpline, PPoly
 
     if not fluctuation > 0.0:
@@ -302,6 +337,8 @@ def flywheel_of_torque(
         curve = CubicSpline(x, y, bc_type="periodic" if closed else "not-a-knot")
     else:
         curve = PPoly(np.stack([np.diff(y) / np.diff(x), y[:-1]]), x)
+    for k, step in zip(before, sudden, strict=False):
+        curve.c[-1, k] += step / (x[k + 1] - x[k])
     work = curve.antiderivative()
     total = float(work(x[-1]) - work(x[0]))
     mean = total / (x[-1] - x[0])

@@ -124,6 +124,15 @@ def test_flywheel_of_a_punch():
     assert wheel.fastest in (pytest.approx(0.0, abs=1e-8), pytest.approx(2.0 * np.pi)) and wheel.slowest == pytest.approx(theta)
 
 
+@pytest.mark.parametrize("smooth", [True, False])
+def test_flywheel_of_a_blow(smooth):
+    """A blow takes 7 J at once, nothing else: the flywheel has to give all of it."""
+    phi = np.array([0.0, 1.0, 2.0, 2.0 + 1e-12, 4.0, 2.0 * np.pi])
+    wheel = flywheel_of_torque(phi, np.zeros(6), 10.0, 0.1, smooth=smooth, before=[2], sudden=[7.0])
+    assert (wheel.excess, wheel.mean) == pytest.approx((7.0, 3.5 / np.pi), rel=1e-9)
+    assert (wheel.fastest, wheel.slowest) == pytest.approx((2.0, 2.0), abs=1e-9)
+
+
 def test_flywheel_of_a_mechanism_evens_out_its_speed():
     """Energy check: with that inertia the speed that conserves energy varies by the stated fluctuation, to first order."""
     forces = run(
@@ -251,10 +260,85 @@ def test_a_flywheel_takes_torques_that_jump_as_straight_lines():
 
 
 UNITS = 'units = { length = "mm", angle = "deg" }'
+DROP = f"""
+{UNITS}
+effects = ["inertia", "gravity"]
+run = {{ frames = 90, duration = "1 s" }}
+[links]
+frame = {{ points = {{ G = [0, 0] }} }}
+block = {{ points = {{ T = [0, 0] }}, mass = "2 kg", shape = "point" }}
+[joints.S]
+prismatic = ["frame", "block"]
+at = ["G", "T"]
+along = [0, 1]
+free = {{ position = 500 }}
+stops = [{{ at = 0, side = "lower" }}]
+"""
 
 
 def net(table, label: str) -> float:
     return next(i.supplied - i.absorbed for i in table.items if i.label == label)
+
+
+def test_what_an_impact_takes_is_a_force_of_its_own():
+    """2 kg fall 0.5 m and stay where they land: weight does m g h, the impact takes it, inertia gives back what it has taken."""
+    forces = run_scene(mechviz.loads(DROP)).forces
+    table = power_table(forces)
+    assert (net(table, "gravity/block"), net(table, "impacts")) == pytest.approx((9.81, -9.81), rel=1e-9)
+    block, lost = table.items[0], table.items[-1]
+    assert (block.supplied, block.absorbed, block.role) == (
+        pytest.approx(9.81, rel=1e-9),
+        pytest.approx(9.81, rel=1e-9),
+        "alternating",
+    )
+    assert (lost.cause, lost.place, lost.role, lost.use) == ("impact", "internal", "resisting", "harmful") and np.isnan(lost.peak)
+    assert table.closure < 1e-9
+    assert "impacts        impact" in "\n".join(force_lines(forces))
+
+
+@pytest.mark.parametrize("drives", [1, 2])
+def test_drives_work_in_impacts(drives):
+    """A block slides on a carriage of 3 m/s with 1.5 m/s against a stop and comes back with half of that: the drive that keeps the
+    carriage's speed takes the impulse m (1 + e) u, at its speed, and m u^2 (1 - e^2) / 2 are lost."""
+    other = 'U = { revolute = ["frame", "wheel"], at = ["G", "W"], drive = { speed = "60 rpm" } }' if drives == 2 else ""
+    forces = run_scene(mechviz.loads(f"""
+{UNITS}
+effects = ["inertia"]
+run = {{ frames = 50, duration = "0.3 s" }}
+[links]
+frame = {{ points = {{ G = [0, 0] }} }}
+carriage = {{ points = {{ C = [0, 0] }} }}
+block = {{ points = {{ T = [0, 0] }}, mass = "2 kg", shape = "point" }}
+{"wheel = { points = { W = [0, 0] } }" if drives == 2 else ""}
+[joints]
+S = {{ prismatic = ["frame", "carriage"], at = ["G", "C"], along = [1, 0], drive = {{ speed = "3 m/s", travel = "1 m" }} }}
+{other}
+[joints.P]
+prismatic = ["carriage", "block"]
+at = ["C", "T"]
+along = [1, 0]
+free = {{ position = 0, speed = "1.5 m/s" }}
+stops = [{{ at = 200, side = "upper", restitution = 0.5 }}]
+""")).forces  # fmt: skip
+    table = power_table(forces)
+    assert net(table, "impacts") == pytest.approx(-0.5 * 2.0 * 1.5**2 * 0.75, rel=1e-9)
+    assert net(table, "drive S" if drives == 1 else "drives in impacts") == pytest.approx(-2.0 * 1.5 * 1.5 * 3.0, rel=1e-9)
+    assert net(table, "inertia/block") == pytest.approx(0.5 * 2.0 * (4.5**2 - 2.25**2), rel=1e-9)
+    assert table.closure < 1e-9
+    assert sum(s.absorbed for s in drive_shares(table)) == pytest.approx(13.5 if drives == 1 else 0.0, rel=1e-9, abs=1e-12)
+
+
+def test_works_of_a_run_with_impacts_are_those_of_its_energies():
+    """A valve that floats, landing on its cam, whose drive takes part in it: against changes of energy, known without powers."""
+    forces = run_scene(mechviz.load("valve-float"), frames=7200).forces
+    table, energy = power_table(forces), np.diff(forces.energy[[0, -1]], axis=0)[0]
+    works = [
+        net(table, "inertia/cam") + net(table, "inertia/valve"),
+        net(table, "valve_spring"),
+        net(table, "drive O"),
+        net(table, "impacts"),
+    ]
+    assert works * np.array([-1.0, -1.0, 1.0, -1.0]) == pytest.approx(energy, rel=3e-3)
 
 
 @pytest.mark.parametrize("frames", [72, 90, 100, 360])
