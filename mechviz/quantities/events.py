@@ -12,7 +12,7 @@ from mechcore.constants import SINGULAR
 from mechcore.dynamics.events import EventKind
 from mechcore.forces.cam_events import cam_events
 from mechcore.forces.friction.events import friction_events
-from mechcore.forces.load_events import ForcesAt, belt_events, load_events
+from mechcore.forces.load_events import belt_events, load_events
 from mechcore.motion.events import Event, find_events
 from mechcore.spec.loads import BeltTension
 from mechcore.texts import as_force, as_torque
@@ -118,25 +118,19 @@ def _motion_events(run: Run) -> list[Event]:
     return [*find_events(run.motion), *load_events(run.motion), *rubbing, *contacts]
 
 
-def _forces_at(run: Run) -> ForcesAt | None:
-    """The forces at other times of a motion under forces; None where laws lead the motion, which can be solved again."""
-    simulation = run.simulation
-    return None if simulation is None else lambda t: simulation.forces(simulation.view(t))
-
-
 def _cam_events(run: Run) -> list[Event]:
     """Events of the cams, where there are any."""
     if not any(r.geometry is not None for r in run.motion.model.relations):
         return []
     touches = None if run.simulation is None else _touching(run.motion, run.simulation)
-    return cam_events(run.motion, run.forces, touches, _forces_at(run))
+    return cam_events(run.motion, run.forces, touches)
 
 
 def _belt_events(run: Run) -> list[Event]:
     """Where belts slip, where one has a tension."""
     if run.forces is None or not any(isinstance(load, BeltTension) for load in run.motion.mechanism.loads):
         return []
-    return belt_events(run.forces, _forces_at(run))
+    return belt_events(run.forces)
 
 
 def peak_events(run: Run) -> list[Event]:

@@ -11,7 +11,7 @@ from mechcore.cams.followers import Flat
 from mechcore.cams.placement.plane import PlacedCam
 from mechcore.forces.cam_rating import AnyCam, contact_force, contact_stress, drawn_lift, joint_of, placed_cams
 from mechcore.forces.kinetostatics import Forces
-from mechcore.forces.load_events import ForcesAt, crossing, forces_at
+from mechcore.forces.load_events import crossing
 from mechcore.laws.factors import VELOCITY_JUMP, jumps
 from mechcore.motion.events import Event, at_drive, runs
 from mechcore.motion.motion import Motion
@@ -22,11 +22,9 @@ PULL_ROUNDING = 1e-9  # pull below this part of the largest force is rounding
 FACE_ROUNDING = 1e-9  # a contact beyond the end of a face by this part of its length is on it
 
 
-def cam_events(
-    motion: Motion, forces: Forces | None, touches: Mapping[str, Flags] | None = None, again: ForcesAt | None = None
-) -> list[Event]:
-    """Events of all cams of a run, in order of time. Where forces move the mechanism: at which frames (F,) followers that may leave
-    their cams ``touches`` them, and the forces ``again`` at other times."""
+def cam_events(motion: Motion, forces: Forces | None, touches: Mapping[str, Flags] | None = None) -> list[Event]:
+    """Events of all cams of a run, in order of time. ``touches``: at which frames (F,) followers that may leave their cams touch
+    them."""
     events: list[Event] = []
     for cam in placed_cams(motion):
         if not motion.frames:
@@ -37,7 +35,7 @@ def cam_events(
         events += _beyond(motion, cam)
         events += limit_events(motion, cam, on)
         if forces is not None and not cam.form and on is None:  # one that may leave its cam does, and says so
-            events += _lost(forces, cam, again or forces_at(forces))
+            events += _lost(forces, cam)
         joint = joint_of(motion, cam)
         if forces is not None and joint.rating is not None:
             events += _rated(forces, cam, joint.rating, np.ones(motion.frames, bool) if on is None else on)
@@ -105,7 +103,7 @@ def _arguments(motion: Motion, cam: AnyCam) -> Real:
     return x if cam.bed is not None else np.unwrap(x)
 
 
-def _lost(forces: Forces, cam: AnyCam, again: ForcesAt | None) -> Iterator[Event]:
+def _lost(forces: Forces, cam: AnyCam) -> Iterator[Event]:
     """Where a follower that is only pressed on its cam would have to be pulled."""
     motion = forces.motion
     n, time = contact_force(forces, cam), forces.motion.time
@@ -120,7 +118,7 @@ def _lost(forces: Forces, cam: AnyCam, again: ForcesAt | None) -> Iterator[Event
                 t = float(time[k])
             else:
                 ends = float(time[other]), float(time[k]), float(n[other]), float(n[k])
-                t = crossing(again, lambda f: contact_force(f, cam), *ends)
+                t = crossing(forces, lambda f: contact_force(f, cam), *ends)
             where = f"at {_where(cam, _at(motion, x, t))}{_drives_at(motion, t)}"
             if what == "lost":
                 text = (

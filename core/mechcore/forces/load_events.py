@@ -124,24 +124,14 @@ def _squeezed(motion: Motion, load: Spring, solid: float) -> Iterator[Event]:
         yield Event(float(motion.time[first]), "WARN", load.name, text, least)
 
 
-ForcesAt = Callable[[Real], Forces]
-"""The forces of a run at other times (n,) [s]."""
-
-
-def forces_at(forces: Forces) -> ForcesAt | None:
-    """The forces at other times of a run that can be had there."""
-    return None if forces.motion.again is None else forces.again
-
-
-def crossing(again: ForcesAt | None, values: Callable[[Forces], Real], t0: float, t1: float, n0: float, n1: float) -> float:
+def crossing(forces: Forces, values: Callable[[Forces], Real], t0: float, t1: float, n0: float, n1: float) -> float:
     """The time [s] at which ``values`` (F,) turn from ``n0`` >= 0 at ``t0`` to ``n1`` < 0 at ``t1`` (earlier or later); where a jam
     lies between, its end next to ``t1``."""
-    for _ in range(SEARCH_ROUNDS if again is not None else 0):
-        assert again is not None
+    for _ in range(SEARCH_ROUNDS if forces.motion.again is not None else 0):
         t = np.sort(np.linspace(t0, t1, INTERVAL_PARTS + 1))
         if not np.all(np.diff(t) > 0.0):
             break
-        loads = values(again(t))
+        loads = values(forces.again(t))
         if t1 < t0:
             t, loads = t[::-1], loads[::-1]
         k = int(np.argmax(loads < 0.0)) or INTERVAL_PARTS
@@ -175,10 +165,9 @@ def belt_grip(motion: Motion, load: BeltTension) -> BeltGrip:
     return BeltGrip(load.joint, wraps, load.slack, most)
 
 
-def belt_events(forces: Forces, again: ForcesAt | None = None) -> list[Event]:
-    """Where belts with a coefficient would slip, in order of time; their motion goes on as if they did not. ``again``: the forces
-    at other times where forces move the mechanism."""
-    motion, again = forces.motion, again or forces_at(forces)
+def belt_events(forces: Forces) -> list[Event]:
+    """Where belts with a coefficient would slip, in order of time; their motion goes on as if they did not."""
+    motion = forces.motion
     events: list[Event] = []
     for load in motion.mechanism.loads:
         if not isinstance(load, BeltTension) or not load.coefficient or not motion.frames:
@@ -193,9 +182,9 @@ def belt_events(forces: Forces, again: ForcesAt | None = None) -> list[Event]:
             available = grip.most - float(left[first : last + 1].min())
             start, end = float(time[first]), float(time[last])
             if first:
-                start = crossing(again, margin, float(time[first - 1]), start, float(left[first - 1]), float(left[first]))
+                start = crossing(forces, margin, float(time[first - 1]), start, float(left[first - 1]), float(left[first]))
             if last + 1 < len(time):
-                end = crossing(again, margin, float(time[last + 1]), end, float(left[last + 1]), float(left[last]))
+                end = crossing(forces, margin, float(time[last + 1]), end, float(left[last + 1]), float(left[last]))
             text = (
                 f"slips from {_moment(motion, start)} to {_moment(motion, end)}: up to {as_force(available, 5)} is asked for, "
                 f"{as_force(grip.most, 5)} is the most that it carries (Euler and Eytelwein: {as_force(grip.slack, 5)} in the "
