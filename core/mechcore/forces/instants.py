@@ -81,13 +81,16 @@ def _pairs(forces: Forces) -> Real:
 
 
 def _breaks(motion: Motion, start: float, end: float) -> Iterator[float]:
-    """Times [s] within a run at which laws of time say that they change their form."""
+    """Times [s] within a run at which laws of time say that they change their form, but for laws that do more often than there are
+    frames."""
     effects = effects_of(motion.mechanism)
     yield from (t for e in effects for t in e.breaks if start <= t <= end)
     for law in timed([*(d.law for d in motion.mechanism.drives), *(law for e in effects for law in e.laws)]):
-        t = start
-        while (t := next_break(law, t)) < end:
-            yield t
+        times = [start]
+        while times[-1] < end and len(times) <= motion.frames:
+            times.append(next_break(law, times[-1]))
+        if times[-1] >= end:
+            yield from times[1:-1]
 
 
 def _forms(motion: Motion) -> list[Real]:
