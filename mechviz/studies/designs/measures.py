@@ -25,6 +25,7 @@ from mechviz.scene.scene import Scene
 from mechviz.scene.units import QuantityError
 
 REDUCERS = ("max", "min", "peak", "mean", "rms", "range", "at")
+PLACE_ROUNDING = 1e-12  # of the place and the drive's range: a frame as near as that is there
 _SHAPE = re.compile(r"(?P<key>.+?)(?:\[(?P<curve>[^\]]+)\])?(?::\s*(?P<reducer>max|min|peak|mean|rms|range|at\s+(?P<at>.+)))?")
 
 
@@ -85,19 +86,20 @@ class Measure:
 
     def _at(self, values: Real, time: Real, drive: Real | None) -> Real:
         """The value where the first drive passes a place for the first time, by cubics between frames (D,)."""
+        from scipy.optimize import brentq
+
         if drive is None or len(time) < 4:
             raise _wrong(self.text, "no drive passes a place in this run.", "Ask for max, min, mean, rms or range.")
-        side = np.sign(drive - self.place)
-        frames = np.flatnonzero(side == 0.0)
-        if len(frames):
-            return values[..., int(frames[0])]
-        passed = np.flatnonzero(side[1:] != side[:-1])
-        if not len(passed):
+        off = drive - self.place
+        side = np.where(np.abs(off) <= PLACE_ROUNDING * (abs(self.place) + np.ptp(drive)), 0.0, np.sign(off))
+        met = np.flatnonzero((side[:-1] == 0.0) | (side[1:] != side[:-1]))
+        if not len(met):
             ends = f"{as_angle(drive.min())} to {as_angle(drive.max())}"
             raise _wrong(self.text, "the first drive never is there.", f"As an angle it runs over {ends}.")
-        k = int(passed[0])
-        share = (self.place - drive[k]) / (drive[k + 1] - drive[k])
-        t = time[k] + share * (time[k + 1] - time[k])
+        k = int(met[0])
+        if side[k] == 0.0 or side[k + 1] == 0.0:
+            return values[..., k if side[k] == 0.0 else k + 1]
+        t = brentq(lambda t: float(between(time, off, np.array([t]), 3)[0]), time[k], time[k + 1], xtol=1e-15 * abs(time[-1]))
         moved = np.moveaxis(np.atleast_2d(values), -1, 0)
         value = between(time, moved, np.array([t]), 3)[0]
         return np.asarray(value if values.ndim > 1 else value[0])

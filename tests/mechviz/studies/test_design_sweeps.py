@@ -310,3 +310,30 @@ def test_the_command_prints_a_row_for_each_design():
     )
     rows = list(csv.DictReader(io.StringIO(run.stdout)))
     assert [float(row["joint.S.displacement:range [mm]"]) for row in rows] == pytest.approx([60.0, 80.0, 100.0])
+
+
+TO_AND_FRO = """
+units = { length = "mm", angle = "deg" }
+[run]
+frames = 360
+[links]
+frame = { points = { A = [0, 0] } }
+crank = { points = { A = [0, 0] } }
+[joints]
+A = { revolute = ["frame", "crank"], drive = { oscillation = { centre = 10, amplitude = 60, period = "1 s" } } }
+"""
+
+
+@pytest.mark.parametrize(
+    ("frames", "place", "near"), [(360, 40, 1e-6), (360, 39.9, 1e-6), (360, 68, 1e-5), (36, 68, 1e-2), (48, 10, 1e-3)]
+)
+def test_a_drive_that_goes_to_and_fro_is_at_a_place_for_the_first_time_on_its_way_out(frames, place, near):
+    """Its speed there by the energy of the oscillation; frames that rounding puts on the place on the way back do not go before."""
+    scene = loads(TO_AND_FRO)
+    run = run_scene(scene, frames=frames)
+    speed, angle = (
+        float(m.reduced(run.catalogue[m.key].values()[:, 0], run.catalogue.numbers.time, run.catalogue.coordinate("A")))
+        for m in (parse_measure(scene, f"joint.A.{what}:at {place}") for what in ("angular_velocity", "angle"))
+    )
+    assert speed == pytest.approx(2.0 * np.pi * np.radians(np.sqrt(60.0**2 - (place - 10.0) ** 2)), rel=near)
+    assert angle == pytest.approx(place, rel=1e-9)
