@@ -10,7 +10,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mechcore.arrays import Real
-from mechcore.forces.cam_rating import AnyCam, contact_force, contact_stress, drawn_lift, drawn_rows, joint_of, placed_cams
+from mechcore.forces.cam_rating import (
+    AnyCam,
+    carrying,
+    contact_force,
+    contact_stress,
+    drawn_lift,
+    drawn_rows,
+    joint_of,
+    placed_cams,
+)
 from mechcore.forces.kinetostatics import Forces, LoadResult
 from mechcore.forces.powers import power_labels, powers_by_label
 from mechcore.forces.section_forces import bearing_ends, bearings
@@ -173,7 +182,7 @@ def _some_columns(rows: Callable[[], Real], columns: slice) -> Real:
 def _contact(run: Run, cam: AnyCam) -> Real:
     """Place, force, pressure angle, radius of curvature, eccentricity; lift and its two derivatives: (F, 9)."""
     force = np.full(run.motion.frames, np.nan) if run.forces is None else contact_force(run.forces, cam)
-    rows = cam.rows(run.motion, np.where(np.isnan(force), 1.0, force))
+    rows = cam.rows(run.motion, carrying(force))
     law = cam.law(rows.angle)
     values = (rows.place.real, rows.place.imag, np.abs(force), rows.pressure_angle, rows.radius, rows.eccentricity)
     return np.column_stack([*values, rows.lift, law[1], law[2]])

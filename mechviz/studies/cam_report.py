@@ -12,7 +12,7 @@ import numpy as np
 from mechcore.arrays import Real
 from mechcore.cams.closures import roller_range
 from mechcore.cams.followers import Flat, Knife, Roller, Translating
-from mechcore.cams.limits import Requirement, find_limits
+from mechcore.cams.limits import CamLimits, Requirement, find_limits
 from mechcore.cams.placement.plane import PlacedCam
 from mechcore.cams.placement.spatial import PlacedSpatial
 from mechcore.cams.sizing import best_offset, least_base
@@ -104,7 +104,7 @@ def _kind(joint: CamJoint, cam: AnyCam) -> str:
 
 def _facts(motion: Motion, forces: Forces | None, cam: AnyCam, joint: CamJoint, margin: float | None) -> Iterator[ReportRow]:
     force = None if forces is None else contact_force(forces, cam)
-    rows = cam.rows(motion, 1.0 if force is None else np.nan_to_num(force, nan=1.0))
+    rows = cam.rows(motion)  # of a yoke either face meets the whole profile in a turn
     x = cam.argument(motion)
     travel = float(np.nanmax(rows.lift) - np.nanmin(rows.lift))
     steepest = _second_derivative(cam, float(np.nanmax(np.abs(cam.law(x)[2]))))
@@ -173,22 +173,24 @@ def _limits(cam: AnyCam) -> Iterator[ReportRow]:
             yield "undercut", f"{_verdict(False)}; from {_place(cam, first)} to {_place(cam, last)} {words}", False, False
     if not isinstance(cam, PlacedCam) or cam.given is not None:
         return
-    limits = find_limits(cam.cam)
+    limits, *others = (find_limits(profile) for profile in cam.profiles)
+    other = "outer flank" if cam.mate is None else "second cam"
     ends = [
         f"{word} up to {as_angle(abs(reached.value), 5)} at {_place(cam, reached.angle)}"
         for word, reached in (("rise", limits.rise), ("return", limits.fall))
     ]
     worst = max(limits.rise.value, limits.fall.value)
+    for each in others if cam.mate is not None else ():  # the flanks of a groove have one pressure angle
+        steepest = max(each.rise, each.fall, key=lambda reached: reached.value)
+        ends.append(f"{other} up to {as_angle(steepest.value, 5)} at {_place(cam, steepest.angle)}")
+        worst = max(worst, steepest.value)
     yield _judged("pressure angle", ", ".join(ends), worst, cam.pressure_limit, _degrees)
     if cam.curvature_limit is not None:
-        least = 0.0 if limits.undercut or limits.convex is None else limits.convex.value
-        yield _curvature(cam, least)
-    radius = (
-        [] if limits.convex is None else [f"least radius {as_length(limits.convex.value, 5)} at {_place(cam, limits.convex.angle)}"]
-    )
-    if limits.greatest_roller is not None and np.isfinite(limits.greatest_roller.value):
-        radius.append(f"radii of the follower up to {as_length(limits.greatest_roller.value, 5)}")
-    yield "undercut", "; ".join([_verdict(not limits.undercut), *radius]), not limits.undercut, False
+        least, whose = min((_least_convex(each), of) for each, of in zip((limits, *others), ("", f" ({other})"), strict=False))
+        yield _curvature(cam, least, whose)
+    passed = not any(each.undercut for each in (limits, *others))
+    radii = [*_radius_words(cam, limits), *(f"{other}: {said}" for each in others if (said := ", ".join(_radius_words(cam, each))))]
+    yield "undercut", "; ".join([_verdict(passed), *radii]), passed, False
     if limits.distance_left is not None and limits.distance_right is not None:
         yield from _face(cam, limits.distance_left.value, limits.distance_right.value)
 
@@ -213,6 +215,18 @@ def _face(cam: PlacedCam, least: float, most: float) -> Iterator[ReportRow]:
     passed = left <= face.left * (1.0 + NOISE) and right <= face.right * (1.0 + NOISE)
     ends = f"face {as_length(face.left, 5)} and {as_length(face.right, 5)}"
     yield "face", f"{words}; {ends}: {_verdict(passed)}", passed, True
+
+
+def _least_convex(limits: CamLimits) -> float:
+    """The least radius of a convex profile [m]: 0 where it is undercut, infinite where all of it is hollow."""
+    return 0.0 if limits.undercut else np.inf if limits.convex is None else limits.convex.value
+
+
+def _radius_words(cam: PlacedCam, limits: CamLimits) -> Iterator[str]:
+    if limits.convex is not None:
+        yield f"least radius {as_length(limits.convex.value, 5)} at {_place(cam, limits.convex.angle)}"
+    if limits.greatest_roller is not None and np.isfinite(limits.greatest_roller.value):
+        yield f"radii of the follower up to {as_length(limits.greatest_roller.value, 5)}"
 
 
 def _verdict(passed: bool) -> str:
@@ -349,14 +363,14 @@ def _sizes(cam: PlacedCam, motion: Motion, forces: Forces | None, want: Requirem
     lift = made.law.raised(-follower.base_coordinate(cam.base))
     hub = joint_of(motion, cam).hub
     try:
-        least = least_base(lift, follower, want, turn, hub)
+        least = least_base(lift, follower, want, turn, hub, beside=cam.beside)
         yield "base circle", f"{as_length(cam.base, 6)} now, least {as_length(least.base, 6)}; decided by: {least.decides}"
     except MechanismError as error:
         yield "base circle", "; ".join(Text.of(f"{f.message} {f.remedy}").source for f in error.faults)
     guide = follower.guide
-    if isinstance(guide, Translating) and not isinstance(follower.face, Flat):
+    if isinstance(guide, Translating) and not isinstance(follower.face, Flat) and cam.mate is None:
         try:
-            best = best_offset(lift, follower.face, want, turn, hub)
+            best = best_offset(lift, follower.face, want, turn, hub, beside=cam.beside)
             words = (
                 f"{as_length(guide.offset)} now, best {as_length(best.offset, 6)} with a base circle of {as_length(best.base, 6)}"
             )
@@ -370,8 +384,9 @@ def _sizes(cam: PlacedCam, motion: Motion, forces: Forces | None, want: Requirem
 def _roller_words(cam: PlacedCam, motion: Motion, forces: Forces | None, want: Requirement) -> str:
     """The rollers that fit on the pitch curve as it is: the base circle grows by as much as the roller shrinks."""
     made = cam.cam if cam.intended is None else cam.intended
-    greatest = find_limits(made).greatest_roller
-    most = math.inf if greatest is None else max(greatest.value - (want.radius or 0.0), 0.0)
+    profiles = (made, *(cam.beside(made) if cam.mate is None else ()))  # the second cam has a roller of its own
+    radii = [reached.value for each in profiles if (reached := find_limits(each).greatest_roller) is not None]
+    most = max(min(radii, default=math.inf) - (want.radius or 0.0), 0.0)
     rating = joint_of(motion, cam).rating
     words = f"{as_length(made.follower.radius)} now, on the same pitch curve"
     upper = "" if math.isinf(most) else f"up to {as_length(most, 6)}"

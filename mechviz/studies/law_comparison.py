@@ -10,7 +10,7 @@ import numpy as np
 from mechcore.arrays import Real
 from mechcore.cams.placement.plane import PlacedCam
 from mechcore.errors import Fault, MechanismError
-from mechcore.forces.cam_rating import AnyCam, contact_force, joint_of, least_springs, placed_cams
+from mechcore.forces.cam_rating import AnyCam, carrying, contact_force, joint_of, least_springs, placed_cams
 from mechcore.laws.curve import MotionCurve
 from mechcore.laws.factors import jumps, peak
 from mechcore.records import dataclass
@@ -89,7 +89,8 @@ def _solved(shown: str, scene: Scene, name: str, frames: int | None) -> LawOnCam
     run = run_scene(scene, frames=frames)
     cam: AnyCam = next(c for c in placed_cams(run.motion) if c.name == name)
     joint = joint_of(run.motion, cam)
-    rows = cam.rows(run.motion)
+    force = None if run.forces is None else contact_force(run.forces, cam)
+    rows = cam.rows(run.motion, 1.0 if force is None else carrying(force))
     drive = run.motion.mechanism.drives[0].joint
     effort = None if run.forces is None else np.asarray(run.forces.effort(drive))
     springs = []
@@ -103,7 +104,7 @@ def _solved(shown: str, scene: Scene, name: str, frames: int | None) -> LawOnCam
     return LawOnCam(
         shown, cam.bed is None, cam.arm != 0.0, joint.lift, cam.argument(run.motion), rows.pressure_angle, _radius(cam,
         rows.radius),
-        effort, None if run.forces is None else contact_force(run.forces, cam), ", ".join(springs),
+        effort, force, ", ".join(springs),
     )  # fmt: skip
 
 

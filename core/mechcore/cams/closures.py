@@ -65,6 +65,21 @@ def conjugate(
 
 
 @dataclass(frozen=True)
+class SecondRoller:
+    """The second roller of a conjugate pair where its follower bears it; fields as the arguments of `conjugate`."""
+
+    radius: float
+    span: float | None = None
+    offset: float = 0.0
+    arm: float | None = None
+    angle: float | None = None
+
+    def cam(self, first: Cam) -> Cam:
+        """Its cam, beside the ``first``."""
+        return conjugate(first, self.radius, span=self.span, offset=self.offset, arm=self.arm, angle=self.angle)[0]
+
+
+@dataclass(frozen=True)
 class Closure:
     """Closure of a translating follower: mass [kg], spring rate [N/m], its deflection at zero lift [m], weight
     and load.

@@ -3,17 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
 from mechcore.arrays import Real
-from mechcore.cams.followers import Arc, Face, Flat, Follower, Knife, Roller, Translating
+from mechcore.cams.followers import Arc, Face, Flat, Follower, Knife, Oscillating, Roller, Translating
 from mechcore.cams.limits import CamLimits, Requirement, Verdict, find_limits, judge_limits
 from mechcore.cams.synthesis import Cam, cam_on_base
 from mechcore.errors import Fault, MechanismError
 from mechcore.laws.curve import MotionCurve
 from mechcore.records import dataclass
 from mechcore.texts import as_angle, as_length
+
+Beside = Callable[[Cam], tuple[Cam, ...]]
+
+
+def outer_flank(cam: Cam) -> tuple[Cam, ...]:
+    """What a groove has beside its inner flank."""
+    return (replace(cam, outer=True),)
+
+
+_EXACT = 1e-9  # of a limit: what a margin may lack by rounding
+_FIRST_STEP, _WIDER, _STEPS = 1e-3, 1.25, 60  # of base circles that are tried: to some 600 times the size of the least
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,13 +159,68 @@ def _round_radius(face: Face) -> float:
 
 
 def least_base(
-    lift: MotionCurve, follower: Follower, want: Requirement, turn: int = 1, at_least: float = 0.0, count: int = 720
+    lift: MotionCurve,
+    follower: Follower,
+    want: Requirement,
+    turn: int = 1,
+    at_least: float = 0.0,
+    count: int = 720,
+    beside: Beside | None = None,
 ) -> Design:
     """The cam of least base circle that keeps to the limits, for the follower as it is.
 
-    ``lift``: program that starts at zero (metres, or radians of the arm). ``at_least``: least base circle for the hub [m]. No
-    undercut is always asked for. Raises where no base circle does it.
+    ``lift``: program that starts at zero (metres, or radians of the arm). ``at_least``: least base circle for the hub [m];
+    ``beside``: gives the profiles that the follower touches beside a cam's own, which keep to the limits too. No undercut is
+    always asked for. Raises where no base circle does it.
     """
+    alone = _least_alone(lift, follower, want, turn, at_least, count)
+    return alone if beside is None else _least_together(alone, lift, want, beside)
+
+
+def _least_together(alone: Design, lift: MotionCurve, want: Requirement, beside: Beside) -> Design:
+    """The first base circle, from that of a cam ``alone`` on, with which the profiles beside it keep to the limits, too."""
+    from scipy.optimize import brentq
+
+    follower, turn = alone.cam.follower, alone.cam.turn
+
+    def worst(base: float) -> tuple[float, Verdict, str]:
+        cam = cam_on_base(lift, follower, base, turn)
+        margins = [
+            (-1.0 if least <= 0.0 else v.margin / (abs(v.allowed) or 1.0), v, v.condition + whose)
+            for each, whose in ((cam, ""), *((other, " of the other profile") for other in beside(cam)))
+            for least in [float(each.law.limits(0)[0].min())]  # beyond the axis there is no cam
+            for v in judge_limits(find_limits(each, count=360), want)
+        ]
+        return min(margins, key=lambda margin: margin[0])
+
+    margin, verdict, _ = worst(alone.base)
+    if margin >= -_EXACT:
+        return alone
+    before, metres = alone.base, follower.guide.arm if isinstance(follower.guide, Oscillating) else 1.0
+    size = max(alone.base, follower.radius, metres * float(np.ptp(lift.limits(0)[0])))
+    for k in range(_STEPS):
+        base = alone.base + _FIRST_STEP * size * _WIDER**k
+        try:
+            if worst(base)[0] >= 0.0:
+                root = float(brentq(lambda b: worst(b)[0], before, base, xtol=1e-12 * size, rtol=1e-12))
+                decides = worst(before + 0.999 * (root - before))[2]
+                return _finish(cam_on_base(lift, follower, root, turn), root, alone.offset, decides, want)
+        except MechanismError:  # the follower does not reach
+            break
+        before = base
+    reached = as_length(verdict.reached) if verdict.allowed == want.radius else as_angle(verdict.reached, 4)
+    raise MechanismError(
+        Fault(
+            "cam.base",
+            f"no base circle keeps both profiles to the limits: on one of {as_length(alone.base)}, the least for the first, the "
+            + ("other is undercut" if verdict.condition == "no undercut" else f"other reaches {reached}")
+            + f" at {as_angle(verdict.angle, 4)}.",
+            "Move the second roller, or loosen a limit.",
+        )
+    )
+
+
+def _least_alone(lift: MotionCurve, follower: Follower, want: Requirement, turn: int, at_least: float, count: int) -> Design:
     if isinstance(follower.guide, Translating) and not isinstance(follower.face, Flat):
         e = turn * follower.guide.offset  # a cam that turns clockwise is the mirror image
         r = follower.radius
@@ -226,7 +293,15 @@ def _scan(lift: MotionCurve, follower: Follower, want: Requirement, turn: int, a
     )
 
 
-def best_offset(lift: MotionCurve, face: Face, want: Requirement, turn: int = 1, at_least: float = 0.0, count: int = 720) -> Design:
+def best_offset(
+    lift: MotionCurve,
+    face: Face,
+    want: Requirement,
+    turn: int = 1,
+    at_least: float = 0.0,
+    count: int = 720,
+    beside: Beside | None = None,
+) -> Design:
     """Offset and base circle together, the base circle as small as the limits allow (translating round follower).
 
     The offset comes out towards the side that moves up under a rise: positive for a cam that turns counter-clockwise, negative for
@@ -264,4 +339,4 @@ def best_offset(lift: MotionCurve, face: Face, want: Requirement, turn: int = 1,
     e = 0.5 * (a + b)
     if base_of(0.0) <= base_of(e) * (1.0 + 1e-12):
         e = 0.0
-    return least_base(lift, Follower(Translating(turn * e), face), want, turn, at_least, count)
+    return least_base(lift, Follower(Translating(turn * e), face), want, turn, at_least, count, beside)

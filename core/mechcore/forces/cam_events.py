@@ -9,7 +9,7 @@ import numpy as np
 from mechcore.arrays import Flags, Real
 from mechcore.cams.followers import Flat
 from mechcore.cams.placement.plane import PlacedCam
-from mechcore.forces.cam_rating import AnyCam, contact_force, contact_stress, drawn_lift, joint_of, placed_cams
+from mechcore.forces.cam_rating import PULL_ROUNDING, AnyCam, contact_force, contact_stress, drawn_lift, joint_of, placed_cams
 from mechcore.forces.kinetostatics import Forces
 from mechcore.forces.load_events import crossing
 from mechcore.laws.factors import VELOCITY_JUMP, jumps
@@ -18,7 +18,6 @@ from mechcore.motion.motion import Motion
 from mechcore.spec.mechanism import CamDrawn, CamRating, Revolute
 from mechcore.texts import as_angle, as_coordinate, as_force, as_length, as_pressure
 
-PULL_ROUNDING = 1e-9  # pull below this part of the largest force is rounding
 FACE_ROUNDING = 1e-9  # a contact beyond the end of a face by this part of its length is on it
 
 
@@ -246,14 +245,15 @@ def limit_events(motion: Motion, cam: AnyCam, touches: Flags | None = None) -> I
     on = np.ones(motion.frames, bool) if touches is None else touches
     x = _arguments(motion, cam)
     if cam.pressure_limit is not None:
-        size = np.abs(rows.pressure_angle)
-        for first, last in runs(on & (size > cam.pressure_limit)):
-            k = first + int(np.argmax(size[first : last + 1]))
-            text = (
-                f"pressure angle up to {as_angle(size[k], 4)} (limit {as_angle(cam.pressure_limit, 4)}) from "
-                f"{_where(cam, x[first])} to {_where(cam, x[last])}. Enlarge the base circle or move the follower"
-            )
-            yield Event(float(motion.time[first]), "WARN", cam.name, text, float(size[k]))
+        for what, angle in cam.pressure_angles(motion).items():
+            size = np.abs(angle)
+            for first, last in runs(on & (size > cam.pressure_limit)):
+                k = first + int(np.argmax(size[first : last + 1]))
+                text = (
+                    f"pressure angle{what} up to {as_angle(size[k], 4)} (limit {as_angle(cam.pressure_limit, 4)}) from "
+                    f"{_where(cam, x[first])} to {_where(cam, x[last])}. Enlarge the base circle or move the follower"
+                )
+                yield Event(float(motion.time[first]), "WARN", cam.name, text, float(size[k]))
     face = cam.face
     if isinstance(face, Flat) and np.isfinite([face.left, face.right]).any():
         slack = 1.0 + FACE_ROUNDING

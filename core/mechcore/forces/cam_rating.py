@@ -28,6 +28,7 @@ from mechcore.spec.loads import Spring
 from mechcore.spec.mechanism import CamDrawn, CamJoint, CamRating, Joint, Mechanism, Prismatic, braked
 from mechcore.texts import as_length, as_pressure
 
+PULL_ROUNDING = 1e-9  # pull below this part of the largest force is rounding
 AnyCam = PlacedCam | PlacedSpatial | PlacedInverse
 
 
@@ -45,6 +46,11 @@ def contact_force(forces: Forces, cam: AnyCam) -> Real:
     """Force along the common normal (F) [N], positive where the cam presses on the follower."""
     reaction = forces.pressed(cam.name)
     return cam.pressing(forces.motion, reaction[:, 0] + 1j * reaction[:, 1])
+
+
+def carrying(force: Real) -> Real:
+    """Which of two flanks carries (F): 1 the first, also where no force is known or all of it is rounding, -1 the other."""
+    return np.where(force < -PULL_ROUNDING * np.nanmax(np.abs(force), initial=0.0), -1.0, 1.0)
 
 
 # -- stress ---------------------------------------------------------------------------------------------------------------
@@ -82,31 +88,13 @@ def contact_curvature(motion: Motion, cam: AnyCam, force: Real) -> Real:
 
 def _radii(motion: Motion, cam: AnyCam, force: Real) -> tuple[Real, Real]:
     """Radii of curvature [m] (F) of the flank that carries, negative where it is hollow, and of the follower's face."""
-    pulled = force < 0.0
-    rows = cam.rows(motion, np.where(np.isfinite(force), force, 1.0))
-    own = np.asarray(rows.radius, float)
-    face = cam.face
+    side, face = carrying(force), cam.face
+    radius = np.asarray(cam.rows(motion, side).radius, float)
     roller = np.full(len(force), face.radius if isinstance(face, Roller | Arc) else np.inf if isinstance(face, Flat) else 0.0)
-    if isinstance(cam, PlacedInverse):
-        x = np.where(np.isfinite(rows.angle), rows.angle, cam.cam.law.start)
-        k, c = (motion.model.index[name] for name in (cam.links[0], cam.carrier))
-        push = cam.contact(motion, np.where(pulled, -1.0, 1.0))[0] - motion.origins[k] - motion.rotation(k) * cam.tip
-        turned = np.exp(1j * cam.cam.law(x, 0)[0]) if cam.cam.turns else 1.0
-        ahead = np.real(np.conj(turned * cam.cam.normal(x) * cam.axes * motion.rotation(c)) * push) > 0.0
-        return np.where(ahead, cam.cam.flank_radius(x, 1), cam.cam.flank_radius(x, -1)), roller
-    if not pulled.any() or not cam.form:
-        return own, roller
-    if isinstance(cam, PlacedSpatial):
-        x = np.where(np.isfinite(rows.angle), rows.angle, 0.0)
-        with np.errstate(divide="ignore"):
-            far = 1.0 / cam.cam.flank(x, [cam.middle], -1).principal_curvatures[0][:, 0]
-        return np.where(pulled, far, own), roller
     if cam.mate is not None:
         assert isinstance(cam.mate.face, Roller)
-        return np.where(pulled, cam.mate.at(motion).radius, own), np.where(pulled, cam.mate.face.radius, roller)
-    if cam.yoke:
-        return np.where(pulled, cam.cam.at(cam.at(motion).angle + np.pi).radius, own), roller
-    return np.where(pulled, -(own + 2.0 * roller), own), roller  # the far flank of a groove: parallel, two radii further out
+        roller[side < 0.0] = cam.mate.face.radius
+    return radius, roller
 
 
 # -- springs --------------------------------------------------------------------------------------------------------------

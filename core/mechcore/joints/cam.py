@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from mechcore.cams.closures import conjugate
+from mechcore.cams.closures import SecondRoller
 from mechcore.cams.contour import Contour, moved_contour
 from mechcore.cams.followers import Flat, Follower, Oscillating, Roller, Translating
 from mechcore.cams.limits import Requirement, find_limits
@@ -17,7 +17,7 @@ from mechcore.cams.placement.inverse import PlacedInverse
 from mechcore.cams.placement.plane import PlacedCam
 from mechcore.cams.placement.spatial import PlacedSpatial
 from mechcore.cams.real_profiles import CutProfile, GivenLift, cut_profile, lift_of
-from mechcore.cams.sizing import least_base
+from mechcore.cams.sizing import least_base, outer_flank
 from mechcore.cams.spatial import InverseCam
 from mechcore.cams.synthesis import Cam, cam_on_base
 from mechcore.errors import MechanismError
@@ -145,13 +145,17 @@ def _disc(joint: CamJoint, builder: Builder, carrier: str, guide: Prismatic | Re
         raise fault_of(joint, "lift", f"after a turn the lift is {higher} higher than before.", "Let it return to its start.")
     law = law if law.repeats else law.repeating()
     base, decides = joint.base, None
+    second = None if joint.second is None else _second_roller(joint, builder, carrier, guide, follower, axes)
     if "base" in joint.least:
-        base, decides = _least_base(law, follower, required(joint), joint.sense, joint.hub)
+        groove = joint.closure == "form" and second is None and not isinstance(joint.face, Flat)
+        base, decides = _least_base(law, follower, required(joint), joint.sense, joint.hub, second, groove)
     cam = cam_on_base(law, follower, base, turn=joint.sense)
     mount = axes * cmath.exp(1j * joint.sense * joint.phase)
     made = _common(joint, carrier, cam, centre, axes) | {"own": own, "mount": mount, "arm": arm, "base": base, "decides": decides}
-    if joint.second is not None:
-        made["mate"] = _mate(joint, builder, carrier, guide, cam, made)
+    if second is not None:
+        flip = -1.0 if second.arm is None else 1.0  # seen upside down the lower roller is an ordinary follower
+        other = {"cam": second.cam(cam), "axes": axes * flip, "mount": mount * flip, "form": False, "arm": second.arm or 0.0}
+        made |= {"mate": PlacedCam(**(made | other)), "second": second}
     if joint.undercut == "cut" and find_limits(cam, count=720).undercut:
         if joint.closure == "form":
             raise fault_of(joint, "undercut", "a groove or yoke is not followed where it is undercut.", "Leave it out.")
@@ -168,10 +172,10 @@ def required(joint: CamJoint) -> Requirement:
     return Requirement(radius=joint.curvature_limit, pressure_rise=joint.pressure_limit, pressure_fall=joint.pressure_limit)
 
 
-def _mate(
-    joint: CamJoint, builder: Builder, carrier: str, guide: Prismatic | Revolute, cam: Cam, made: dict[str, Any]
-) -> PlacedCam:
-    """The second cam of a conjugate pair: its roller stands on the follower, fixed against the first."""
+def _second_roller(
+    joint: CamJoint, builder: Builder, carrier: str, guide: Prismatic | Revolute, placed: Follower, axes: complex
+) -> SecondRoller:
+    """The second roller of a conjugate pair: it stands on the follower, fixed against the first."""
     assert joint.second is not None
     name, radius = joint.second
     follower = builder.links[joint.links[1]]
@@ -180,7 +184,7 @@ def _mate(
             joint, "second", f"link '{follower.name}' has no point '{name}'.", f"Its points: {', '.join(follower.points)}."
         )
     first, second = point_of(follower, joint.point), point_of(follower, name)
-    theory = cam.follower.guide
+    theory = placed.guide
     if isinstance(theory, Oscillating):
         _, own = builder.axis_between(joint, joint.links[1], carrier)
         apart = -theory.side * cmath.phase((second - own) / (first - own))  # as the coordinate grows
@@ -188,21 +192,14 @@ def _mate(
         total = -apart
         if not 0.0 < total < math.pi:
             raise fault_of(joint, "second", f"the second arm lies {as_angle(apart)} from the first, on its far side.", "Swap them.")
-        other, flip = conjugate(cam, radius, arm=arm, angle=total)[0], 1.0 + 0j
-    else:
-        assert isinstance(guide, Prismatic)
-        at = place_on(builder, carrier, guide, second) - place_on(builder, carrier, guide, first)
-        away = at / made["axes"]
-        if not away.imag < 0.0:
-            raise fault_of(
-                joint, "second", "the second roller does not lie below the first, on the far side of the cam's axis.", "Move it."
-            )
-        other, flip = conjugate(cam, radius, span=-away.imag, offset=theory.offset + away.real)[0], -1.0 + 0j
-    plain = {k: v for k, v in made.items() if k != "mate"}
-    turned = {"cam": other, "axes": made["axes"] * flip, "mount": made["mount"] * flip, "form": False}
-    if isinstance(theory, Oscillating):
-        turned["arm"] = abs(second - own)
-    return PlacedCam(**(plain | turned))
+        return SecondRoller(radius, arm=arm, angle=total)
+    assert isinstance(guide, Prismatic)
+    away = (place_on(builder, carrier, guide, second) - place_on(builder, carrier, guide, first)) / axes
+    if not away.imag < 0.0:
+        raise fault_of(
+            joint, "second", "the second roller does not lie below the first, on the far side of the cam's axis.", "Move it."
+        )
+    return SecondRoller(radius, span=-away.imag, offset=theory.offset + away.real)
 
 
 @lru_cache(maxsize=16)
@@ -213,8 +210,11 @@ def _given(contour: Contour, own: complex, axes: complex, follower: Follower) ->
 
 
 @lru_cache(maxsize=16)
-def _least_base(law: MotionCurve, follower: Follower, want: Requirement, sense: int, hub: float) -> tuple[float, str]:
-    least = least_base(law, follower, want, sense, hub)
+def _least_base(
+    law: MotionCurve, follower: Follower, want: Requirement, sense: int, hub: float, second: SecondRoller | None, groove: bool
+) -> tuple[float, str]:
+    beside = None if second is None else lambda cam: (second.cam(cam),)
+    least = least_base(law, follower, want, sense, hub, beside=outer_flank if groove else beside)
     return least.base, least.decides
 
 

@@ -18,7 +18,7 @@ from mechcore.derivatives.exact import Derivatives
 from mechcore.derivatives.forced import derivatives_under_forces
 from mechcore.derivatives.steady import derivatives_from_steady_run
 from mechcore.errors import Fault, MechanismError
-from mechcore.forces.cam_rating import contact_curvature, placed_cams
+from mechcore.forces.cam_rating import AnyCam, carrying, contact_curvature, placed_cams
 from mechcore.forces.powers import powers_by_label
 from mechcore.forces.section_forces import bearings, guide_load
 from mechcore.kinematics.model import Model
@@ -284,10 +284,11 @@ def _of_cam(exact: Derivatives, joint: str, what: str) -> Any:
         first = column("law 1", lambda cam, motion: cam.law(cam.rows(motion).angle)[1])
         second = column("law 2", lambda cam, motion: cam.law(cam.rows(motion).angle)[2])
         return np.stack([column("lift", lambda cam, motion: cam.rows(motion).lift), first, second], axis=-1)
+    side = carrying(_pressing(exact, joint)[1])
     turned = column(
-        "pressure angle", lambda cam, motion: np.exp(1j * cam.rows(motion).pressure_angle)
+        "pressure angle", lambda cam, motion: np.exp(1j * cam.rows(motion, side).pressure_angle)
     )  # one that stays zero is rounding
-    curvature = column("curvature", lambda cam, motion: 1.0 / cam.rows(motion).radius)
+    curvature = column("curvature", lambda cam, motion: 1.0 / cam.rows(motion, side).radius)
     radius = 1.0 / (curvature + np.where(value_of(curvature) == 0.0, STRAIGHT, 0.0))
     beside = column("eccentricity", lambda cam, motion: cam.rows(motion).eccentricity)
     pressed = exact.forces.pressed(joint)
@@ -304,6 +305,13 @@ def _seen(exact: Derivatives, joint: str) -> Any:
     )
 
 
+def _pressing(exact: Derivatives, joint: str) -> tuple[AnyCam, Real]:
+    """A cam, and the force along its normal (F,) [N], whose sign says which flank carries."""
+    (cam,) = (c for c in placed_cams(exact.nominal) if c.name == joint)
+    pressed = value_of(exact.forces.pressed(joint))
+    return cam, cam.pressing(exact.nominal, pressed[:, 0] + 1j * pressed[:, 1])
+
+
 def _stress(exact: Derivatives, joint: str) -> Any:
     """Hertz pressure and half width of a cam's contact on the tape, of a force F and curvatures that add up to k."""
 
@@ -315,9 +323,7 @@ def _stress(exact: Derivatives, joint: str) -> Any:
 
     of_force, of_width = exact.beside(elastic, elastic(exact.nominal.model), ("rating", joint))
     pressed, seen = exact.forces.pressed(joint), _seen(exact, joint)
-    plain = value_of(pressed[:, 0]) + 1j * value_of(pressed[:, 1])
-    (cam,) = (c for c in placed_cams(exact.nominal) if c.name == joint)
-    side = cam.pressing(exact.nominal, plain)  # which flank carries
+    cam, side = _pressing(exact, joint)
     loaded = side != 0.0 if cam.form else side > 0.0
     bent = exact.contact_of(joint, "bent", lambda cam, motion: contact_curvature(motion, cam, side))
     force = np.hypot(pressed[:, 0] + ~loaded, pressed[:, 1]) / seen

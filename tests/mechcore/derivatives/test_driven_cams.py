@@ -125,6 +125,8 @@ LIMITS = ["cam.K.pressure_angle", "cam.K.curvature", "cam.K.contact_force"]
     "name, spacing",
     [
         ("cam-conjugate", 0.1),
+        ("cam-conjugate-oscillating", 0.1),
+        ("cam-groove", 0.1),
         ("cam-measured", 0.02),
         ("cam-barrel-arm", 0.1),
         ("cam-indexing", 0.1),  # on a globoid; it rubs

@@ -69,6 +69,38 @@ def test_the_flank_that_carries_has_its_own_curvature():
     assert (near[hollow] < 1.0 / r).all()
 
 
+@pytest.mark.parametrize("name", ["cam-conjugate", "cam-conjugate-oscillating", "cam-groove", "cam-yoke", "cam-inverse"])
+def test_pressure_angle_and_radius_are_recorded_of_the_flank_on_which_the_force_acts(name):
+    """The recorded place of contact draws the profile on the link that bears it: its radius and its tangent by differences. The
+    force is perpendicular to that tangent, and the pressure angle is between it and how the follower moves where the roller is."""
+    run = run_scene(mechviz.load(name), frames=14400)
+    (cam,), motion = placed_cams(run.motion), run.motion
+    rows = lines_of(run, "K")["contact"].values
+    place, pressure_angle, radius = rows[:, 0] + 1j * rows[:, 1], rows[:, 3], rows[:, 4]
+    bearer, driven = cam.links[name == "cam-inverse"], cam.links[1]
+    x, y, turned = motion.pose(bearer).T
+    steps = np.diff((place - x - 1j * y) * np.exp(-1j * turned))
+    before, after = steps[:-1], steps[1:]
+    turning, length = np.angle(after / before), 0.5 * (np.abs(before) + np.abs(after))
+    middle = np.arange(1, len(place) - 1)
+    forward = np.exp(1j * turned[middle]) * (before + after)
+    reaction = run.forces.pressed("K")[middle, :2] @ [1.0, 1j]
+    vx, vy, rate = motion.velocity(driven)[middle].T
+    out = getattr(cam.face, "radius", 0.0) * reaction / np.maximum(np.abs(reaction), 1e-9)
+    centre = place[middle] + (out if name != "cam-inverse" else -out)
+    moved = vx + 1j * vy + 1j * rate * (centre - motion.pose(driven)[middle, :2] @ [1.0, 1j])
+    # steady: no step to the other flank or of the law nearby, and fast enough to see the tangent
+    near = np.abs(np.diff(np.angle(forward * np.conj(reaction)), prepend=0.0, append=0.0))
+    clear = (np.abs(reaction) > 0.02 * np.abs(reaction).max()) & (length > 0.1 * np.median(length)) & (np.abs(moved) > 1e-3)
+    clear &= (np.maximum(near[:-1], near[1:]) < 1e-3) & (np.abs(turning) < 0.02)
+    assert clear.sum() > 2000 and {-1.0, 1.0} == set(np.sign(contact_force(run.forces, cam)[middle][clear]))
+    along, normal = forward[clear], reaction[clear]
+    np.testing.assert_allclose(np.angle(along / normal) % np.pi, 0.5 * np.pi, atol=1e-4)
+    np.testing.assert_allclose(np.abs(np.abs(turning / length)[clear]), np.abs(1.0 / radius[middle][clear]), rtol=2e-3, atol=0.02)
+    off = np.arccos(np.abs(np.real(normal * np.conj(moved[clear]))) / np.abs(normal * moved[clear]))
+    np.testing.assert_allclose(np.abs(pressure_angle[middle][clear]), off, atol=1e-4)
+
+
 @pytest.mark.parametrize("name", ["cam-conjugate", "cam-inverse", "cam-barrel", "cam-mushroom", "cam-knife"])
 def test_every_kind_of_contact_has_a_pressure(name):
     _, forces, cam = solved(mechviz.load(name), 90)

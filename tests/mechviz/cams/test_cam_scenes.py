@@ -216,6 +216,16 @@ def test_the_remedy_of_an_undercut_arm_is_sought_on_one_sampling():
     refused(text, ["joints.Z", "undercut", "Give at most 2.41607 mm."])
 
 
+def test_the_outer_flank_of_a_wedge_s_groove_is_checked_as_that_of_a_disc():
+    """A double harmonic rise, mirrored, begins hollow with the radius L^2 / (pi^2 H), H = 22 mm and L = 60 mm."""
+    text = changed(text_of("cam-wedge"), "[joints.K]", '[joints.K]\nclosure = "form"')
+    text = changed(text, 'law = "cycloidal"', 'law = "double-harmonic", mirrored = true')
+    most = 60.0**2 / (np.pi**2 * 22.0)
+    solve_motion(compile_mechanism(mechviz.loads(changed(text, "roller = 9", f"roller = {0.999 * most}")).mechanism), [0.0])
+    refused(changed(text, "roller = 9", f"roller = {1.001 * most}"), ["joints.K", "undercut", f"Give at most {most:.6g} mm"])
+    refused(changed(text, "roller = 9", "mushroom = 9"), ["joints.K", "a groove with a face that is no roller"])
+
+
 def test_the_second_roller_of_a_conjugate_pair_is_named_and_has_no_base_circle_of_its_own():
     text = changed(text_of("cam-conjugate"), "second = { roller = 9", "second = { roller = 1e29")
     refused(text, ["joints.K.second: the profile is undercut", "Give at most 40.1668 mm."])

@@ -14,11 +14,12 @@ import mechviz
 from mechcore.cams.closures import hertz, roller_range
 from mechcore.cams.limits import Requirement, find_limits
 from mechcore.errors import MechanismError
+from mechcore.forces.cam_events import cam_events
 from mechcore.forces.cam_rating import contact_stress, joint_of, placed_cams
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
 from mechviz.commands.main import app
 from mechviz.runs import run_scene
-from mechviz.studies.cam_report import size_lines
+from mechviz.studies.cam_report import cam_facts, size_lines
 
 LEAST = {
     "cam-roller-offset": 'base = "least"\ncurvature_limit = 60\npressure_limit = 30',
@@ -51,6 +52,72 @@ def test_the_least_base_circle_of_a_scene_keeps_its_limits_and_less_does_not(nam
     smaller = find_limits(placed(with_profile(name, keys)).cam)
     worst = max(smaller.rise.value, smaller.fall.value)
     assert (angle is not None and worst > angle) or (radius is not None and smaller.convex.value < radius)
+
+
+def traced(scene: mechviz.Scene, *points: str, frames: int = 7200) -> list[tuple[float, float, float]]:
+    """Of the paths of points of the follower over the turning cam, by differences: largest pressure angle, least radii of curvature
+    where they bend around the cam's axis and away from it."""
+    motion = solve_motion(compile_mechanism(scene.mechanism), default_times(scene.mechanism, frames, 1))
+    cam, follower = next(p for p in scene.mechanism.joints if p.name == "K").links
+    turned, out = np.exp(1j * motion.pose(cam)[:, 2]), []
+    for point in points:
+        world = motion.point(follower, point) @ [1.0, 1j]
+        steps = np.diff(world / turned)
+        before, after = steps[:-1], steps[1:]
+        bent = np.angle(after / before) / (0.5 * np.abs(before + after))
+        centre = motion.point(follower, "P") @ [1.0, 1j] if "P" in scene.mechanism.links[2].points else world - 1.0
+        off = np.angle(1j * (before + after) * turned[1:-1] / (1j * (world - centre)[1:-1]))
+        radii = (1.0 / np.abs(part).max(initial=1e-9) for part in (bent[bent < 0.0], bent[bent > 0.0]))
+        out.append((np.abs(0.5 * np.pi - np.abs(np.abs(off) - 0.5 * np.pi)).max(), *radii))
+    return out
+
+
+def pair(second: str, base: str = "52", limits: str = "pressure_limit = 30") -> mechviz.Scene:
+    """Conjugate cams with a rocker whose second roller stands elsewhere."""
+    text = text_of("cam-conjugate-oscillating").replace("R = [-58, -68]", f"R = {second}")
+    return mechviz.loads(text.replace("base = 52", f"base = {base}\n{limits}"))
+
+
+def test_limits_hold_for_both_cams_of_a_conjugate_pair():
+    scene = pair("[-30, -62]", limits="pressure_limit = 30\ncurvature_limit = 30")
+    (first, *_), (second, radius, _) = traced(scene, "T", "R")
+    assert np.degrees(first) < 26.0 and np.degrees(second) == pytest.approx(55.47, abs=0.01)
+    run = run_scene(scene)
+    facts = {fact.what: fact for fact in cam_facts(run.motion, run.forces)}
+    assert facts["pressure angle"].failed and "second cam up to 55.468" in str(facts["pressure angle"].text)
+    assert facts["curvature"].failed and f"{1e3 * radius - 10.0:.4g} mm (second cam)" in str(facts["curvature"].text)
+    assert any("pressure angle of the second cam up to 55.47" in e.text for e in cam_events(run.motion, None))
+
+
+def test_the_least_base_circle_of_a_conjugate_pair_keeps_the_second_cam_to_the_limits():
+    scene = pair("[-70, -50]", '"least"')
+    cam = placed(scene)
+    assert cam.decides == "pressure angle on the rise of the other profile"
+    reached = [traced(pair("[-70, -50]", f"{1e3 * cam.base * scale}"), "T", "R") for scale in (1.0, 0.99)]
+    assert np.degrees(reached[0][0][0]) < 29.0 and np.degrees(reached[0][1][0]) == pytest.approx(30.0, abs=1e-3)
+    assert np.degrees(reached[1][1][0]) > 30.1
+    run = run_scene(pair("[-58, -68]", '"least"'), frames=36)
+    lines = size_lines(run.motion, None, run.scene.units, Requirement())
+    assert any(f"{1e3 * placed_cams(run.motion)[0].base:.6g} mm now, least" in line for line in lines)
+
+
+def test_a_pair_without_a_base_circle_for_both_cams_is_refused():
+    """The larger the first cam, the smaller the second: at the least base circle of the first the second is too steep already."""
+    with pytest.raises(MechanismError, match=r"no base circle keeps both profiles .* the other reaches 31.29") as error:
+        compile_mechanism(pair("[-30, -62]", '"least"', "pressure_limit = 30\ncurvature_limit = 30").mechanism)
+    assert error.value.faults[0].path == "joints.K.base"
+    (_, (steep, *_)) = traced(pair("[-30, -62]", "30"), "T", "R")
+    assert np.degrees(steep) == pytest.approx(31.29, abs=0.005)
+
+
+def test_the_least_base_circle_of_a_groove_keeps_its_outer_flank_to_the_limits():
+    """Where the roller's path bends away from the axis the outer flank is convex, with the path's radius less the roller's."""
+    text = text_of("cam-groove").replace("over = 120", "over = 70").replace("over = 60", "over = 110")
+    scene = mechviz.loads(text.replace("base = 35", 'base = "least"\ncurvature_limit = 8'))
+    cam = placed(scene)
+    assert cam.decides == "least radius of curvature of the other profile"
+    ((_, inner, outer),) = traced(scene, "T")
+    assert 1e3 * outer - 8.0 == pytest.approx(8.0, rel=1e-4) and 1e3 * inner - 8.0 > 9.0
 
 
 def sized(base: str, roller: str, offset: str = "", place: float = 14.0) -> str:

@@ -203,6 +203,10 @@ class PlacedInverse(PlacedRoller):
         """Force along the normal (F) [N], positive where it drives the link the way its coordinate grows."""
         return np.asarray(np.real(reaction * np.conj(self.rows(motion).normal)))
 
+    def pressure_angles(self, motion: Motion) -> dict[str, Real]:
+        """The pressure angle (F) [rad], the same on both flanks."""
+        return {"": self.rows(motion).pressure_angle}
+
     def rows(self, motion: Motion, multiplier: Values = 1.0) -> ContactRows:
         """The contact over a motion; the sign of ``multiplier`` says which flank carries."""
         return motion.over_parts(self._rows, np.broadcast_to(multiplier, (motion.frames,)))
@@ -210,16 +214,17 @@ class PlacedInverse(PlacedRoller):
     def _rows(self, motion: Motion, multiplier: Values) -> ContactRows:
         angle, s = self.argument(motion), self.law(self.argument(motion))
         _, n, away = self._at(motion)
-        n = n * np.sign(np.real(np.conj(n) * away))
+        ahead = np.sign(np.real(np.conj(n) * away))
+        left = ahead * np.where(cast(Real, np.real(multiplier)) >= 0.0, 1.0, -1.0) > 0.0
+        n = n * ahead
         world = self.world(motion)
         known = np.where(np.isfinite(angle), angle, self.cam.law.start)
-        flank = self.cam.flank_radius(known, 1)
         return ContactRows(
             angle=angle,
             place=np.array(np.broadcast_to(self.contact(motion, multiplier)[0], angle.shape)),
             normal=np.array(np.broadcast_to(n * world, angle.shape)),
             pressure_angle=self.cam.pressure_angle(known) * np.where(np.isfinite(angle), 1.0, np.nan),
-            radius=flank,
+            radius=np.where(left, self.cam.flank_radius(known, 1), self.cam.flank_radius(known, -1)),
             eccentricity=np.full(angle.shape, np.nan),
             coordinate=s[0],
             lift=s[0] - self.zero,

@@ -12,11 +12,11 @@ from numpy.typing import ArrayLike
 
 from mechcore.arrays import Complex, Flags, Plane, Real, Values
 from mechcore.cams.analysis import Bridge
-from mechcore.cams.closures import breadth
+from mechcore.cams.closures import SecondRoller, breadth
 from mechcore.cams.contour import Contour, cam_contour
 from mechcore.cams.followers import Face, Flat, Oscillating, Translating
 from mechcore.cams.limits import Requirement, find_limits
-from mechcore.cams.sizing import least_base
+from mechcore.cams.sizing import least_base, outer_flank
 from mechcore.cams.synthesis import Cam, Synthesis
 from mechcore.errors import Fault, MechanismError
 from mechcore.records import dataclass
@@ -73,6 +73,7 @@ def segment_of(cam: Any, motion: Motion, knots: Real | None = None) -> Real:
 class ContactRows:
     """Where cam and follower touch over the frames (F): ``place`` in the world; NaN where there is nothing to say.
 
+    Of two flanks (groove, yoke, conjugate pair) all is said of the one that carries. ``normal``: from the cam to the follower.
     ``angle``: argument of the law; ``pressure_angle`` [rad]; ``radius`` of curvature of the profile [m]; ``eccentricity`` on a flat
     face [m]; ``coordinate``: of the follower, base included; ``lift``: above the base circle.
     """
@@ -114,6 +115,7 @@ class PlacedCam:
     decides: str | None = None  # of a base circle that is the least for its limits: which of them
     ahead: float = 1.0  # of a wedge: the law's x over the argument
     mate: PlacedCam | None = None  # the second cam of a conjugate pair, which touches where the first would have to pull
+    second: SecondRoller | None = None  # which follows that cam
     given: Contour | None = None  # the profile, where it is not the one that the law asks for; the theory's axes
     bridges: tuple[Bridge, ...] = ()  # where the contact leaps on a given profile
     intended: Cam | None = None  # what was to be cut, where the cutter leaves something else
@@ -163,6 +165,17 @@ class PlacedCam:
         """Whether the knife or roller runs in a groove."""
         return self.form and not self.yoke and self.mate is None
 
+    def beside(self, cam: Cam) -> tuple[Cam, ...]:
+        """The other profile that the joint has beside ``cam``: the outer flank of a groove, the second cam of a conjugate pair."""
+        if self.second is not None:
+            return (self.second.cam(cam),)
+        return outer_flank(cam) if self.groove else ()
+
+    @property
+    def profiles(self) -> tuple[Cam, ...]:
+        """All profiles that the follower touches, the first one first; the other face of a yoke touches the same profile."""
+        return (self.cam, *self.beside(self.cam))
+
     @cached_property
     def contour(self) -> Contour:
         """The profile in the theory's axes of the cam, of a groove its inner flank."""
@@ -211,8 +224,8 @@ class PlacedCam:
             return
         if self.mate is not None:
             self.mate.check(second=True)
-        for outer in (False, True) if self.groove and not cam.wedge and cam.follower.radius else (False,):
-            limits = find_limits(replace(cam, outer=outer), count=720)
+        for profile in self.profiles if self.groove and cam.follower.radius else (cam,):
+            limits = find_limits(profile, count=720)
             if not limits.undercut:
                 continue
             if limits.sharpness.value == -math.inf and not second:
@@ -253,7 +266,7 @@ class PlacedCam:
             return "Stretch the segments."
         try:
             zero = self.cam.follower.base_coordinate(self.base)
-            fits = least_base(self.cam.law.raised(-zero), self.cam.follower, Requirement(), self.cam.turn)
+            fits = least_base(self.cam.law.raised(-zero), self.cam.follower, Requirement(), self.cam.turn, beside=self.beside)
         except MechanismError:
             return "Take a smoother law or longer segments."
         return f"Give a base circle of at least {as_length(fits.base)}."
@@ -288,36 +301,43 @@ class PlacedCam:
         away = -1j * self.side * (touch - guide.pivot) if isinstance(guide, Oscillating) else 1j
         with np.errstate(divide="ignore", invalid="ignore"):
             direction = self.scale * n / np.real(np.conj(n) * away)
-        if self.mate is not None:
-            other, normal = self._second(motion)
-            if isinstance(guide, Oscillating):
-                away = -1j * self.side * (other - guide.pivot)
-            with np.errstate(divide="ignore", invalid="ignore"):
-                pulls = self.scale * normal / np.real(np.conj(normal) * away)
+        if self.form:
             pressed = carried >= 0.0
-            touch, direction = np.where(pressed, touch, other), np.where(pressed, direction, pulls)
-        elif self.form:
-            touch = np.where(carried >= 0.0, touch, self._opposite(s))
+            other, flip = self._other(motion, s)
+            far = flip * other.contact
+            if self.mate is not None:
+                normal = flip * other.ground_normal
+                if isinstance(guide, Oscillating):
+                    away = -1j * self.side * (far - guide.pivot)
+                with np.errstate(divide="ignore", invalid="ignore"):
+                    pulls = self.scale * normal / np.real(np.conj(normal) * away)
+                direction = np.where(pressed, direction, pulls)
+            touch = np.where(pressed, touch, far)
         world = self.axes * motion.rotation(motion.model.index[self.carrier])
         return self.place(motion, touch), direction * world
 
     def pressing(self, motion: Motion, reaction: Complex) -> Real:
         """Force along the common normal (F) [N] from the reaction on the follower, positive where the cam presses on it."""
         along = np.real(reaction * np.conj(self.rows(motion).normal))
-        # of a conjugate pair either roller is pressed along the normal of its own cam
-        return along if self.mate is None else np.copysign(np.abs(reaction), along)
+        if self.mate is None:
+            return along
+        # either roller is pressed along the normal of its own cam, and the two may be less than a right angle apart
+        other = np.real(reaction * np.conj(self.rows(motion, -1.0).normal))
+        return np.where(other > along, -1.0, 1.0) * np.abs(reaction)
 
-    def _second(self, motion: Motion) -> tuple[Complex, Complex]:
-        """Contact and normal of the second cam in this one's ground axes."""
-        assert self.mate is not None
-        s, flip = self.mate.at(motion), self.mate.axes / self.axes
-        return flip * s.contact, flip * s.ground_normal
-
-    def _opposite(self, s: Synthesis) -> Complex:
-        """Where the other flank of a groove or the other face of a yoke touches, ground axes."""
+    def _other(self, motion: Motion, s: Synthesis) -> tuple[Synthesis, complex]:
+        """The other flank of a groove, face of a yoke or cam of a pair, and what turns its ground axes into this one's."""
+        if self.mate is not None:
+            return self.mate.at(motion), self.mate.axes / self.axes
         if self.yoke:
-            return -self.cam.at(s.angle + math.pi).contact
-        return cast(Complex, s.reference[0] + self.cam.follower.radius * s.ground_normal)
+            return self.cam.at(s.angle + math.pi), -1.0
+        return replace(s, cam=replace(self.cam, outer=True)), 1.0
+
+    def pressure_angles(self, motion: Motion) -> dict[str, Real]:
+        """Pressure angles (F) [rad] that are to keep to a limit, by what has them, in words: of a conjugate pair those of both
+        cams, whichever carries."""
+        own = self.at(motion).pressure_angle
+        return {"": own} if self.mate is None else {"": own, " of the second cam": self.mate.at(motion).pressure_angle}
 
     def rows(self, motion: Motion, multiplier: Values = 1.0) -> ContactRows:
         """The contact over a motion; the sign of ``multiplier`` says which flank carries."""
@@ -327,12 +347,19 @@ class PlacedCam:
         s = self.at(motion)
         place = self.contact(motion, multiplier)[0]
         world = self.axes * motion.rotation(motion.model.index[self.carrier])
+        normal, pressure_angle, radius = s.ground_normal, s.pressure_angle, s.radius
+        if self.form:
+            pressed = cast(Real, np.real(multiplier)) >= 0.0
+            other, flip = self._other(motion, s)
+            normal = np.where(pressed, normal, other.cam.flank * flip * other.ground_normal)
+            pressure_angle = np.where(pressed, pressure_angle, other.pressure_angle)
+            radius = np.where(pressed, radius, other.radius)
         return ContactRows(
             angle=self.argument(motion),
             place=np.array(np.broadcast_to(place, (motion.frames,))),
-            normal=np.array(np.broadcast_to(s.ground_normal * world, (motion.frames,))),
-            pressure_angle=s.pressure_angle,
-            radius=s.radius,
+            normal=np.array(np.broadcast_to(normal * world, (motion.frames,))),
+            pressure_angle=pressure_angle,
+            radius=radius,
             eccentricity=s.distance,
             coordinate=s.motion[0],
             lift=s.motion[0] - self.zero,

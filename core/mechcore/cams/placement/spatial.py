@@ -127,8 +127,8 @@ class PlacedSpatial(PlacedRoller):
 
     # -- in space -----------------------------------------------------------------------------------------------------
 
-    def _flank(self, motion: Motion) -> Flank:
-        return self.cam.flank(self.known(self.argument(motion))[0], [self.middle])
+    def _flank(self, motion: Motion, side: int = 1) -> Flank:
+        return self.cam.flank(self.known(self.argument(motion))[0], [self.middle], side)
 
     def _touch(self, motion: Motion) -> _Touch:
         flank = self._flank(motion)
@@ -211,6 +211,10 @@ class PlacedSpatial(PlacedRoller):
         n = self._shadow(self._touch(motion).normal) * self.world(motion)
         return np.asarray(np.real(reaction * np.conj(n)) / np.abs(n) ** 2)
 
+    def pressure_angles(self, motion: Motion) -> dict[str, Real]:
+        """The pressure angle (F) [rad], the same on both flanks."""
+        return {"": self.rows(motion).pressure_angle}
+
     def rows(self, motion: Motion, multiplier: Values = 1.0) -> ContactRows:
         """The contact in the middle of the roller over a motion; ``place`` is that of the roller, as the plane sees it."""
         return motion.over_parts(self._rows, np.broadcast_to(multiplier, (motion.frames,)))
@@ -219,8 +223,10 @@ class PlacedSpatial(PlacedRoller):
         angle = self.argument(motion)
         s, flank = self.law(angle), self._flank(motion)
         lost = ~np.isfinite(angle)
+        pulls = np.asarray(multiplier).real < 0.0 if self.form else np.zeros(motion.frames, bool)
+        bent = np.where(pulls, self._flank(motion, -1).principal_curvatures[0][:, 0], flank.principal_curvatures[0][:, 0])
         with np.errstate(divide="ignore"):
-            radius = 1.0 / flank.principal_curvatures[0][:, 0]
+            radius = 1.0 / bent
         t = self._touch(motion)
         normal = self._shadow(t.normal) * self.world(motion)
         return ContactRows(
