@@ -218,8 +218,8 @@ class Flank:
         return np.asarray(roots.min(axis=0))
 
     @cached_property
-    def principal_curvatures(self) -> tuple[Real, Real]:
-        """Larger and smaller principal curvature of the flank [1/m], positive where the cam is convex."""
+    def _curvatures(self) -> tuple[Real, Real, Real]:
+        """Mean and Gaussian curvature of the flank, and its curvature along the line of contact."""
         _, v, a, *_ = self._axis
         _, n_angle, n_along, _ = self._normals
         r = self.cam.radius
@@ -230,8 +230,26 @@ class Flank:
         with np.errstate(divide="ignore", invalid="ignore"):
             mean = 0.5 * (e * g2 + g * e2 - 2.0 * f * f2) / det
             gauss = (e2 * g2 - f2 * f2) / det
-            root = np.sqrt(np.maximum(mean * mean - gauss, 0.0))
+            return mean, gauss, g2 / g
+
+    @property
+    def principal_curvatures(self) -> tuple[Real, Real]:
+        """Larger and smaller principal curvature of the flank [1/m], positive where the cam is convex."""
+        mean, gauss, _ = self._curvatures
+        root = np.sqrt(np.maximum(mean * mean - gauss, 0.0))
         return mean + root, mean - root
+
+    @property
+    def curvature_across(self) -> Real:
+        """Curvature of the flank across its line of contact with the roller [1/m], positive where the cam is convex."""
+        mean, _, along = self._curvatures
+        return 2.0 * mean - along
+
+    @property
+    def curvature_sum(self) -> Real:
+        """Sum of the principal curvatures [1/m]. Along the line of contact flank and roller bend alike: with the roller's curvature
+        it is the relative curvature across that line."""
+        return 2.0 * self._curvatures[0]
 
 
 @dataclass(frozen=True, eq=False)

@@ -87,8 +87,12 @@ def contact_curvature(motion: Motion, cam: AnyCam, force: Real) -> Real:
 
 
 def _radii(motion: Motion, cam: AnyCam, force: Real) -> tuple[Real, Real]:
-    """Radii of curvature [m] (F) of the flank that carries, negative where it is hollow, and of the follower's face."""
+    """Radii of curvature [m] (F) of the flank that carries, negative where it is hollow, and of the follower's face; of a cam in
+    space that of a cylinder that touches the roller as closely."""
     side, face = carrying(force), cam.face
+    if isinstance(cam, PlacedSpatial):
+        with np.errstate(divide="ignore"):
+            return 1.0 / cam.curvature_sum(motion, side), np.full(len(force), cam.face.radius)
     radius = np.asarray(cam.rows(motion, side).radius, float)
     roller = np.full(len(force), face.radius if isinstance(face, Roller | Arc) else np.inf if isinstance(face, Flat) else 0.0)
     if cam.mate is not None:

@@ -12,11 +12,14 @@ from cam_scenes import changed, refused, text_of
 import mechviz
 from mechcore.errors import MechanismError
 from mechcore.forces.cam_events import cam_events
-from mechcore.forces.cam_rating import contact_force, placed_cams
+from mechcore.forces.cam_rating import contact_force, contact_stress, placed_cams
 from mechcore.forces.kinetostatics import solve_forces
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
+from mechcore.spec.mechanism import CamRating
 from mechviz.meshes.kinds.spatial_cams import Spin, spin_transforms
 from mechviz.meshes.solids import build_solids
+from mechviz.quantities.tables import tables
+from mechviz.runs import run_scene
 
 SCENES = ["cam-barrel", "cam-barrel-rib", "cam-end", "cam-barrel-arm", "cam-globoid"]
 
@@ -61,6 +64,73 @@ def test_the_contact_force_in_space_turns_the_shaft(name):
     moment = cam.sense * (p[:, 0] * on_cam[:, 1] - p[:, 1] * on_cam[:, 0])
     torque = forces.effort("O")
     np.testing.assert_allclose(-moment, torque, atol=2e-9 * np.abs(torque).max() + 1e-12)
+
+
+def bent(cam, angle: float, side: int) -> tuple[np.ndarray, float]:
+    """Principal curvatures of a flank, positive where it is convex, and its curvature across the roller's axis' image on it, from
+    differences of its points alone."""
+    h = np.array([1e-3, 1e-2 * cam.cam.radius])
+    around = cam.cam.flank(angle + h[0] * np.arange(-1, 2), cam.middle + h[1] * np.arange(-1, 2), side).point
+    steps = np.stack([around[2, 1] - around[0, 1], around[1, 2] - around[1, 0]]) / (2.0 * h[:, None])
+    seconds = np.empty((2, 2, 3))
+    seconds[0, 0] = (around[2, 1] - 2.0 * around[1, 1] + around[0, 1]) / h[0] ** 2
+    seconds[1, 1] = (around[1, 2] - 2.0 * around[1, 1] + around[1, 0]) / h[1] ** 2
+    seconds[0, 1] = seconds[1, 0] = (around[2, 2] - around[2, 0] - around[0, 2] + around[0, 0]) / (4.0 * h[0] * h[1])
+    normal = np.cross(*steps) / np.linalg.norm(np.cross(*steps))
+    normal *= np.sign(normal @ cam.cam.flank([angle], [cam.middle], side).normal[0, 0])
+    first, second = steps @ steps.T, -seconds @ normal
+    across = np.array([first[1, 1], -first[0, 1]])  # perpendicular to the step along the roller
+    return np.linalg.eigvals(np.linalg.solve(first, second)).real, across @ second @ across / (across @ first @ across)
+
+
+SHARP_END = """
+units = { length = "mm", angle = "deg" }
+[links]
+frame = { points = { O = [0, 0], G = [0, 105], H = [0, 235] } }
+cam = { points = { O = [0, 0] } }
+carriage = { points = { T = [0, 0], C = [0, 105], E = [0, 130] } }
+[joints]
+O = { revolute = ["frame", "cam"], drive = { speed = "30 rpm", start = 0 } }
+S = { prismatic = ["frame", "carriage"], at = ["G", "C"], along = [0, 1] }
+[joints.K]
+cam = ["cam", "carriage"]
+follower = { roller = 8, guide = "S", point = "T" }
+closure = "force"
+rating = { width = 4 }
+profile = { base = 30, end = { radius = 45, depth = 4 }, lift = [
+    { over = 60, to = 25, law = "3-4-5" }, { over = 120 }, { over = 60, to = 0, law = "3-4-5" }, { over = 120 } ] }
+[loads]
+P = { force = [0, "-1 kN"], on = "carriage", at = "E" }
+"""
+
+
+def test_a_hollow_flank_is_recorded_as_hollow():
+    """An end cam where it begins to rise: on the unrolled cylinder the roller's path bends with a radius of 16.92 mm + 8 mm."""
+    run = run_scene(mechviz.loads(SHARP_END), frames=360)
+    columns = {t.path[-1]: t.values for t in tables(run) if t.path[:2] == ("data", "cams")}
+    (large, small), across = bent(placed_cams(run.motion)[0], np.radians(10.0), 1)
+    assert sorted([1e3 / large, 1e3 / small]) == pytest.approx([-24.70, 1297.4], rel=2e-3)
+    assert columns["contact"][10, 4] == pytest.approx(1.0 / across, rel=1e-4)
+    assert -25.5e-3 < columns["contact"][10, 4] < -24.0e-3
+    assert columns["stress"][10, 0] == pytest.approx(907e6, rel=1e-3)  # 905 MPa on the unrolled cylinder
+
+
+@pytest.mark.parametrize("name", ["cam-barrel", "cam-end", "cam-barrel-arm", "cam-globoid"])
+def test_hertz_s_pressure_takes_both_curvatures_of_a_flank(name):
+    """Along the line of contact flank and roller bend alike: across it their curvatures differ by the sum of all four."""
+    motion, forces = solved(name, 23)
+    (cam,) = placed_cams(motion)
+    force, r = contact_force(forces, cam), cam.cam.radius
+    stress = contact_stress(forces, cam, CamRating(width=0.008)).pressure
+    rows = cam.rows(motion, force)
+    for k in range(1, 23):  # none on a knot of the law
+        if abs(force[k]) < 1e-3 * np.abs(force).max():
+            continue
+        side = -1 if cam.form and force[k] < 0.0 else 1
+        curvatures, across = bent(cam, float(rows.angle[k]), side)
+        wanted = np.sqrt(abs(force[k]) / 0.008 * 2.1e11 / (2.0 * 0.91) * (1.0 / r + curvatures.sum()) / np.pi)
+        assert stress[k] == pytest.approx(wanted, rel=1e-4), k
+        assert 1.0 / rows.radius[k] == pytest.approx(across, rel=1e-3, abs=1e-3), k
 
 
 @pytest.mark.parametrize("name", SCENES)

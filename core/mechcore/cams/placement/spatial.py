@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -219,14 +220,28 @@ class PlacedSpatial(PlacedRoller):
         """The contact in the middle of the roller over a motion; ``place`` is that of the roller, as the plane sees it."""
         return motion.over_parts(self._rows, np.broadcast_to(multiplier, (motion.frames,)))
 
+    def curvature_sum(self, motion: Motion, multiplier: Values) -> Real:
+        """Sum of the principal curvatures of the flank that carries (F) [1/m] in the middle of the roller."""
+
+        def own(part: Motion, sign: Values) -> Real:
+            return self._carrying(part, sign, lambda flank: flank.curvature_sum)
+
+        return motion.over_parts(own, np.broadcast_to(multiplier, (motion.frames,)))
+
+    def _carrying(self, motion: Motion, multiplier: Values, values: Callable[[Flank], Real]) -> Real:
+        """Values (F) in the middle of the roller on the flank that carries."""
+        own = values(self._flank(motion))[:, 0]
+        if not self.form:
+            return own
+        return np.where(np.asarray(multiplier).real < 0.0, values(self._flank(motion, -1))[:, 0], own)
+
     def _rows(self, motion: Motion, multiplier: Values) -> ContactRows:
         angle = self.argument(motion)
         s, flank = self.law(angle), self._flank(motion)
         lost = ~np.isfinite(angle)
-        pulls = np.asarray(multiplier).real < 0.0 if self.form else np.zeros(motion.frames, bool)
-        bent = np.where(pulls, self._flank(motion, -1).principal_curvatures[0][:, 0], flank.principal_curvatures[0][:, 0])
+        across = self._carrying(motion, multiplier, lambda each: each.curvature_across)
         with np.errstate(divide="ignore"):
-            radius = 1.0 / bent
+            radius = 1.0 / across
         t = self._touch(motion)
         normal = self._shadow(t.normal) * self.world(motion)
         return ContactRows(
