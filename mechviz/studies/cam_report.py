@@ -162,7 +162,7 @@ def _limits(cam: AnyCam) -> Iterator[ReportRow]:
     if isinstance(cam, PlacedSpatial):
         flanks = cam.limits()
         steepest, passed = flanks[0].pressure, not any(each.undercut for each in flanks)
-        words = f"up to {as_angle(steepest.value, 5)} at {_place(cam, steepest.angle)}"
+        words = f"up to {as_angle(steepest.value, 5)} over the roller's length, at {_place(cam, steepest.angle)}"
         yield _judged("pressure angle", words, steepest.value, cam.pressure_limit, _degrees)
         words = f"{_verdict(passed)}; rollers up to {as_length(cam.greatest_roller(flanks), 5)}"
         yield "undercut", words, passed, False

@@ -28,6 +28,9 @@ def _stack(x: ArrayLike, y: ArrayLike, z: ArrayLike) -> Real:
     return np.stack(np.broadcast_arrays(np.asarray(x, float), np.asarray(y, float), np.asarray(z, float)), axis=-1)
 
 
+LAYERS = 9  # along the roller, of its limits
+
+
 @dataclass(frozen=True)
 class Barrel:
     """The follower slides parallel to the cam's axis, its roller's axis radial (along x); the law is the height z. Barrel,
@@ -278,6 +281,10 @@ class SpatialCam:
         if self.turn not in (1, -1):
             raise MechanismError(Fault("cam.turn", f"{self.turn}", "Give 1 or -1."))
 
+    def places(self, layers: int) -> Real:
+        """Places along the roller's axis from one end to the other [m]."""
+        return np.linspace(self.inner, self.outer, layers)
+
     def flank(self, angle: ArrayLike, along: ArrayLike, side: int = 1) -> Flank:
         """Angles (n), places along the roller's axis (m); ``side`` 1: the flank that lifts the follower, -1: the other one
         of a groove."""
@@ -301,10 +308,10 @@ class SpatialLimits:
         return self.sharpness.value < 0.0
 
 
-def spatial_limits(cam: SpatialCam, sides: tuple[int, ...] = (1, -1), count: int = 720, layers: int = 9) -> SpatialLimits:
+def spatial_limits(cam: SpatialCam, sides: tuple[int, ...] = (1, -1), count: int = 720, layers: int = LAYERS) -> SpatialLimits:
     """Extremes on a grid of angles and of places along the roller, over the stated flanks (one for a rib's side or an end cam)."""
     angle = cam.law.start + cam.law.length * np.arange(count) / count
-    along = np.linspace(cam.inner, cam.outer, layers)
+    along = cam.places(layers)
     best: list[Reached | None] = [None] * 4
     for side in sides:
         f = cam.flank(angle, along, side)

@@ -20,6 +20,7 @@ from mechviz.meshes.kinds.spatial_cams import Spin, spin_transforms
 from mechviz.meshes.solids import build_solids
 from mechviz.quantities.tables import tables
 from mechviz.runs import run_scene
+from mechviz.studies.cam_report import cam_facts
 
 SCENES = ["cam-barrel", "cam-barrel-rib", "cam-end", "cam-barrel-arm", "cam-globoid"]
 
@@ -131,6 +132,22 @@ def test_hertz_s_pressure_takes_both_curvatures_of_a_flank(name):
         wanted = np.sqrt(abs(force[k]) / 0.008 * 2.1e11 / (2.0 * 0.91) * (1.0 / r + curvatures.sum()) / np.pi)
         assert stress[k] == pytest.approx(wanted, rel=1e-4), k
         assert 1.0 / rows.radius[k] == pytest.approx(across, rel=1e-3, abs=1e-3), k
+
+
+@pytest.mark.parametrize(("name", "limit", "reached"), [("cam-barrel", 41, None), ("cam-barrel-arm", 40, 42.614)])
+def test_the_event_judges_the_pressure_angle_that_the_limit_judges(name, limit, reached):
+    """Over the roller's length, at its inner end: tan alpha = s' / r there, of the middle of the roller less than the limit."""
+    text = changed(text_of(name), "[joints.K.profile]", f"[joints.K.profile]\npressure_limit = {limit}")
+    run = run_scene(mechviz.loads(text), frames=720)
+    (cam,) = placed_cams(run.motion)
+    if reached is None:
+        speed = np.abs(run.motion.coordinate("S")[:, 1] / run.motion.coordinate("O")[:, 1]).max()
+        reached = np.degrees(np.arctan(speed / cam.cam.inner))
+    (fact,) = (fact for fact in cam_facts(run.motion, run.forces) if fact.what == "pressure angle")
+    assert fact.failed and f"up to {reached:.5g}° over the roller's length" in str(fact.text)
+    assert np.degrees(np.abs(cam.rows(run.motion).pressure_angle).max()) < limit
+    steep = [e.value for e in cam_events(run.motion, run.forces) if "pressure angle over the roller's length" in e.text]
+    assert np.degrees(max(steep)) == pytest.approx(reached, abs=2e-3)
 
 
 @pytest.mark.parametrize("name", SCENES)

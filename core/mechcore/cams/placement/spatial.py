@@ -13,7 +13,7 @@ from mechcore.arrays import Complex, Flags, Plane, Real, Values, unit_vectors
 from mechcore.cams.followers import Roller
 from mechcore.cams.placement.inverse import PlacedInverse, PlacedRoller
 from mechcore.cams.placement.plane import ContactRows, PlacedCam
-from mechcore.cams.spatial import Flank, Globoid, SpatialCam, SpatialLimits, spatial_limits
+from mechcore.cams.spatial import LAYERS, Flank, Globoid, SpatialCam, SpatialLimits, spatial_limits
 from mechcore.errors import Fault, MechanismError
 from mechcore.records import dataclass
 from mechcore.texts import as_angle, as_length
@@ -97,7 +97,7 @@ class PlacedSpatial(PlacedRoller):
         x, law = super().argument(motion), self.cam.law
         return np.mod(x - law.start, law.length) + law.start if self.blank.rollers else x
 
-    def limits(self, count: int = 720, layers: int = 9) -> list[SpatialLimits]:
+    def limits(self, count: int = 720, layers: int = LAYERS) -> list[SpatialLimits]:
         """Extremes over its flanks, and of a turret over the other sides of the ribs next to the middle, too, which the rollers
         before and after follow; its own first."""
         cams = [(self.cam, (1, -1) if self.form else (1,))]
@@ -213,8 +213,10 @@ class PlacedSpatial(PlacedRoller):
         return np.asarray(np.real(reaction * np.conj(n)) / np.abs(n) ** 2)
 
     def pressure_angles(self, motion: Motion) -> dict[str, Real]:
-        """The pressure angle (F) [rad], the same on both flanks."""
-        return {"": self.rows(motion).pressure_angle}
+        """The largest pressure angle (F) [rad] over the roller's length, as `spatial_limits` has it; the same on both flanks."""
+        angle = self.argument(motion)
+        steep = np.abs(self.cam.flank(self.known(angle)[0], self.cam.places(LAYERS)).pressure_angle).max(axis=1)
+        return {" over the roller's length": np.where(np.isfinite(angle), steep, np.nan)}
 
     def rows(self, motion: Motion, multiplier: Values = 1.0) -> ContactRows:
         """The contact in the middle of the roller over a motion; ``place`` is that of the roller, as the plane sees it."""
