@@ -8,7 +8,7 @@ import numpy as np
 
 from mechcore.arrays import Flags, Real
 from mechcore.cams.followers import Flat
-from mechcore.cams.placement.plane import PlacedCam
+from mechcore.cams.placement.plane import KNOT_DISTANCE, PlacedCam
 from mechcore.forces.cam_rating import PULL_ROUNDING, AnyCam, contact_force, contact_stress, drawn_lift, joint_of, placed_cams
 from mechcore.forces.kinetostatics import Forces
 from mechcore.forces.load_events import crossing
@@ -54,8 +54,8 @@ def _rated(forces: Forces, cam: AnyCam, rating: CamRating, touches: Flags) -> It
             words = as_pressure(pressure[k], 4) if np.isfinite(pressure[k]) else "infinity: an edge touches"
             remedy = f"It needs a width of {as_length(rating.width * (pressure[k] / rating.limit) ** 2, 4)}"
             text = (
-                f"Hertz pressure up to {words} (limit {as_pressure(rating.limit, 4)}) from {_where(cam, x[first])} to "
-                f"{_where(cam, x[last])}, the most at {_where(cam, x[k])}. {remedy if np.isfinite(pressure[k]) else 'Round it'}"
+                f"Hertz pressure up to {words} (limit {as_pressure(rating.limit, 4)}) {_range(cam, x[first], x[last])}, "
+                f"the most at {_where(cam, x[k])}. {remedy if np.isfinite(pressure[k]) else 'Round it'}"
             )
             yield Event(float(motion.time[first]), "WARN", cam.name, text, float(pressure[k]))
     if rating.margin is not None and not cam.form:
@@ -65,8 +65,8 @@ def _rated(forces: Forces, cam: AnyCam, rating: CamRating, touches: Flags) -> It
                 continue  # contact is lost, which is an event of its own
             k = first + int(np.argmin(force[first : last + 1]))
             text = (
-                f"contact force down to {as_force(force[k], 4)} (margin {as_force(rating.margin, 4)}) from {_where(cam, x[first])} "
-                f"to {_where(cam, x[last])}, the least at {_where(cam, x[k])}"
+                f"contact force down to {as_force(force[k], 4)} (margin {as_force(rating.margin, 4)}) "
+                f"{_range(cam, x[first], x[last])}, the least at {_where(cam, x[k])}"
             )
             yield Event(float(motion.time[first]), "WARN", cam.name, text, float(force[k]))
 
@@ -91,6 +91,13 @@ def _drives_at(motion: Motion, t: float) -> str:
     """Where the drives are at a time, after a comma; empty where there are none."""
     places = at_drive(motion, t)
     return f", {places}" if places else ""
+
+
+def _range(cam: AnyCam, first: float, last: float) -> str:
+    """Places of the law from one to another in words."""
+    if cam.bed is None and abs(last - first) >= 2.0 * np.pi * (1.0 - KNOT_DISTANCE):
+        return "over the whole turn"
+    return f"from {_where(cam, first)} to {_where(cam, last)}"
 
 
 def _at(motion: Motion, values: Real, t: float) -> float:
@@ -250,8 +257,8 @@ def limit_events(motion: Motion, cam: AnyCam, touches: Flags | None = None) -> I
             for first, last in runs(on & (size > cam.pressure_limit)):
                 k = first + int(np.argmax(size[first : last + 1]))
                 text = (
-                    f"pressure angle{what} up to {as_angle(size[k], 4)} (limit {as_angle(cam.pressure_limit, 4)}) from "
-                    f"{_where(cam, x[first])} to {_where(cam, x[last])}. Enlarge the base circle or move the follower"
+                    f"pressure angle{what} up to {as_angle(size[k], 4)} (limit {as_angle(cam.pressure_limit, 4)}) "
+                    f"{_range(cam, x[first], x[last])}. Enlarge the base circle or move the follower"
                 )
                 yield Event(float(motion.time[first]), "WARN", cam.name, text, float(size[k]))
     face = cam.face

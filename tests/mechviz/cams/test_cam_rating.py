@@ -282,6 +282,20 @@ def test_the_command_tells_limits_springs_and_the_drawing():
         assert run.exit_code == 2 and words in run.output, run.output
 
 
+@pytest.mark.parametrize("start", [0, 100])
+def test_what_holds_at_every_angle_is_said_of_the_whole_turn(start):
+    text = text_of("cam-roller").replace('limit = "300 MPa", margin = 40', 'limit = "1 MPa", margin = "1 MN"')
+    scene = mechviz.loads(text).changed({("joints", "O", "drive", "start"): start})
+    motion, forces, _ = solved(scene)
+    said = [e.text for e in cam_events(motion, forces)]
+    for words in ("Hertz pressure up to", "contact force down to"):
+        (event,) = (each for each in said if each.startswith(words))
+        assert ") over the whole turn, the " in event
+    part = solve_motion(compile_mechanism(scene.mechanism), motion.time[:180])
+    (event,) = (e.text for e in cam_events(part, solve_forces(part)) if e.text.startswith("Hertz pressure"))
+    assert f") from {start}° of the cam to {start + 179}° of the cam, the " in event
+
+
 # -- violated limits --------------------------------------------------------------------------------------------------------
 
 
