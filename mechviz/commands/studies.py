@@ -99,7 +99,8 @@ def vibrations(
     """Find the equilibrium of a scene with free joints, and its natural frequencies, damping ratios and modes.
 
     The mechanism is let down from the start of its free joints to where it stays at rest; about that place its equations of motion
-    are linearised. In a mode all parts move in step at one frequency; every small free motion is a sum of modes. Shapes are
+    are linearised. In a mode all parts move in step at one frequency; every small free motion is a sum of modes. Forces without a
+    potential, such as follower loads, may make two modes flutter: their parts move out of step, and phases are printed. Shapes are
     printed with their largest part one, and are mass-normalised in the table.
 
     Try: mechviz vibrations swinging-double-pendulum, then add --mode 2 -o mode2.rrd and open that with rerun.

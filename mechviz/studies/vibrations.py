@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,6 +18,7 @@ from mechviz.scene.kinds.signals import SIGNALS
 
 if TYPE_CHECKING:
     from mechcore.dynamics.rest.equilibrium import Seek
+    from mechcore.motion.motion import Motion
     from mechviz.scene.annotations import Place
     from mechviz.scene.scene import Scene
 
@@ -50,11 +52,16 @@ def _row(vibrations: Vibrations, k: int) -> list[str]:
     halving = "never"
     if abs(mode.growth) > 1e-9 * max(1.0, abs(mode.square)) ** 0.5:
         halving = f"{'doubles' if mode.growth > 0 else 'halves'} in {np.log(2.0) / abs(mode.growth):.4g} s"
-    if mode.kind == "vibration":
-        cells = [f"{mode.frequency:.6g}", f"{mode.damping_ratio:.4g}", f"{mode.damped_frequency:.6g}", halving]
-    else:
-        cells = [mode.kind, "-", "-", halving]
-    return [str(k + 1), *cells, *(f"{x:.4g}" for x in _shape(vibrations, mode))]
+    cells = [mode.kind, "-", "-"]
+    if mode.kind in ("vibration", "flutter") or mode.frequency > 0:
+        numbers = (mode.frequency, ".6g"), (mode.damping_ratio, ".4g"), (mode.damped_frequency, ".6g")
+        cells = ["-" if np.isnan(x) else format(x, digits) for x, digits in numbers]
+    return [str(k + 1), *cells, halving, *map(_part, _shape(vibrations, mode))]
+
+
+def _part(x: Any) -> str:
+    """A part of a shape, with its phase where parts are out of step."""
+    return f"{abs(x):.4g} at {np.angle(x, deg=True).round(1) + 0.0:g}°" if np.iscomplexobj(x) else f"{x:.4g}"
 
 
 def vibration_lines(scene: Scene, vibrations: Vibrations) -> list[str]:
@@ -64,10 +71,15 @@ def vibration_lines(scene: Scene, vibrations: Vibrations) -> list[str]:
     at = np.where(np.abs(eq.position) < 1e-12, 0.0, eq.position)
     shown = [scene.units.show(x, "angle" if r else "length") for x, r in zip(at, rotary, strict=True)]
     places = [f"{p} = {x}" for p, x in zip(vibrations.joints, shown, strict=True)]
+    growing = [
+        f"mode {k} flutters at {m.damped_frequency:.4g} Hz" if m.kind == "flutter" else f"mode {k} diverges"
+        for k, m in enumerate(vibrations.modes, 1)
+        if m.kind in ("flutter", "divergence")
+    ]
     words = {
         "stable": "stable: a small disturbance makes it vibrate about this place",
         "neutral": "neutral: it stays where it is put, in at least one direction",
-        "unstable": "unstable: negative stiffness or damping, the least disturbance grows",
+        "unstable": f"unstable: the least disturbance grows; {', '.join(growing)}",
     }
     lines = [
         scene.title,
@@ -87,17 +99,20 @@ def vibration_lines(scene: Scene, vibrations: Vibrations) -> list[str]:
 
 
 def vibrations_csv(vibrations: Vibrations, path: Path) -> Path:
-    """The modes as a table: frequencies, damping, exponents, mass-normalised shapes (phi' M phi = 1), in SI units."""
+    """The modes as a table: frequencies, damping, exponents, mass-normalised shapes (phi' M phi = 1), in SI units.
+
+    The imaginary parts of shapes, columns at the end, are zero but in flutter.
+    """
     heads = ["mode", "kind", "frequency_Hz", "damping_ratio", "damped_frequency_Hz"]
     heads += ["exponent_1_re", "exponent_1_im", "exponent_2_re", "exponent_2_im", *(f"shape_{p}" for p in vibrations.joints)]
+    heads += [f"shape_{p}_im" for p in vibrations.joints]
     with replacing(path) as temporary, open(temporary, "w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         writer.writerow(heads)
         for k, m in enumerate(vibrations.modes):
             exponents = [x for e in m.eigenvalues for x in (e.real, e.imag)]
-            writer.writerow(
-                [k + 1, m.kind, *map(repr, (m.frequency, m.damping_ratio, m.damped_frequency, *exponents, *map(float, m.shape)))]
-            )
+            numbers = (m.frequency, m.damping_ratio, m.damped_frequency, *exponents, *m.shape.real, *m.shape.imag)
+            writer.writerow([k + 1, m.kind, *(repr(float(x)) for x in numbers)])
     return path
 
 
@@ -121,49 +136,60 @@ def mode_scene(scene: Scene, vibrations: Vibrations, number: int, *, amplitude: 
         raise SceneError(scene.name, faults)
     mode, eq = vibrations.modes[number - 1], vibrations.equilibrium
     parts = mode.shape * _amplitude(vibrations, number - 1, amplitude)
-    frequency = mode.frequency if mode.kind == "vibration" else SLOW
+    frequency = mode.frequency if mode.frequency > 0 else SLOW
+    start = replace(eq, position=eq.position + parts.imag).motion
     changes = _without_forces_of_motion(scene)
     for drive in eq.compiled.mechanism.drives:
         joint = drive.joint
         if joint in vibrations.joints:
             i = vibrations.joints.index(joint)
-            centre, part = float(eq.position[i]), float(parts[i])
+            centre, part = float(eq.position[i]), complex(parts[i])
             rotary = _rotary(vibrations)[i]
         else:
-            centre, part = float(drive.law(np.zeros(1))[0][0]), 0.0
+            centre, part = float(drive.law(np.zeros(1))[0][0]), 0j
             model = eq.compiled.model
             rotary = model.joints[model.joint_index[joint]].coordinate == "angle"
         changes["joints", joint, "drive"] = _harmonic(centre, part, frequency, "rad" if rotary else "m")
-    speed = f"{mode.frequency:.4g} Hz" if mode.kind == "vibration" else f"{mode.kind}, not to its own time"
+    speed = f"{mode.frequency:.4g} Hz" if mode.frequency > 0 else f"{mode.kind}, not to its own time"
     changes["title",] = f"{scene.title}: mode {number} of {len(vibrations.modes)}, {speed}"
     changes["learning_goal",] = "A mode of vibration: all parts move in step and pass the equilibrium at the same instant."
+    if np.iscomplexobj(parts):
+        changes["learning_goal",] = (
+            "A mode of flutter: parts move out of step, so that loads do work on it. Its growth is left out."
+        )
     changes["run",] = {"frames": 240, "cycles": 3}
     for sketched in (False, True):
         try:
-            made = scene.changed(changes | _sketch(scene, vibrations) if sketched else changes, name=f"{scene.name}-mode-{number}")
+            made = scene.changed(changes | _sketch(scene, start) if sketched else changes, name=f"{scene.name}-mode-{number}")
         except (SceneError, MechanismError):
             if sketched:
                 raise
             continue
-        if _same_place(made, vibrations):
+        if _same_place(made, start):
             return made
     remedy = "Its assembly mode there cannot be stated: start the scene nearer to its equilibrium."
     raise SceneError(scene.name, Fault("mode", "the equilibrium is put together in another way than the scene.", remedy))
 
 
-def _harmonic(centre: float, amplitude: float, frequency: float, unit: str) -> dict[str, Any]:
+def _harmonic(centre: float, amplitude: complex, frequency: float, unit: str) -> dict[str, Any]:
     """A drive that oscillates about its centre."""
     motion = {"centre": f"{centre!r} {unit}", "amplitude": f"{abs(amplitude)!r} {unit}", "frequency": f"{frequency!r} Hz"}
-    return {"oscillation": motion if amplitude >= 0 else {**motion, "phase": "180 deg"}}
+    phase = float(np.angle(amplitude, deg=True))
+    return {"oscillation": {**motion, "phase": f"{phase:.17g} deg"} if phase else motion}
 
 
 def _amplitude(vibrations: Vibrations, k: int, fraction: float) -> float:
     """Factor of the mode's shape."""
     eq = vibrations.equilibrium
     model = eq.compiled.model
-    motion = eq.motion_with(vibrations.modes[k].shape)
-    moved = [float(np.hypot(*motion.point(link.name, name, 1)[0])) for link in model.mechanism.links for name in link.points]
-    turned = [abs(float(motion.velocity(link)[0, 2])) for link in model.links[1:]]
+    shape = vibrations.modes[k].shape
+    motions = [eq.motion_with(part) for part in (shape.real, shape.imag)]
+    moved = [
+        float(np.linalg.norm([m.point(link.name, name, 1)[0] for m in motions]))
+        for link in model.mechanism.links
+        for name in link.points
+    ]
+    turned = [float(np.linalg.norm([m.velocity(link)[0, 2] for m in motions])) for link in model.links[1:]]
     bounds = [fraction * model.length_scale / max(moved, default=0.0)] if max(moved, default=0.0) > 0 else []
     bounds += [LARGEST_TURN * min(1.0, fraction / 0.08) / max(turned)] if max(turned, default=0.0) > 0 else []
     return min(bounds)
@@ -185,8 +211,8 @@ def _without_forces_of_motion(scene: Scene) -> dict[Place, Any]:
     return changes
 
 
-def _sketch(scene: Scene, vibrations: Vibrations) -> dict[Place, Any]:
-    """The changes that state the places of all links at the equilibrium instead of the assembly modes of the start."""
+def _sketch(scene: Scene, start: Motion) -> dict[Place, Any]:
+    """The changes that state the places of all links instead of the assembly modes of the start."""
     document = scene.document
     changes: dict[Place, Any] = {}
     for name, joint in document.joints.items():
@@ -194,17 +220,17 @@ def _sketch(scene: Scene, vibrations: Vibrations) -> dict[Place, Any]:
             changes |= {("joints", name, key): None for key in joint.traits.modes if getattr(joint, key) is not None}
     if any(isinstance(link.points, list) for link in document.links.values()):
         return changes  # the sketch is their shape
-    motion, sketch = vibrations.equilibrium.motion, {}
+    sketch = {}
     for name in document.links:
         if name != document.frame:
-            x, y, angle = (float(v) for v in motion.pose(name)[0])
+            x, y, angle = (float(v) for v in start.pose(name)[0])
             sketch[name] = {"at": [f"{x!r} m", f"{y!r} m"], "angle": f"{angle!r} rad"}
     return changes | {("sketch",): sketch}
 
 
-def _same_place(scene: Scene, vibrations: Vibrations) -> bool:
-    """Whether a scene starts with every link where it is in the equilibrium."""
-    start, wanted = solve_motion(compile_mechanism(scene.mechanism), np.zeros(1)), vibrations.equilibrium.motion
+def _same_place(scene: Scene, wanted: Motion) -> bool:
+    """Whether a scene starts with every link where it is wanted."""
+    start = solve_motion(compile_mechanism(scene.mechanism), np.zeros(1))
     size = wanted.model.length_scale
     for link in wanted.model.links[1:]:
         a, b = start.pose(link)[0], wanted.pose(link)[0]

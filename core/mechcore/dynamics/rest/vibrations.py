@@ -3,16 +3,18 @@ coordinates, their natural frequencies, damping ratios and modes.
 
 M is the reduced inertia, K = -dQ/dq and C = -dQ/dq' of the reduced force Q at rest (inertia forces are of the second order in the
 rates and give nothing to either). Modes solve K phi = w^2 M phi with phi' M phi = 1 (Rayleigh; any text on vibrations, such as
-Meirovitch, Fundamentals of Vibrations, chapter 7); with damping, eigenvalues are those of the state matrix in modal coordinates.
+Meirovitch, Fundamentals of Vibrations, chapter 7). Where forces have no potential, K is not symmetric, and two w^2 may be a complex
+pair: flutter (Ziegler, Principles of Structural Stability, chapter 5). With damping, exponents are eigenvalues of the state matrix.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Literal
 
 import numpy as np
 
-from mechcore.arrays import Real
+from mechcore.arrays import Complex, Real
 from mechcore.constants import TURN
 from mechcore.dynamics.equations.reduced import coordinate_scales, reduce
 from mechcore.dynamics.events import EndStop
@@ -25,6 +27,9 @@ from mechcore.spec.loads import Servo
 from mechcore.spec.mechanism import Mechanism, braked
 
 NEUTRAL_STIFFNESS = 1e-9  # of the largest stiffness: below this a mode has none
+LEAST_GROWTH = 1e-7  # of the fastest frequency: below this growth, or the frequency of what grows, is rounding
+
+Kind = Literal["vibration", "neutral", "flutter", "divergence"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,23 +37,23 @@ class Mode:
     """One mode of vibration.
 
     ``shape`` (f,): displacements of the free coordinates [rad or m, per sqrt(kg) m], phi' M phi = 1, the first of its largest parts
-    positive; ``square``: square of the undamped natural angular frequency [1/s^2], negative where the stiffness is;
+    positive; ``square``: square of the undamped natural angular frequency [1/s^2], negative where the stiffness is. Both are
+    complex in the two modes of undamped flutter: parts out of step, in the motion Re(shape exp(i w t)).
     ``eigenvalues``: the two exponents [1/s] of the damped motion that belong to it.
+    ``kind`` follows from the exponents: "vibration", "neutral" (no stiffness: it stays where it is put), "flutter" (grows as it
+    oscillates) or "divergence" (grows without).
     """
 
-    shape: Real
-    square: float
+    shape: Real | Complex
+    square: complex
     eigenvalues: tuple[complex, complex]
-
-    @property
-    def kind(self) -> str:
-        """ "vibration", "neutral" (no stiffness: it stays where it is put) or "unstable" (negative stiffness)."""
-        return "vibration" if self.square > 0 else "unstable" if self.square < 0 else "neutral"
+    kind: Kind
 
     @property
     def frequency(self) -> float:
-        """Undamped natural frequency [Hz]; 0 of a neutral mode, NaN of an unstable one."""
-        return float(np.sqrt(self.square)) / TURN if self.square >= 0 else float("nan")
+        """Undamped frequency [Hz]; 0 of a neutral mode, NaN where the stiffness is negative."""
+        root = np.sqrt(complex(self.square))
+        return float(root.real) / TURN if self.square.imag or self.square.real >= 0 else float("nan")
 
     @property
     def damped_frequency(self) -> float:
@@ -57,10 +62,10 @@ class Mode:
 
     @property
     def damping_ratio(self) -> float:
-        """Damping over critical damping: -(s1 + s2) / (2 sqrt(s1 s2)); above 1 it creeps; NaN without stiffness."""
+        """Damping over critical damping: -(s1 + s2) / (2 sqrt(s1 s2)); above 1 it creeps, below 0 it grows; else NaN."""
         a, b = self.eigenvalues
         product = (a * b).real
-        return -(a + b).real / (2.0 * float(np.sqrt(product))) if self.square > 0 and product > 0 else float("nan")
+        return -(a + b).real / (2.0 * float(np.sqrt(product))) if self.square and product > 0 else float("nan")
 
     @property
     def growth(self) -> float:
@@ -73,7 +78,7 @@ class Vibrations:
     """Small vibrations of a mechanism about an equilibrium.
 
     ``inertia`` M, ``damping`` C, ``stiffness`` K (f, f) in the free coordinates; ``modes`` in the order of their frequencies,
-    unstable and neutral ones first; ``notes`` say what was left out or held.
+    those of negative and of no stiffness first; ``notes`` say what was left out or held.
     """
 
     equilibrium: Equilibrium
@@ -89,16 +94,14 @@ class Vibrations:
 
     @property
     def shapes(self) -> Real:
-        """The modes' shapes as columns (f, f): shapes' M shapes = 1."""
+        """The modes' shapes as columns (f, f): shapes' M shapes = 1 where the stiffness is symmetric."""
         return np.column_stack([m.shape for m in self.modes])
 
     @property
     def stability(self) -> str:
         """ "stable", "neutral" or "unstable": what becomes of a small disturbance."""
-        fastest = max(float(np.sqrt(abs(m.square))) for m in self.modes) or 1.0
-        if any(m.square < 0 or m.growth > 1e-7 * fastest for m in self.modes):
-            return "unstable"
-        return "neutral" if any(m.square == 0 for m in self.modes) else "stable"
+        kinds = {m.kind for m in self.modes}
+        return "unstable" if kinds & {"flutter", "divergence"} else "neutral" if "neutral" in kinds else "stable"
 
 
 def small_vibrations(mechanism: Mechanism | Compiled, *, seek: Seek = "stable", stops: Sequence[EndStop] = ()) -> Vibrations:
@@ -130,8 +133,8 @@ def small_vibrations(mechanism: Mechanism | Compiled, *, seek: Seek = "stable", 
         stiffness = 0.5 * (stiffness + stiffness.T)
     else:
         notes.append(
-            f"some forces have no potential (the stiffness is {skew:.2g} away from symmetric): modes are those of its symmetric "
-            "part, eigenvalues those of the whole"
+            f"some forces have no potential (the stiffness is {skew:.2g} away from symmetric): modes need not be orthogonal, "
+            "and two of them may flutter"
         )
     return Vibrations(equilibrium, inertia, damping, stiffness, _modes(inertia, damping, stiffness, scale), tuple(notes))
 
@@ -175,30 +178,57 @@ def _notes(compiled: Compiled) -> list[str]:
 
 
 def _modes(inertia: Real, damping: Real, stiffness: Real, scale: Real) -> tuple[Mode, ...]:
-    from scipy.linalg import eigh
+    """Modes from the equations x'' + c x' + k x = 0 in the modal coordinates x of the symmetric part of the stiffness."""
+    from scipy.linalg import eig, eigh
 
     both = scale[:, None] * scale
     symmetric = 0.5 * (stiffness + stiffness.T)
-    squares, shapes = eigh(symmetric * both, inertia * both)
-    squares = np.where(np.abs(squares) <= NEUTRAL_STIFFNESS * np.abs(squares).max(initial=0.0), 0.0, squares)
+    squares, basis = eigh(symmetric * both, inertia * both)
+    k = np.diag(squares)
+    left = right = np.eye(len(k))
+    if not np.array_equal(symmetric, stiffness):
+        k = k + basis.T @ ((stiffness - symmetric) * both) @ basis
+        squares, left, right = eig(k, left=True)
+    none = np.abs(squares) <= NEUTRAL_STIFFNESS * np.abs(squares).max(initial=0.0)
+    for i in np.flatnonzero(none & (squares != 0)):
+        k = k - (squares[i] * np.outer(right[:, i], left[:, i].conj()) / np.vdot(left[:, i], right[:, i])).real
+    squares = np.where(none, 0.0, squares)
+    roots = np.sqrt(squares + 0j)
+    order = np.lexsort((squares.imag, np.where(squares.imag == 0, roots.real - roots.imag, roots.real)))  # what grows first
+    squares, right = squares[order], right[:, order]
+    shapes = basis @ right
     largest = np.argmax(np.abs(shapes) > 0.999 * np.abs(shapes).max(axis=0), axis=0)  # the first of equal ones
-    shapes = shapes * np.sign(shapes[largest, np.arange(len(squares))])
-    shapes = shapes * scale[:, None]
-    k = np.diag(squares) + shapes.T @ (stiffness - symmetric) @ shapes
-    joints = _eigenvalues(k, shapes.T @ damping @ shapes)
-    return tuple(Mode(shapes[:, i], float(squares[i]), joints[i]) for i in range(len(squares)))
+    parts = shapes[largest, np.arange(len(squares))]
+    shapes = shapes * (parts.conj() / np.abs(parts)) * scale[:, None]
+    basis = basis * scale[:, None]
+    fastest = float(np.abs(roots).max(initial=0.0)) or 1.0
+    exponents = _exponents(squares, right, k, basis.T @ damping @ basis)
+    made = []
+    for square, shape, pair in zip(squares, shapes.T, exponents, strict=True):
+        kind = _kind(square, pair, fastest)
+        made.append(Mode(shape, complex(square), pair, kind) if square.imag else Mode(shape.real, float(square.real), pair, kind))
+    return tuple(made)
 
 
-def _eigenvalues(k: Real, c: Real) -> list[tuple[complex, complex]]:
-    """Two exponents for each mode, from x'' + c x' + k x = 0 in modal coordinates: what moves mostly in a mode belongs to it."""
+def _kind(square: complex, exponents: tuple[complex, complex], fastest: float) -> Kind:
+    growing = max(exponents, key=lambda s: s.real)
+    creeping = abs(growing.imag) <= LEAST_GROWTH * fastest
+    if growing.real > (0.0 if creeping and square else LEAST_GROWTH * fastest):  # what creeps has a simple root, however small
+        return "divergence" if creeping else "flutter"
+    return "vibration" if square else "neutral"
+
+
+def _exponents(squares: Complex | Real, modes: Complex | Real, k: Real, c: Real) -> list[tuple[complex, complex]]:
+    """Two exponents for each of the ``modes`` (columns), from x'' + c x' + k x = 0: what moves mostly in a mode belongs to it."""
     f = len(k)
-    if not np.any(k - np.diag(np.diag(k))) and np.abs(c - np.diag(np.diag(c))).max() <= 1e-11 * np.abs(c).max():
-        return [_roots(c[i, i], k[i, i]) for i in range(f)]
+    own = np.zeros(f) if np.any(k - np.diag(np.diag(k))) else np.diag(c)
+    if np.abs(c - np.diag(own)).max() <= 1e-11 * np.abs(c).max():
+        return [_roots(own[i], squares[i]) for i in range(f)]
     from scipy.optimize import linear_sum_assignment
 
     values, vectors = np.linalg.eig(np.block([[np.zeros((f, f)), np.eye(f)], [-k, -c]]))
-    share = np.abs(vectors[:f]) ** 2
-    share = share / np.maximum(share.sum(axis=0), 1e-300)
+    share = np.abs(modes.conj().T @ vectors[:f]) ** 2
+    share = share / np.maximum((np.abs(vectors[:f]) ** 2).sum(axis=0), 1e-300)
     vibrating = np.flatnonzero(values.imag > 0)
     creeping = np.flatnonzero(values.imag == 0)
     out: list[list[complex]] = [[] for _ in range(f)]
@@ -212,8 +242,12 @@ def _eigenvalues(k: Real, c: Real) -> list[tuple[complex, complex]]:
     return [(a, b) for a, b in out]
 
 
-def _roots(c: float, k: float) -> tuple[complex, complex]:
-    """The two roots of s^2 + c s + k, the smaller real one without cancellation."""
+def _roots(c: float, k: complex) -> tuple[complex, complex]:
+    """The two roots of s^2 + c s + k, the smaller real one without cancellation; of complex k, without c, one and its conjugate."""
+    if k.imag:
+        root = 1j * complex(np.sqrt(k))
+        return root, root.conjugate()
+    k = k.real
     inner = 0.25 * c * c - k
     if inner < 0.0:
         root = complex(-0.5 * c, float(np.sqrt(-inner)))
