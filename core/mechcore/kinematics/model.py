@@ -80,6 +80,13 @@ class Model:
         joints = [Connection(j.name, j.kind, j.links) for j in self.joints]
         return (*joints, *(Connection(r.name, r.kind, r.links) for r in self.relations if r.name not in self.joint_index))
 
+    @cached_property
+    def shafts(self) -> frozenset[int]:
+        """Links that turn about a shaft in the plane, not in it: those of barrel, end and globoidal cams."""
+        turning = self.angles.rotation_class
+        classes = {turning[self.index[r.links[0]]] for r in self.relations if r.bearing is not None}
+        return frozenset(k for k in range(len(self.links)) if turning[k] in classes)
+
     def rotary(self, joint: str) -> bool:
         """Whether a joint's coordinate is an angle [rad], not a displacement [m]; a relation of wheels counts as one that turns."""
         return joint not in self.joint_index or self.joints[self.joint_index[joint]].coordinate == "angle"

@@ -75,16 +75,22 @@ def metric_items(metric: str, m: Model) -> list[Any]:
             first = m.mechanism.drives[0].joint
             return [c.name for c in m.connections if c.kind != "weld" and m.mechanism.frame in c.links and c.name != first]
         case "instant_centre":
-            return list(combinations(m.links, 2))
+            return [(m.links[a], m.links[b]) for a, b in pairs_in_plane(m)]
         case "curvature":
             return list(m.mechanism.traced)
     raise ValueError(f"there is no answer '{metric}'")
 
 
+def pairs_in_plane(m: Model) -> list[tuple[int, int]]:
+    """Every two links that move in the plane; not those that turn about a shaft in it."""
+    return list(combinations([k for k in range(len(m.links)) if k not in m.shafts], 2))
+
+
 @over_parts
 def relative_turns(motion: Motion) -> dict[tuple[str, str], tuple[Real, Complex]]:
-    """Of every two links, per unit of the first drive: how much faster the first turns (F,), 0 where that is rounding, and the
-    velocity (F,) of the second relative to the first at the world's origin. Their quotient is the instant centre."""
+    """Of every two links in the plane, per unit of the first drive: how much faster the first turns (F,), 0 where that is
+    rounding, and the velocity (F,) of the second relative to the first at the world's origin. Their quotient is the instant
+    centre."""
     unit = per_unit_drive_speed(motion)
     m, n = motion.model, motion.frames
     rates: Rates = unit.speeds
@@ -93,15 +99,15 @@ def relative_turns(motion: Motion) -> dict[tuple[str, str], tuple[Real, Complex]
     # of each frame: at a dead point of the drive rates are unbounded
     least = 1e-12 * np.fmax.reduce([np.abs(value_of(w)) for w in turns])
     out = {}
-    for a, b in combinations(range(len(m.links)), 2):
+    for a, b in pairs_in_plane(m):
         turn = turns[a] - turns[b]
         out[m.links[a], m.links[b]] = np.where(np.abs(value_of(turn)) <= least, 0.0, turn), still[b] - still[a]
     return out
 
 
 def instant_centres(motion: Motion) -> dict[tuple[str, str], Real]:
-    """Instant centre (F, 2) [m] of every two links, where their velocities agree; infinite where they do not turn relative to
-    each other, in the direction in which it lies. n (n - 1) / 2 of them."""
+    """Instant centre (F, 2) [m] of every two links in the plane, where their velocities agree; infinite where they do not turn
+    relative to each other, in the direction in which it lies. n (n - 1) / 2 of them."""
     out = {}
     for pair, (turn, shift) in relative_turns(motion).items():
         parallel = value_of(turn) == 0.0

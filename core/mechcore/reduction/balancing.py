@@ -71,7 +71,8 @@ def shaking(motion: Motion, about: ArrayLike = (0.0, 0.0), masses: Sequence[tupl
     """Shaking force -sum m a_S and shaking moment sum (r x (-m a_S) - J_S alpha) about a fixed point, over all moving links.
 
     ``masses``: (mass, centre, J_S) of every link, frame first, in place of the model's own. Equal to what all joints on the
-    frame and the drives together exert on it under inertia alone.
+    frame and the drives together exert on it under inertia alone. The moment of a link about a shaft in the plane is none about
+    the plane's normal, and left out.
     """
     model = motion.model
     o = complex(*np.asarray(about, float))
@@ -84,7 +85,8 @@ def shaking(motion: Motion, about: ArrayLike = (0.0, 0.0), masses: Sequence[tupl
             force = force + single
             most = max(most, float(np.nanmax(np.abs(value_of(single)), initial=0.0)))
             moment = moment + cross(motion.of_point(k, centre) - o, single)
-            moment = moment - inertia * motion.accelerations.angular[model.angles.rotation_class[k]]
+            if k not in model.shafts:
+                moment = moment - inertia * motion.accelerations.angular[model.angles.rotation_class[k]]
     rows = np.stack([force.real, force.imag], axis=-1)
     return Shaking(force=rows, moment=cast(Real, moment), about=(o.real, o.imag), single=most)
 
