@@ -145,9 +145,9 @@ class Builder:
             )
         )
 
-    def _axes_of(self, link: str) -> list[complex]:
-        """Where a link, with all that is welded to it, is pinned to others, in the link's frame."""
-        rigid = [(link, 0j, 1 + 0j)]  # link, origin and rotation of its frame
+    def rigid_with(self, link: str) -> list[tuple[str, complex, complex]]:
+        """A link and all that is welded to it: name, origin and rotation of its frame in the link's."""
+        rigid = [(link, 0j, 1 + 0j)]
         for k, origin, turn in rigid:  # grows while it is walked through
             for p in self.mechanism.joints:
                 if isinstance(p, Weld) and k in p.links:
@@ -157,9 +157,13 @@ class Builder:
                         here, there = (point_of(self.links[p.links[i]], p.points[i]) for i in (side, 1 - side))
                         other_turn = turn * cmath.exp(1j * (-p.angle if side else p.angle))
                         rigid.append((other, origin + turn * here - other_turn * there, other_turn))
+        return rigid
+
+    def _axes_of(self, link: str) -> list[complex]:
+        """Where a link, with all that is welded to it, is pinned to others, in the link's frame."""
         return [
             origin + turn * point_of(self.links[k], name)
-            for k, origin, turn in rigid
+            for k, origin, turn in self.rigid_with(link)
             for p in self.mechanism.joints
             if isinstance(p, Revolute)
             for end, name in zip(p.links, p.points, strict=True)

@@ -22,7 +22,18 @@ from mechcore.cams.spatial import InverseCam
 from mechcore.cams.synthesis import Cam, cam_on_base
 from mechcore.errors import MechanismError
 from mechcore.joints.base import Bearing, Builder, point_of
-from mechcore.joints.spatial_cam import Terms, bed_of, fault_of, guide_in, levelled, place_on, place_spatial, relate, renamed
+from mechcore.joints.spatial_cam import (
+    Terms,
+    bed_of,
+    check_shaft,
+    fault_of,
+    guide_in,
+    levelled,
+    place_on,
+    place_spatial,
+    relate,
+    renamed,
+)
 from mechcore.laws.curve import MotionCurve
 from mechcore.spec.mechanism import CamJoint, Prismatic, Revolute
 from mechcore.texts import as_angle, as_coordinate, as_length
@@ -57,6 +68,8 @@ def build_cam(joint: CamJoint, builder: Builder) -> None:
             placed.check()
     except MechanismError as error:
         raise MechanismError([renamed(joint, f) for f in error.faults]) from None
+    if isinstance(placed, PlacedSpatial):
+        check_shaft(joint, builder, placed.own)
     if isinstance(guide, Prismatic):
         sign, zero = _along_guide(joint, builder, carrier, guide, placed)
         angles: tuple[tuple[str, float], ...] = ()

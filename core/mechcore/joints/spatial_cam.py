@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import cmath
 import math
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -17,7 +18,8 @@ from mechcore.cams.spatial import Barrel, BarrelArm, Globoid, SpatialCam
 from mechcore.errors import Fault, MechanismError
 from mechcore.joints.base import Bearing, Builder, CoordinateFunction, Relation, point_of
 from mechcore.laws.curve import MotionCurve, Piece
-from mechcore.spec.mechanism import CamJoint, Prismatic, Revolute, SpatialBlank
+from mechcore.spec.loads import Force
+from mechcore.spec.mechanism import CamJoint, Link, Prismatic, Revolute, SpatialBlank
 from mechcore.texts import as_angle, as_length
 
 _KEYS = {"base": "base", "lift": "lift", "radius": "face.radius", "second": "second"}
@@ -196,6 +198,55 @@ def place_spatial(joint: CamJoint, builder: Builder, carrier: str, guide: Prisma
     )  # fmt: skip
     placed.check()
     return placed
+
+
+ON_PIN = 1e-9  # of the sizes of a link: what is nearer to the pin is at it
+MASS_REMEDY = "Give the centre of mass at the pin; of the masses around it only the moment of inertia about the shaft counts."
+_TURNS = "turns about a shaft in the plane"
+
+
+def off_shaft(path: str, link: str, what: str, off: float, remedy: str) -> Fault:
+    """What is said of something of a cam's link that lies ``off`` its pin [m]."""
+    return Fault(path, f"'{link}' {_TURNS}, and {what} lies {as_length(off)} off its pin.", remedy)
+
+
+def check_shaft(joint: CamJoint, builder: Builder, own: complex) -> None:
+    """Raises where something on the link of a spatial cam (its pin at ``own``), or on what is welded to it, leaves the plane as the
+    shaft turns, and where a construction of plane motion is asked of it."""
+    on_shaft = builder.rigid_with(joint.links[0])
+    faults = [fault for k, origin, turn in on_shaft for fault in _off_pin(builder.links[k], own, origin, turn)]
+    links = {k for k, _, _ in on_shaft}
+    for load in builder.mechanism.loads:
+        if isinstance(load, Force) and load.against in links:
+            why = f"'{load.against}' {_TURNS}: what acts at a point of '{load.link}' cannot act against it."
+            faults.append(Fault(f"loads.{load.name}", why, "Let it act against the link that carries the shaft."))
+        elif isinstance(load, Force) and load.link in links and load.axes == "link":
+            why = f"'{load.link}' {_TURNS}: a force that turns with it leaves the plane."
+            faults.append(Fault(f"loads.{load.name}", why, "Fix its direction in the world."))
+    asked = builder.mechanism.studies
+    studies = [(f"centrodes[{i}]", k, "centrodes") for i, k in enumerate(asked.centrodes)]
+    studies += [(f"instant_centres[{i}]", k, "instant centres") for i, k in enumerate(asked.instant_centres)]
+    studies += [(f"inflection[{i}]", k, "inflection circles") for i, k in enumerate(asked.inflection)]
+    studies += [(f"systems.{s.name}", s.link, "force systems of the plane") for s in asked.systems]
+    studies += [(f"substitutes.{s.link}", s.link, "substitute masses") for s in asked.substitutes]
+    studies += [(f"sections.{s.link}", s.link, "section forces") for s in asked.sections]
+    for path, k, what in studies:
+        if k in links:
+            faults.append(Fault(path, f"'{k}' {_TURNS}, to which {what} do not apply.", "Name a link that moves in the plane."))
+    if faults:
+        raise MechanismError(faults)
+
+
+def _off_pin(link: Link, own: complex, origin: complex, turn: complex) -> Iterator[Fault]:
+    """Points and centre of mass off the pin of a link whose frame has its origin and rotation so in the cam's."""
+    pin = (own - origin) / turn
+    near = ON_PIN * max(abs(own), abs(origin), *(abs(complex(*at)) for at in link.points.values()))
+    for point, at in link.points.items():
+        if (off := abs(complex(*at) - pin)) > near:
+            remedy = "Move it to the pin, or to a link that moves in the plane."
+            yield off_shaft(f"links.{link.name}.points.{point}", link.name, f"its point '{point}'", off, remedy)
+    if link.mass and (off := abs(complex(*link.centre) - pin)) > near:
+        yield off_shaft(f"links.{link.name}.centre", link.name, "its centre of mass", off, MASS_REMEDY)
 
 
 def _check_turret(joint: CamJoint, blank: SpatialBlank, guide: Prismatic | Revolute, law: MotionCurve) -> None:

@@ -21,6 +21,7 @@ from mechviz.scene.assembly.links import (
     links_that_cannot_turn,
     mass_properties,
     place_links,
+    shaft_faults,
 )
 from mechviz.scene.assembly.simulation import (
     REACHABLE,
@@ -195,7 +196,7 @@ def assemble_scene(
         traced=tuple(traced),
         standstill=still,
     )
-    faults = [*axis_faults(mechanism)]
+    faults = [*axis_faults(mechanism), *shaft_faults(mechanism, document, convert)]
     if faults:
         return None, faults
     mechanism, faults = with_swings(mechanism, [key for key, drive in driven.items() if drive.range == REACHABLE])

@@ -7,7 +7,7 @@ and x towards the second (axes parallel to the world's if there is no second; fo
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import field
 from typing import TYPE_CHECKING, Any
 
@@ -15,13 +15,14 @@ import numpy as np
 
 from mechcore.arrays import Vec2
 from mechcore.cams.contour import bulged, self_crossing
-from mechcore.errors import MechanismError
+from mechcore.errors import Fault, MechanismError
+from mechcore.joints.spatial_cam import MASS_REMEDY, ON_PIN, off_shaft
 from mechcore.laws.timed import Free
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
 from mechcore.records import dataclass
 from mechcore.reduction.bodies import RigidBody, area_of, combine
 from mechcore.spec.clearance import as_drawn
-from mechcore.spec.mechanism import Mechanism
+from mechcore.spec.mechanism import CamJoint, Mechanism
 from mechcore.texts import as_length
 from mechviz.scene.convert import Converter
 from mechviz.scene.document import LinkDocument, Pose, SceneDocument
@@ -292,6 +293,19 @@ def _with_point_masses(
         combine([body, *point_masses_of(link.point_masses, points, convert, f"{path}.point_masses")]) if link.point_masses else body
     )
     return whole.mass, whole.centre, whole.inertia
+
+
+def shaft_faults(mechanism: Mechanism, document: SceneDocument, convert: Converter) -> Iterator[Fault]:
+    """Point masses off the pin of links that turn about shafts in the plane: around it they make a moment of inertia about the
+    plane's normal, not about the shaft. Points of such a link lie at its pin, or it is refused for them."""
+    points = {link.name: link.points for link in mechanism.links}
+    for joint in mechanism.joints:
+        if isinstance(joint, CamJoint) and joint.spatial is not None:
+            link, path = joint.links[0], f"links.{joint.links[0]}.point_masses"
+            pin = complex(*next(iter(points[link].values())))
+            for k, mass in enumerate(point_masses_of(document.links[link].point_masses, points[link], convert, path)):
+                if (off := abs(complex(*mass.centre) - pin)) > ON_PIN * abs(pin):
+                    yield off_shaft(f"{path}[{k}]", link, "this mass", off, MASS_REMEDY).in_units(convert.units)
 
 
 def drawn_links(document: SceneDocument) -> list[str]:
