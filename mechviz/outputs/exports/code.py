@@ -16,6 +16,7 @@ import numpy as np
 from mechcore.branches.unwrapped import GivenLinkAngles
 from mechcore.compiled.steps import check_forces_traceable, check_traceable, placed_state
 from mechcore.compiled.symbols import HELPERS, Code, Symbol, Untraceable, rotation
+from mechcore.effects.registry import effects_of
 from mechcore.errors import Fault, MechanismError
 from mechcore.forces.kinetostatics import solve_forces
 from mechcore.motion.compiled import Compiled
@@ -50,7 +51,7 @@ static const double p[] = {{{parameters}}};
 static const double start[DRIVES + 1] = {{{start}}};
 
 void mechanism(const double *q, const double *v, const double *a, double *out) {{
-    (void)q, (void)v, (void)a;
+    (void)q, (void)v, (void)a, (void)p;
     {lines}
 }}
 
@@ -105,7 +106,7 @@ def code_of(scene: Scene, name: str) -> tuple[str, str | None]:
     parameters: list[float] = []
     lines = written.lines(parameters)
     text = PROGRAM_TEXT.format(
-        title=scene.title.replace("*/", ""),
+        title=_comment(scene.title),
         version=package_version(),
         file=re.sub(r"\W+", "_", name),
         drives=", ".join(d.joint for d in drives),
@@ -129,6 +130,11 @@ def _row(cells: Sequence[str]) -> str:
     line = io.StringIO()
     csv.writer(line, lineterminator="\n").writerow(cells)
     return line.getvalue()
+
+
+def _comment(text: str) -> str:
+    """A text in a comment in C: on one line, as a backslash at the end of one joins what is around it."""
+    return " ".join(text.split()).replace("*/", "* /").replace("/*", "/ *")
 
 
 def _number(x: float) -> str:
@@ -165,6 +171,9 @@ class _Written:
             return None
         if "friction" in mechanism.effects and braked(mechanism.joints):
             return "dry friction depends on the reactions"
+        timed = [effect.name for effect in effects_of(mechanism) if "time" in effect.needs]
+        if timed:
+            return f"the program has no time, on which loads depend: {', '.join(timed)}"
         try:
             check_forces_traceable(motion.model)
             forces = solve_forces(motion)

@@ -14,6 +14,7 @@ from typer.testing import CliRunner
 import mechviz as mv
 from mechcore.compiled.toolchain import compiler
 from mechviz.commands.main import app
+from mechviz.outputs.exports.code import code_of
 
 
 def exported(*arguments: str) -> tuple[int, str]:
@@ -63,3 +64,19 @@ def test_what_c_does_not_have_is_refused(tmp_path: Path, scene: str, words: str)
 def test_efforts_that_are_missing_are_noted(tmp_path: Path) -> None:
     code, said = exported("slider-crank-friction", "--c", str(tmp_path / "own.c"))
     assert code == 0 and "note: efforts of drives are not in" in said and "dry friction depends on the reactions" in said
+
+
+@pytest.mark.parametrize("signal", ['sine = { frequency = "3 Hz" }', 'polynomial = { of = "time", coefficients = [1, 2] }'])
+def test_a_load_over_time_is_noted(tmp_path: Path, signal: str) -> None:
+    scene = tmp_path / "timed.toml"
+    text = mv.load("crank-rocker").text
+    scene.write_text(f'{text}\n[loads]\nf = {{ force = ["40 N", 0], on = "rocker", at = "C", {signal} }}\n')
+    code, said = exported(str(scene), "--c", str(tmp_path / "own.c"))
+    assert code == 0 and "note: efforts of drives are not in" in said and "loads depend: f" in " ".join(said.split())
+    assert '"A effort"' not in (tmp_path / "own.c").read_text()
+
+
+def test_no_title_ends_the_comment() -> None:
+    for title in ("A **// b", "A /* b */ c", "*/*/"):
+        text, _ = code_of(mv.load("crank-rocker").changed({("title",): title}), "own")
+        assert text.count("*/") == text.count("/*") == code_of(mv.load("crank-rocker"), "own")[0].count("*/")
