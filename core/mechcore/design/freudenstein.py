@@ -8,6 +8,7 @@ A negative a or c is a positive length whose zero mark is turned by half a turn.
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cached_property
 
 import numpy as np
 from scipy.optimize import least_squares, minimize_scalar
@@ -20,7 +21,9 @@ from mechcore.records import dataclass
 RESULTANT_SAMPLES = 64  # of the resultant over a turn: it is a trigonometric polynomial of a degree of at most 16
 ERROR_GRID = 361  # points between which extremes of the structural error are looked for
 LEAST_LENGTH = 0.1  # of crank and rocker over the frame where both start angles are free: without it the fit runs off to gears
+POLE_GROWTH = 1e3  # growth of a function's largest size between points of that grid, from which on it has a pole there
 EXTREME_ACCURACY = 1e-8  # part of an interval to which the place of an extreme is found: the extreme itself is exact to its square
+NOT_FINITE = Fault("function", "it has no finite value at some places of the range.", "Give another range.")
 
 
 def chebyshev_points(start: float, end: float, count: int) -> Real:
@@ -39,14 +42,18 @@ class FunctionTask:
     input_range: float
     output_range: float
 
-    def turned(self, x: Real) -> tuple[Real, Real]:
-        """How far input and wanted output have turned at x (K,) since the start of the range [rad]."""
-        x = np.asarray(x, float)
-        first, last = (float(np.asarray(self.function(np.array([end])))[0]) for end in (self.start, self.end))
-        y = np.asarray(self.function(x), float)
-        if not (np.isfinite(y).all() and np.isfinite([first, last]).all()):
-            raise MechanismError(Fault("function", "it has no finite value at some places of the range.", "Give another range."))
-        if abs(first - last) <= 1e-12 * max(float(np.abs(y).max()), abs(first), abs(last)):
+    @cached_property
+    def _values_at_ends(self) -> tuple[float, float]:
+        """The function where its range starts and ends, which are two values; it is finite in between."""
+        x = np.linspace(self.start, self.end, ERROR_GRID)
+        y = self._values(x)
+        sizes = np.abs(y)
+        k = min(max(int(sizes.argmax()), 1), ERROR_GRID - 2)
+        _, peak = _largest(lambda at: float(self._values(np.array([at]))[0]), x[k - 1], x[k + 1])
+        if abs(peak) > POLE_GROWTH * sizes.max():
+            raise MechanismError(NOT_FINITE)
+        first, last = float(y[0]), float(y[-1])
+        if abs(first - last) <= 1e-12 * float(sizes.max()):
             raise MechanismError(
                 Fault(
                     "function",
@@ -54,7 +61,29 @@ class FunctionTask:
                     "Give a range over which it gains something.",
                 )
             )
-        return self.input_range * (x - self.start) / (self.end - self.start), self.output_range * (y - first) / (last - first)
+        return first, last
+
+    def _values(self, x: Real) -> Real:
+        y = np.asarray(self.function(x), float)
+        if not np.isfinite(y).all():
+            raise MechanismError(NOT_FINITE)
+        return y
+
+    def turned(self, x: Real) -> tuple[Real, Real]:
+        """How far input and wanted output have turned at x (K,) since the start of the range [rad]."""
+        x = np.asarray(x, float)
+        first, last = self._values_at_ends
+        turned = self.output_range * (self._values(x) - first) / (last - first)
+        return self.input_range * (x - self.start) / (self.end - self.start), turned
+
+
+def _largest(function: Callable[[float], float], start: float, end: float) -> tuple[float, float]:
+    """Where between two places, in either order, a function is largest in size, and its value there."""
+    found = minimize_scalar(
+        lambda at: -abs(function(at)), bounds=sorted((start, end)), method="bounded",
+        options={"xatol": EXTREME_ACCURACY * abs(end - start)},
+    )  # fmt: skip
+    return float(found.x), function(found.x)
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,12 +138,8 @@ class FunctionGenerator:
         k = int(np.abs(errors).argmax())
         if k in (0, ERROR_GRID - 1):
             return float(errors[k]), float(x[k])
-        ends = (x[k - 1], x[k + 1])
-        optimum = minimize_scalar(
-            lambda at: -abs(self.structural_error(task, np.array([at]))[0]), bounds=ends, method="bounded",
-            options={"xatol": EXTREME_ACCURACY * abs(task.end - task.start)},
-        )  # fmt: skip
-        return float(self.structural_error(task, np.array([optimum.x]))[0]), float(optimum.x)
+        place, error = _largest(lambda at: float(self.structural_error(task, np.array([at]))[0]), x[k - 1], x[k + 1])
+        return error, place
 
     def least_transmission(self, task: FunctionTask) -> float:
         """Least acute angle between coupler and rocker over the range [rad]."""

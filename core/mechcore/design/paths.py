@@ -20,6 +20,7 @@ from mechcore.design.four_bars import TURN, FourBar, coupler_direction, follow_i
 from mechcore.errors import Fault, MechanismError
 from mechcore.numerics.newton import fit_all
 from mechcore.records import dataclass
+from mechcore.texts import as_length
 
 ALIKE_CURVES = 400  # of the atlas, of each side and sense of rotation, that are looked at
 LARGEST_RATIO = 20.0  # of a link to the crank among the designs that are screened
@@ -64,7 +65,7 @@ class PathTask:
             )
         if not 0.0 <= self.lengths[0] < self.lengths[1]:
             raise MechanismError(
-                Fault("lengths", f"bounds of {self.lengths[0]:g} and {self.lengths[1]:g} m.", "Give the smaller one first.")
+                Fault("lengths", f"bounds of {' and '.join(map(as_length, self.lengths))}.", "Give the smaller one first.")
             )
 
     @property

@@ -98,6 +98,21 @@ def test_slider_cranks_meet_three_points():
     assert made.displacements(made.input_start + phi) - 0.3 == pytest.approx(s, abs=1e-13)
 
 
+def test_a_range_goes_either_way():
+    task = FunctionTask(np.square, 2.0, 1.0, np.radians(90), np.radians(90))
+    for made in generators(task, chebyshev_points(2.0, 1.0, 5)):
+        error, place = made.largest_error(task)
+        assert 1.0 <= place <= 2.0
+        assert abs(error) >= np.abs(made.structural_error(task, np.linspace(1.0, 2.0, 1001))).max() * (1.0 - 1e-9)
+
+
+@pytest.mark.parametrize(("start", "end"), [(-1.0, 1.0), (1.0, -1.0), (-1.0, 2.0)])
+def test_a_pole_within_the_range_is_named(start, end):
+    task = replace(INVERSE, start=start, end=end)
+    with pytest.raises(MechanismError, match="no finite value"), np.errstate(divide="ignore"):
+        generators(task, chebyshev_points(start, end, 3), 0.5, 0.6)
+
+
 @pytest.mark.parametrize("count", [2, 3, 6])
 def test_what_does_not_fit_is_refused(count):
     with pytest.raises(MechanismError, match="points"):

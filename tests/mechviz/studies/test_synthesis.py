@@ -296,6 +296,7 @@ def test_four_positions_whose_pivots_are_all_far_away_are_refused():
         (("stroke", "1e-300", "--ratio", "1.5"), "no length"),
         (("line", "watt", "--travel", "0"), "no length"),
         (("path", "20,20", "20,20", "20,20"), "points are the same"),
+        (("path", "20,20", "20,25", "20,30", "--shortest", "60", "--longest", "5"), "bounds of 60 mm and 5 mm"),
     ],
 )
 def test_tasks_that_say_nothing_are_refused_in_words(words, why):
