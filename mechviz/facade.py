@@ -58,6 +58,11 @@ def bundle_of(shown: Presentation, text: str) -> dict[str, str]:
     return {"text/html": frame, "image/svg+xml": svg_of(shown, width=800, height=500), "text/plain": text}
 
 
+def _check_ending(path: str | Path, ending: str) -> None:
+    if Path(path).suffix.lower() != ending:
+        raise OutputError(f"'{path}' does not end in {ending}.", "Give a name that does.")
+
+
 LONG_RUN = 1.0  # [s] from which on a run shows its progress
 
 
@@ -99,7 +104,7 @@ class Result:
     def quantity(self, key: str) -> Quantity:
         """A quantity with its ``unit``, its ``label`` and the names of its ``curves``. Raises `UnknownKey`."""
         if key not in self:
-            raise UnknownKey(f"There is no quantity '{key}'. {did_you_mean(key, self.keys(), what='There are')}")
+            raise UnknownKey(f"There is no quantity '{key}'. {did_you_mean(str(key), self.keys(), what='There are')}")
         return self.catalogue[key]
 
     @cached_property
@@ -163,6 +168,7 @@ class Result:
     # -- outputs ------------------------------------------------------------------------------------------------------
     def record(self, path: str | Path) -> RecordingSummary:
         """Write a rerun recording (.rrd), replaced as a whole when complete. Raises `OutputError`, also of a recording."""
+        _check_ending(path, ".rrd")
         return write_recording(self.solved, path)
 
     def view(self, port: int = 8080, *, open_browser: bool = False, block: bool = True) -> Viewer | None:
@@ -182,6 +188,7 @@ class Result:
 
     def share(self, path: str | Path, *, most: int = 1000) -> Path:
         """Write one HTML file that plays in any browser without a network, of at most so many frames. Raises `OutputError`."""
+        _check_ending(path, ".html")
         target = Path(path)
         check_target(target)
         with replacing(target) as temporary:

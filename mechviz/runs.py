@@ -8,7 +8,7 @@ from contextlib import AbstractContextManager, contextmanager
 from dataclasses import field
 from functools import cache, cached_property
 from importlib.metadata import PackageNotFoundError, version
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, get_args
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from mechcore.dynamics.joined import JoinedForces, JoinedMotion
 from mechcore.dynamics.rest.steady import SteadyRun
 from mechcore.dynamics.simulate import simulate
 from mechcore.effects.plan import OUTPUTS, Plan, StageKind, make_plan
+from mechcore.errors import Fault, MechanismError
 from mechcore.forces.kinetostatics import Forces, solve_forces
 from mechcore.motion.compiled import Compiled
 from mechcore.motion.motion import Motion
@@ -140,10 +141,12 @@ def run_scene(
 
     The run's scene is the one that was solved: other frames or cycles than the scene's own are part of it.
     """
+    if executor not in get_args(Executor):
+        raise MechanismError(Fault("executor", f"'{executor}' is none.", f"There are: {', '.join(get_args(Executor))}."))
     stages: list[Stage] = []
     settings = _settings(scene, accuracy)
     counted = frames is not None or (accuracy is None and "frames" in scene.document.run.model_fields_set)
-    scene = with_run(scene, frames or settings.frames, cycles)
+    scene = with_run(scene, settings.frames if frames is None else frames, cycles)
     mechanism = scene.mechanism
     check_frames(len(mechanism.links), scene.frames)
     wanted = set(outputs)

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from typing import TypeVar
 
 from mechcore.records import dataclass
 from mechcore.texts import Text, UnitSystem
+
+T = TypeVar("T")
+MOST_NAMES = 20  # that an error lists
 
 
 @dataclass(frozen=True)
@@ -37,3 +41,17 @@ class MechanismError(ValueError):
     def __init__(self, faults: Sequence[Fault] | Fault):
         self.faults: tuple[Fault, ...] = (faults,) if isinstance(faults, Fault) else tuple(faults)
         super().__init__("; ".join(map(str, self.faults)))
+
+
+class Named(dict[str, T]):
+    """Things of a ``kind`` by name. Another name raises a `MechanismError` that says which there are, ``others`` included."""
+
+    def __init__(self, kind: str, things: Mapping[str, T], others: Iterable[str] = ()):
+        super().__init__(things)
+        self.kind, self.others = kind, tuple(others)
+
+    def __missing__(self, name: str) -> T:
+        names = (*self, *self.others)
+        more = ", …" if len(names) > MOST_NAMES else ""
+        remedy = f"There are: {', '.join(names[:MOST_NAMES])}{more}." if names else ""
+        raise MechanismError(Fault(f"{self.kind} '{name}'", "there is none of this name.", remedy))

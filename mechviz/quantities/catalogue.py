@@ -32,6 +32,9 @@ class Quantity:
     entry: Entry
     table: ItemTable
 
+    def __repr__(self) -> str:
+        return f"Quantity {self.key}: {self.title}"
+
     @property
     def key(self) -> str:
         return self.entry.key

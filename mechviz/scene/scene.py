@@ -69,7 +69,12 @@ class Scene:
         ``scene.changed({("run", "frames"): 720, ("links", "crank", "points", "B", 0): "80 mm"})``. Only what changes is validated
         anew. SceneError reports every fault at once.
         """
-        document = changed_document(self.document, changes, self.name, self.folder)
+        try:
+            document = changed_document(self.document, changes, self.name, self.folder)
+        except SceneError:
+            raise
+        except (LookupError, TypeError, ValueError) as error:
+            raise SceneError(self.name, _misplaced(self.document, changes)) from error
         return assembled(document, name or self.name, self.folder)
 
     def with_parameters(self, values: Mapping[str, float | str]) -> Scene:
@@ -185,12 +190,32 @@ def json_schema() -> dict[str, Any]:
 def changed_document(document: SceneDocument, changes: Mapping[Place, Any], name: str, folder: SceneFolder) -> SceneDocument:
     """A document with other values at some places, of which only what changes is validated anew. SceneError reports every fault
     at once."""
+    if not all(isinstance(place, tuple) and place for place in changes):
+        raise TypeError("a place is a tuple of names and numbers")
     changes = {tuple(_present_key(place, k) for k in range(len(place))): _plain(value) for place, value in changes.items()}
     try:
         made = _with_formulas(document, changes)
-    except ValidationError:  # the whole is read again, for every fault with its place
+    except (ValidationError, AttributeError):  # the whole is read again, for every fault with its place, also of keys
         return Scene.build(name=name, folder=folder, **with_values(document.written(), changes)).document
     return made
+
+
+def _misplaced(document: SceneDocument, changes: Mapping[Place, Any]) -> list[Fault]:
+    """Faults of places that a document does not have; of all, where each for itself is one."""
+
+    def wrong(place: Place, value: Any) -> bool:
+        try:
+            with_values(document, {place: value})
+        except ValidationError:
+            return False
+        except (AttributeError, LookupError, TypeError, ValueError):
+            return True
+        return False
+
+    if strange := [str(place) for place in changes if not (isinstance(place, tuple) and place)]:
+        return [Fault(place, "this is no place.", 'Give its parts, such as ("run", "frames").') for place in strange]
+    places = [place for place, value in changes.items() if wrong(place, value)] or list(changes)
+    return [Fault(path_text(place), "there is no such place in the scene.", "Give one that it has.") for place in places]
 
 
 def _with_formulas(document: SceneDocument, changes: Mapping[Place, Any]) -> SceneDocument:

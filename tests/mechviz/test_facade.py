@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import mechviz as mv
+from mechcore.errors import MechanismError
 from mechviz.files import OutputError
 
 
@@ -83,6 +84,8 @@ def test_what_cannot_be_done_is_refused_with_a_remedy(run, played, tmp_path):
         (lambda: run.shot(tmp_path / "a.gif"), "neither in .png nor in .svg"),
         (lambda: run.shot(tmp_path / "a.svg", view="iso"), "cannot be taken from the view 'iso'"),
         (lambda: run.plot(path=tmp_path / "a.gif"), "SVG, PNG or PDF"),
+        (lambda: run.record(tmp_path / "a.txt"), "does not end in .rrd"),
+        (lambda: run.share(tmp_path / "a.txt"), "does not end in .html"),
     ):
         with pytest.raises(OutputError, match=words):
             ask()
@@ -127,3 +130,45 @@ def test_the_core_offers_motion_under_forces_when_it_is_asked_for():
     assert mechcore.simulate is simulate and mechcore.Simulation is Simulation
     with pytest.raises(AttributeError, match="nonsense"):
         mechcore.nonsense  # noqa: B018
+
+
+def test_names_and_orders_that_are_not_there_are_told(run):
+    for ask, words in (
+        (lambda: run.motion.point("rode", "B"), r"link 'rode'.*There are: frame, crank, rod, piston\."),
+        (lambda: run.motion.point("rod", "Z"), "point of rod 'Z'.*There are: B, C"),
+        (lambda: run.motion.coordinate("ZZ"), "joint 'ZZ'.*There are: A, B, C, S"),
+        (lambda: run.motion.joint_position("ZZ"), "joint 'ZZ'"),
+        (lambda: run.forces.reaction("ZZ"), "joint 'ZZ'"),
+        (lambda: run.forces.effort("B"), r"joints\.B: it has no drive\. Drives: A\."),
+        (lambda: run.forces.power("B"), "has no drive"),
+        (lambda: mv.run("crank-rocker", executor="fortran"), "executor: 'fortran'.*auto, numpy, c"),
+        (lambda: mv.run("crank-rocker", frames=0), "0 is too small"),
+    ):
+        with pytest.raises(MechanismError, match=words):
+            ask()
+    for order in (3, 4, -1):
+        for ask in (lambda n: run.motion.point("rod", "B", n), lambda n: run.motion.centre_of_mass("rod", n)):
+            with pytest.raises(ValueError, match="velocity"):
+                ask(order)
+    with pytest.raises(KeyError, match="There is no quantity '0'"):
+        run[0]
+
+
+def test_a_place_that_a_scene_does_not_have_is_told():
+    scene = mv.load("crank-rocker")
+    for place, words in (
+        (("run", "framez"), "unknown key 'framez'. Did you mean 'frames'"),
+        (("links", "crank", "points", "B", 5), r"links\.crank\.points\.B\[5\] .*no such place"),
+        (("links", "rod", "points", "B", 0), "no such place"),
+        (("run", "frames", "x"), "no such place"),
+        ("title", "is no place"),
+        ((), "is no place"),
+    ):
+        with pytest.raises(mv.SceneError, match=words):
+            scene.changed({place: 3})
+
+
+def test_quantities_and_sensitivities_are_printed_in_a_line(run):
+    assert repr(run.quantity("link.rod.angle")) == "Quantity link.rod.angle: link rod: angle [°]"
+    said = repr(run.sensitivity("link.rod.angle:max", ["links.crank.points.B[0]"]))
+    assert said == "Sensitivity of link.rod.angle:max to links.crank.points.B[0]"

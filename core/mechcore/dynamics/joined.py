@@ -15,7 +15,7 @@ from mechcore.dynamics.segments import STOP_CAUSE, stop_load
 from mechcore.effects.base import Wrench, power_of
 from mechcore.effects.resistance import IN_PAIRS, RUBBING, rubbing_name
 from mechcore.forces.friction.solve import FrictionResult
-from mechcore.forces.kinetostatics import Forces, LoadResult
+from mechcore.forces.kinetostatics import Forces, LoadResult, undriven
 from mechcore.kinematics.model import Model
 from mechcore.motion.motion import Motion
 from mechcore.spec.mechanism import Mechanism
@@ -77,7 +77,7 @@ class JoinedMotion(Motion):
 
     def _relation(self, joint: str) -> Any:
         """The joint as a relation; None where it is a joint."""
-        return None if joint in self.model.joint_index else next(r for r in self.model.relations if r.name == joint)
+        return None if joint in self.model.joint_index else self.model.relation_of[joint]
 
     def pose(self, link: str) -> Real:
         """x, y [m] and angle [rad], continuous from the start pose (F, 3)."""
@@ -194,14 +194,20 @@ class JoinedForces(Forces):
         return self._join(lambda f: f.position(joint) if _has(f, joint) else f.motion._rows(relation.contact(f.motion, 1.0)[0]))
 
     def effort(self, joint: str) -> Real:
-        """Torque or force of a joint's drive (F,) [N m or N], zero where the joint is not driven."""
+        """Torque or force of a joint's drive (F,) [N m or N], zero in parts where it has none."""
+        self._check_driven(joint)
         return self._join(lambda f: f.effort(joint) if _drives(f, joint) else np.zeros(f.motion.frames))
 
     def wrench(self, joint: str) -> Real:
         return self._join(lambda f: f.wrench(joint) if _drives(f, joint) else np.zeros((f.motion.frames, 3)))
 
     def power(self, joint: str) -> Real:
+        self._check_driven(joint)
         return self._join(lambda f: f.power(joint) if _drives(f, joint) else np.zeros(f.motion.frames))
+
+    def _check_driven(self, joint: str) -> None:
+        if not any(_drives(f, joint) for f in (self, *(f for _, f in self.parts))):
+            raise undriven(self.motion.mechanism, joint)
 
     def power_by_cause(self, causes: Sequence[str]) -> Real:
         return self._join(lambda f: f.power_by_cause(causes))

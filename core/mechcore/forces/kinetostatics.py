@@ -15,6 +15,7 @@ from mechcore.arrays import Index, Plane, Real, Values
 from mechcore.effects.base import LOSSES, Wrench, power_of, sum_up, wrench_point
 from mechcore.effects.masses import kinetic_energy
 from mechcore.effects.registry import applied_effects, potential, totals, wrenches
+from mechcore.errors import Fault, MechanismError
 from mechcore.forces import equilibrium
 from mechcore.forces.friction.solve import FrictionResult, solve_friction
 from mechcore.forces.program import forces_program, rubbing_forces
@@ -25,7 +26,7 @@ from mechcore.numerics.interpolation import integral_so_far
 from mechcore.numerics.tape import Traced
 from mechcore.numerics.tape_functions import integral
 from mechcore.records import dataclass
-from mechcore.spec.mechanism import braked
+from mechcore.spec.mechanism import Mechanism, braked
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,7 +132,10 @@ class Forces:
 
     def effort(self, joint: str) -> Real:
         """Driving torque [N m] or force [N] along the guide in the direction of the drive's coordinate (F,)."""
-        return self._over_frames(self._effort(self._joint(joint)))
+        j = self.motion.model.joint_index.get(joint)
+        if j is None or j not in self.motion.model.driven:
+            raise undriven(self.motion.mechanism, joint)
+        return self._over_frames(self._effort(j))
 
     def power(self, joint: str) -> Real:
         """Power that a drive puts into the mechanism (F,) [W]."""
@@ -282,6 +286,12 @@ class Forces:
         out = np.empty(self._shape)
         out[...] = value
         return out
+
+
+def undriven(mechanism: Mechanism, joint: str) -> MechanismError:
+    """What is wrong with asking for the effort of a joint without a drive."""
+    drives = ", ".join(d.joint for d in mechanism.drives)
+    return MechanismError(Fault(f"joints.{joint}", "it has no drive.", f"Drives: {drives}." if drives else "Nothing drives it."))
 
 
 def solve_forces(motion: Motion) -> Forces:

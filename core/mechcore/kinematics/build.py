@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from mechcore.errors import Fault, MechanismError
+from mechcore.errors import Fault, MechanismError, Named
 from mechcore.joints.base import LoopJoint, Relation
 from mechcore.joints.registry import build_joints
 from mechcore.kinematics.model import Model
@@ -24,9 +24,10 @@ def build_model(mechanism: Mechanism) -> Model:
     check_items(mechanism)
     parts = build_joints(mechanism)
     names = (mechanism.frame, *(k for k in parts.links if k != mechanism.frame))
-    index = {k: i for i, k in enumerate(names)}
+    index = Named("link", {k: i for i, k in enumerate(names)})
     joints = tuple(parts.joints)
-    joint_index = {j.name: i for i, j in enumerate(joints)}
+    own = {j.name: i for i, j in enumerate(joints)}
+    joint_index = Named("joint", own, [r.name for r in parts.relations if r.name not in own])
     ends = tuple((index[j.links[0]], index[j.links[1]]) for j in joints)
     turned = Counter(k for d in mechanism.drives if d.joint in joint_index for k in joints[joint_index[d.joint]].links)
     decided = {k for k, times in turned.items() if times > 1} | {k for r in parts.relations for k, _ in r.angles}

@@ -13,6 +13,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from mechcore.errors import Named
 from mechcore.joints.base import LoopJoint, Relation
 from mechcore.kinematics.program import Block, DrivenSlide, LinearConstraint, Program, VectorSum, compile_program, vector_sum
 from mechcore.numerics.frames import nothing
@@ -87,6 +88,16 @@ class Model:
         classes = {turning[self.index[r.links[0]]] for r in self.relations if r.bearing is not None}
         return frozenset(k for k in range(len(self.links)) if turning[k] in classes)
 
+    @cached_property
+    def links_of(self) -> Mapping[str, tuple[str, str]]:
+        """First and second link of everything in `connections`."""
+        return Named("joint", {c.name: c.links for c in self.connections})
+
+    @cached_property
+    def relation_of(self) -> Mapping[str, Relation]:
+        """The relations by name."""
+        return Named("joint", {r.name: r for r in self.relations}, self.joint_index)
+
     def rotary(self, joint: str) -> bool:
         """Whether a joint's coordinate is an angle [rad], not a displacement [m]; a relation of wheels counts as one that turns."""
         return joint not in self.joint_index or self.joints[self.joint_index[joint]].coordinate == "angle"
@@ -98,7 +109,8 @@ class Model:
     @cached_property
     def points(self) -> tuple[dict[str, complex], ...]:
         """Named points of every link in its own axes [m]; in a sweep those that vary are arrays (designs, 1)."""
-        own = [{p: complex(*xy) for p, xy in self.bodies[k].points.items()} for k in self.links]
+        bodies = [self.bodies[k].points for k in self.links]
+        own = [Named(f"point of {k}", {p: complex(*xy) for p, xy in b.items()}) for k, b in zip(self.links, bodies, strict=True)]
         for (link, point), values in self.varied.items():
             own[self.index[link]][point] = values
         return tuple(own)

@@ -143,11 +143,13 @@ class Motion:
                 return ndarray((*z.shape, 2), float, z)  # the same numbers, in a quarter of a view's time
             return self._rows(z)
         k = self.model.index[link]
+        self.turned(derivative)  # there is such an order
         return self._rows(self.of_point(k, self.model.points[k][point], derivative))
 
     def centre_of_mass(self, link: str, derivative: int = 0) -> Real:
         """Position (F, 2) [m] of a link's centre of mass, or its first or second derivative."""
         k = self.model.index[link]
+        self.turned(derivative)
         return self._rows(self.of_point(k, self.model.masses[k][1], derivative))
 
     def coordinate(self, joint: str) -> Real:
@@ -162,7 +164,7 @@ class Motion:
         elif j is not None and model.joints[j].coordinate == "slide":
             values = (self.state.slide[j], self.speeds.slide[j], self.accelerations.slide[j])
         else:
-            first, second = next(c.links for c in model.connections if c.name == joint)
+            first, second = model.links_of[joint]
             return self.relative_angle(first, second, joint)
         return np.stack([np.broadcast_to(x, self.shape) for x in values], axis=-1)
 
@@ -177,7 +179,7 @@ class Motion:
     def joint_position(self, joint: str) -> Real:
         """Where a joint is in the world (F, 2) [m]: its pin, the sliding link's point, or the contact of a gear, rack or belt."""
         if joint not in self.model.joint_index:
-            relation = next(r for r in self.model.relations if r.name == joint)
+            relation = self.model.relation_of[joint]
             return self._rows(relation.contact(self, 1.0)[0])
         return self._rows(self.joint_point(self.model.joint_index[joint]))
 
@@ -228,7 +230,13 @@ class Motion:
 
     def turned(self, derivative: int) -> Sequence[Plane]:
         """Rotations E of all rotation classes, or their first or second derivatives, i omega E or (i alpha - omega^2) E."""
-        return self.state.rot if derivative == 0 else self._turned_once if derivative == 1 else self._turned_twice
+        if derivative == 0:
+            return self.state.rot
+        if derivative == 1:
+            return self._turned_once
+        if derivative == 2:
+            return self._turned_twice
+        raise ValueError(f"derivative {derivative!r}: there are 0 (position), 1 (velocity) and 2 (acceleration)")
 
     @lazy
     def _turned_once(self) -> list[Plane]:

@@ -59,6 +59,9 @@ class Sensitivity:
     number: float
     derivatives: Real
 
+    def __repr__(self) -> str:
+        return f"Sensitivity of {self.measure.text} to {', '.join(v.name for v in self.variables)}"
+
     @cached_property
     def slopes(self) -> Real:
         """Derivatives (P, F) of the curve: one way forwards through the computation with all variables."""
