@@ -14,6 +14,7 @@ from shapely.ops import unary_union
 
 from mechcore.arrays import Real, Vec2
 from mechcore.cams import Roller
+from mechcore.errors import Fault, MechanismError
 from mechcore.records import dataclass
 from mechcore.spec.mechanism import Mechanism
 from mechviz.meshes.draft import SolidsDraft
@@ -50,13 +51,30 @@ def kit_of(
     wider by ``clearance`` [mm], and sits fast in the part that holds it. A shaft that turns its cams is flattened on one side.
 
     ``poses`` as in `build_solids`. Belts, barrels and spatial cams are no flat parts and left out. Raises `MechanismError` where
-    links differ too much in size.
+    links differ too much in size, or holes leave their plates.
     """
     with shaped(mechanism):
         model = scale_mechanism(mechanism, poses, PART_SIDES)
         draft = draft_pieces(model)
         levels = stack_pieces(model, draft)
-        return _Kit(model, draft, levels, thickness, clearance, washer).parts()
+        return _Kit(mechanism, model, draft, levels, thickness, clearance, washer).parts()
+
+
+@dataclass(frozen=True, eq=False)
+class _Plate:
+    """A plate of a link before it is drilled: its ``outline``, its round holes (x, y, radius) and those with a flat side [mm]."""
+
+    name: str
+    link: str
+    outline: Polygon
+    thickness: float
+    circles: tuple[tuple[float, float, float], ...]
+    flats: Sequence[Polygon] = ()
+
+    def drilled(self) -> FlatPart:
+        holes = [Point(x, y).buffer(r, quad_segs=PART_SIDES // 4) for x, y, r in self.circles]
+        cut = largest(self.outline.difference(unary_union([*holes, *self.flats])))
+        return FlatPart(self.name, "plate", cut, self.thickness, self.circles)
 
 
 @dataclass(frozen=True)
@@ -75,6 +93,7 @@ class _Roller:
 
 @dataclass(frozen=True, eq=False)
 class _Kit:
+    mechanism: Mechanism
     model: ScaledMechanism
     draft: SolidsDraft
     levels: Levels
@@ -88,11 +107,31 @@ class _Kit:
         return 1e3 * self.model.size
 
     def parts(self) -> list[FlatPart]:
-        plates = [*self._bases(), *self._plates()]
+        undrilled = [*self._bases(), *self._plates()]
+        self._check_holes(undrilled)
+        plates = [plate.drilled() for plate in undrilled]
         return [*plates, *_counted([*self._pins()]), *_counted([*self._spacers()])]
 
     # -- plates ---------------------------------------------------------------------------------------------------------
-    def _plates(self) -> Iterator[FlatPart]:
+    def _check_holes(self, plates: Sequence[_Plate]) -> None:
+        """Raises `MechanismError` where the clearance makes a hole break out of its plate."""
+        narrow = []
+        for plate in plates:
+            for x, y, radius in plate.circles:
+                room = plate.outline.exterior.distance(Point(x, y))
+                most = self.clearance - 2.0 * (radius - room)
+                if radius >= room and most > 0.0:
+                    narrow.append((most, plate, x, y))
+        if narrow:
+            most, plate, x, y = min(narrow, key=lambda hole: hole[0])
+            points = [at for link in self.mechanism.links if link.name == plate.link for at in link.points.items()]
+            point = next((n for n, at in points if math.dist((1e3 * at[0], 1e3 * at[1]), (x, y)) < _SAME_PLACE * self.scale), None)
+            hole = f"at ({x:.4g}, {y:.4g}) mm" if point is None else f"'{point}'"
+            why = f"{self.clearance:g} mm is too much: hole {hole} of '{plate.link}' breaks out of its plate."
+            step = 10.0 ** (math.floor(math.log10(most)) - 2)
+            raise MechanismError(Fault("clearance", why, f"Give less than {step * math.floor(most / step):.3g} mm."))
+
+    def _plates(self) -> Iterator[_Plate]:
         shapes: dict[tuple[str, str, tuple[float, float]], list[Polygon]] = {}
         for piece in self.draft.pieces:
             if not piece.profile and piece.kind != "belt":
@@ -103,11 +142,9 @@ class _Kit:
                 number = names[link] = names.get(link, 0) + 1
                 circles, flats = self._holes(link, shape)
                 outline = affinity.scale(shape, self.scale, self.scale, origin=(0.0, 0.0))
-                holes = [Point(x, y).buffer(r, quad_segs=PART_SIDES // 4) for x, y, r in circles]
-                cut = largest(outline.difference(unary_union([*holes, *flats])))
                 deep = (height[1] - height[0]) * self.thickness
                 label = link if number == 1 else f"{link} {number} ({group})"
-                yield FlatPart(label, "plate", cut, deep, circles)
+                yield _Plate(label, link, outline, deep, circles, flats)
 
     def _holes(self, link: str, shape: Polygon) -> tuple[tuple[tuple[float, float, float], ...], list[Polygon]]:
         """Round holes (x, y, radius) [mm] for the pins in a piece of a link, and those with a flat side [mm]."""
@@ -149,7 +186,7 @@ class _Kit:
                     places[weld.links[1 - k]] = (*weld.points[1 - k], sign * weld.angle)
         return places
 
-    def _bases(self) -> Iterator[FlatPart]:
+    def _bases(self) -> Iterator[_Plate]:
         """A plate behind all, and one in front of all where pins stand on that, about the axes that are fixed to the ground."""
         frame, model = self.model.frame, self.model
         rails = [p.outline for p in self.draft.pieces if p.link == frame and not p.profile]
@@ -166,9 +203,7 @@ class _Kit:
                 x, y = (self.scale * v for v in axle.centres[frame])
                 circles.append((x, y, self.scale * axle.pin + turns))
             outline = affinity.scale(shape, self.scale, self.scale, origin=(0.0, 0.0))
-            holes = unary_union([Point(x, y).buffer(r, quad_segs=PART_SIDES // 4) for x, y, r in circles])
-            cut = largest(outline.difference(holes))
-            yield FlatPart("front" if front else "base", "plate", cut, self.thickness, tuple(circles))
+            yield _Plate("front" if front else "base", frame, outline, self.thickness, tuple(circles))
 
     # -- what goes through them -----------------------------------------------------------------------------------------
     def _reach(self, number: int) -> list[int]:

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from shapely import affinity
 
+from mechcore.errors import MechanismError
 from mechviz.files import OutputError
 from mechviz.meshes.kit import kit_of, laid_out
 from mechviz.outputs.exports.solids import export_kit, export_stl
@@ -136,3 +137,14 @@ def test_rollers_turn_on_pins_of_their_own():
         (pytest.approx(THICK * 1.4), pytest.approx(pin)),
         (pytest.approx(2 * THICK + WASHER), pytest.approx(pin)),
     ]
+
+
+def test_a_clearance_that_breaks_a_plate_is_refused():
+    run = run_scene(load("crank-rocker"), frames=4)
+    mechanism, poses = run.motion.mechanism, looked_at(run)
+    with pytest.raises(MechanismError, match=r"hole '[A-E]' of '\w+' breaks out of its plate.*Give less than [\d.]+ mm") as refused:
+        kit_of(mechanism, poses, THICK, 30.0, WASHER)
+    most = float(refused.value.faults[0].remedy.split()[-2])
+    assert kit_of(mechanism, poses, THICK, most, WASHER)
+    with pytest.raises(MechanismError, match="breaks out"):
+        kit_of(mechanism, poses, THICK, most + 0.1, WASHER)
