@@ -50,12 +50,14 @@ def wide_table(run: Run, times: Real | None = None) -> dict[str, Real]:
 
 
 def even_times(run: Run, step: float) -> Real:
-    """Times (n,) [s] in steps from the start of a run to its end; raises `MechanismError` for a step that is none."""
+    """Times (n,) [s] in steps from the start of a run to its end; raises `MechanismError` for a step that is none, or longer than
+    the run."""
     start, end = float(run.motion.time[0]), float(run.motion.time[-1])
-    if not (np.isfinite(step) and step > 0.0 and (end - start) / step <= MOST_ROWS):
-        remedy = f"Give a time above {(end - start) / MOST_ROWS:.3g} s: the run takes {end - start:.6g} s."
+    takes = end - start
+    if not (np.isfinite(step) and step > 0.0 and (takes == 0.0 or 1.0 - 1e-12 <= takes / step <= MOST_ROWS)):
+        remedy = f"Give a time from {takes / MOST_ROWS:.3g} s to {takes:.6g} s, which the run takes."
         raise MechanismError(Fault("every", f"{step:g} s is no distance of rows.", remedy))
-    return np.asarray(start + step * np.arange(int(np.floor((end - start) / step * (1.0 + 1e-12))) + 1), float)
+    return np.asarray(start + step * np.arange(int(np.floor(takes / step * (1.0 + 1e-12))) + 1), float)
 
 
 def export_csv(run: Run, path: Path | str, times: Real | None = None) -> Path:

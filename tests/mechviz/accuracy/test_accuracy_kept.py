@@ -11,6 +11,7 @@ from shapely import LineString, distance, points
 from typer.testing import CliRunner
 
 from mechcore.accuracy import Accuracy, accuracy_for
+from mechcore.errors import MechanismError
 from mechviz.accuracy import fit as fit_module
 from mechviz.accuracy.fit import FINEST_CHORD, profile_away, provider, target_words
 from mechviz.commands.main import app
@@ -183,6 +184,14 @@ def test_numbers_between_frames_use_the_recorded_rates():
     assert np.abs(read_between(wrench, time, {wrench: table}.get, t, 1)[:, 0] - np.interp(t, time, table[:, 0])).max() < 1e-13
     with pytest.raises(KeyError, match="/data/links/b/pose"):
         read_between(("data", "links", "b", "pose"), time, tables.get, t, 3)
+
+
+def test_rows_are_no_farther_apart_than_a_run_is_long():
+    run = run_scene(load("crank-rocker"), frames=4)
+    assert len(even_times(run, 1.0)) == 2
+    for step in (3.0, 1.001, 0.0, -1.0, 1e-12):
+        with pytest.raises(MechanismError, match=r"no distance of rows\. Give a time from .* s to 1 s, which the run takes"):
+            even_times(run, step)
 
 
 def test_a_table_has_a_row_every_so_often(tmp_path):
