@@ -119,7 +119,8 @@ class Result:
 
     @property
     def events(self) -> tuple[Event, ...]:
-        """Events during the run: dead points, limits, peaks, stops, jams; sorted by time."""
+        """Events during the run: dead points, limits, peaks, stops, jams; sorted by time, which a recording rounds to
+        nanoseconds."""
         if not isinstance(self._source, Run):
             return self._source.events
         return events_of(self._source)

@@ -30,6 +30,7 @@ def test_a_run_and_its_recording_hold_the_same(run, played):
     for key in run:
         np.testing.assert_array_equal(played[key], run[key], err_msg=key)
     assert [e.text for e in played.events] == [e.text for e in run.events]
+    np.testing.assert_allclose([e.time for e in played.events], [e.time for e in run.events], rtol=0.0, atol=0.6e-9)
     assert played.scene == run.scene and played.title == run.title
 
 
