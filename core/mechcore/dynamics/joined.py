@@ -148,7 +148,7 @@ class JoinedForces(Forces):
     """`Forces` whose results by name are put together: their frames come from several motions of the same mechanism.
 
     ``stops``: end stops that may hold something somewhere; ``energies``: time (n,) -> kinetic and potential energy, work done and
-    energy dissipated so far (n, 4) [J]; ``again``: the forces at other times; ``boundaries``, ``impacts``: see `Forces`.
+    energy dissipated so far (n, 4) [J]; ``again``: the forces at other times; ``jumps``, ``impacts``: see `Forces`.
     """
 
     def __init__(
@@ -159,14 +159,14 @@ class JoinedForces(Forces):
         stops: Sequence[EndStop] = (),
         energies: Callable[[Real], Real] | None = None,
         again: Callable[[Real], Forces] | None = None,
-        boundaries: Callable[[float], Real] | None = None,
+        jumps: Callable[[float], Real] | None = None,
         impacts: tuple[tuple[float, float, float], ...] = (),
     ):
         self.motion: JoinedMotion = motion
         self._parts = tuple(parts)
         self._stops = {stop_load(s): s for s in stops}
         self._energies, self._again = energies, again
-        self.boundaries, self.impacts = boundaries, impacts
+        self.jumps, self.impacts = jumps, impacts
         self.friction = None if all(f.friction is None for _, f in parts) else JoinedFriction(self)
 
     def _join(self, value: Callable[[Forces], Real]) -> Real:

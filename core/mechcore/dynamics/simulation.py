@@ -172,7 +172,7 @@ class Simulation:
             stops=self.stops,
             energies=self.energies,
             again=lambda t: self.forces(self.view(t)),
-            boundaries=self.boundaries,
+            jumps=self.jumps,
             impacts=self.impacts,
         )
 
@@ -262,6 +262,18 @@ class Simulation:
                 out += list(p.solution.boundaries(min(p.end, end)))
         return np.array(out)
 
+    def jumps(self, end: float) -> Real:
+        """Times (n, 2) [s] until ``end`` just before and just after events, and what else makes rates or accelerations jump."""
+        before = np.unique(self.boundaries(end))
+        before = before[(before > 0.0) & (before < end)]
+        after = np.minimum(before + BESIDE * np.spacing(before), 0.5 * (before + np.append(before[1:], end)))
+        pairs = np.column_stack([before, np.maximum(after, np.nextafter(before, np.inf))])
+        leaps = np.isin(before, [p.start for p in self.segments])
+        for x in self(pairs.ravel())[1:]:
+            sides = x.reshape(len(pairs), 2, -1)
+            leaps |= (np.abs(sides[:, 1] - sides[:, 0]) > LEAST_JUMP * np.abs(x).max(axis=0, initial=0.0)).any(axis=1)
+        return pairs[leaps]
+
 
 def _until(entries: tuple[tuple[float, float], ...], t: Real) -> Real:
     """Sum of the entries before times (n,)."""
@@ -272,6 +284,8 @@ def _until(entries: tuple[tuple[float, float], ...], t: Real) -> Real:
 
 
 WINDOW_NODES = 16
+BESIDE = 8.0  # distances of neighbouring numbers, between the two sides of a jump
+LEAST_JUMP = 1e-6  # of the largest rate or acceleration of a coordinate: less is what windows leave
 INSTANTS_AT_ONCE = 20_000  # instants that are evaluated at once
 _X, _W = legendre.leggauss(WINDOW_NODES)
 _FIT = np.linalg.inv(legendre.legvander(_X, WINDOW_NODES - 1))

@@ -64,11 +64,9 @@ def _pairs(forces: Forces) -> Real:
     if motion.again is None or motion.frames < 2:
         return np.zeros((0, 2))
     start, end = float(motion.time[0]), float(motion.time[-1])
-    if forces.boundaries is not None:
-        before = np.unique(forces.boundaries(end))
-        before = before[(before > start) & (before < end)]
-        after = np.minimum(before + ROUNDING * np.spacing(before), 0.5 * (before + np.append(before[1:], end)))
-        return np.column_stack([before, np.maximum(after, np.nextafter(before, np.inf))])
+    if forces.jumps is not None:
+        pairs_of_run = forces.jumps(end)
+        return pairs_of_run[pairs_of_run[:, 0] > start]
     near = max(NEAR * (end - start) / (motion.frames - 1), NEAR_IN_RUN * (end - start), ROUNDING * float(np.spacing(end)))
     pairs: list[list[float]] = []
     for t in sorted([*_breaks(motion, start, end), *_changes(motion, motion.again, near)]):

@@ -71,9 +71,9 @@ class Forces:
         self._contacts = contacts  # of each relation: place and force on its second link
         self._shape = motion.shape
 
-    # of a motion under forces: times (n,) until one [s] between which it is smooth, and of every impact its time [s], the energy
-    # that it takes, and the work of prescribed drives in it [J]
-    boundaries: Callable[[float], Real] | None = None
+    # of a motion under forces: times (n, 2) [s] until one just before and after what makes it jump, and of every impact its time
+    # [s], the energy that it takes, and the work of prescribed drives in it [J]
+    jumps: Callable[[float], Real] | None = None
     impacts: tuple[tuple[float, float, float], ...] = ()
 
     def again(self, t: Real) -> Forces:
