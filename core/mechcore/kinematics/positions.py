@@ -52,7 +52,10 @@ def place_block(
             _place_general(model, block, state, start)
     elif block.kind == "relation":
         _place_relation(model, block, state)
-    elif block.kind != "check":
+    elif block.kind == "check":
+        for r in block.relations:  # what its curve is there
+            relation_sum(model, r, state)
+    else:
         _place_loop(model, block, state, mode, terms or loop_terms(model, block, state))
 
 

@@ -24,6 +24,7 @@ from mechcore.errors import Fault, MechanismError
 from mechcore.kinematics.build import build_model
 from mechcore.kinematics.model import Model
 from mechcore.kinematics.program import Block
+from mechcore.kinematics.state import relation_sum
 from mechcore.laws.timed import ConstantSpeed, moves
 from mechcore.motion.compiled import Compiled, drive_values, follow, place
 from mechcore.motion.events import at_drive, runs
@@ -240,6 +241,8 @@ def _faults(compiled: Compiled, motion: Motion, path: BranchPath | None, paramet
             error = np.zeros(motion.frames)
             for c in block.loops:
                 error = np.maximum(error, np.abs(motion.closure_error(c)))
+            for r in block.relations:
+                error = np.maximum(error, np.abs(relation_sum(model, r, motion.state)[0]))
             bad = ~(error <= max(1e-9, 10.0 * compiled.accuracy.position) * model.length_scale) & ~failed
             worst = float(np.fmax.reduce(np.where(bad, error, 0.0), initial=0.0))
         else:

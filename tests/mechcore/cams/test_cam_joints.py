@@ -16,9 +16,12 @@ from mechcore.cams.followers import Flat, Knife, Roller
 from mechcore.errors import MechanismError
 from mechcore.forces.kinetostatics import solve_forces
 from mechcore.laws.program import Segment, program
+from mechcore.laws.timed import ConstantSpeed
+from mechcore.motion.at_once import agreement
 from mechcore.motion.solve import compile_mechanism, solve_motion
+from mechcore.motion.structure import gruebler, rank_mobility, redundant_joints
 from mechcore.spec.loads import Force
-from mechcore.spec.mechanism import CamJoint, Gear, Link, Prismatic, Revolute
+from mechcore.spec.mechanism import CamJoint, Drive, Gear, Link, Prismatic, Revolute
 
 
 def solved(mechanism, frames: int = 91):
@@ -207,9 +210,23 @@ def test_a_follower_cannot_drive_its_cam():
         compile_mechanism(replace(m, drives=(replace(m.drives[0], joint="S", law=law),)))
 
 
-def test_one_freedom_with_and_without_a_dwell():
-    from mechcore.motion.structure import gruebler, rank_mobility
+def test_a_drive_on_the_follower_that_contradicts_the_law_is_refused():
+    m = FOLLOWERS["roller"]
+    time = np.linspace(0.0, 0.9 * m.drives[0].law.duration, 31)
+    alone = solve_motion(compile_mechanism(m), time)
+    both = replace(m, drives=(*m.drives, Drive(joint="S", law=ConstantSpeed(0.0, 0.01, travel=0.01))))
+    compiled = compile_mechanism(both)
+    with pytest.raises(MechanismError, match=r"joints\.K: the drives contradict each other.*Take 1 of the 2 drives away"):
+        solve_motion(compiled, time)
+    # where they agree there is nothing to refuse, and the constraint counts as left over
+    given = {p: tuple(alone.coordinate(p).T) for p in (m.drives[0].joint, "S")}
+    agreed = solve_motion(compiled, time, drives=given)
+    np.testing.assert_allclose(agreed.velocity("follower"), alone.velocity("follower"), atol=1e-12)
+    assert rank_mobility(agreed) == 1 and redundant_joints(agreed.model) == ("K",)
+    assert agreement(agreed).velocity < 1e-9
 
+
+def test_one_freedom_with_and_without_a_dwell():
     motion, _ = solved(FOLLOWERS["roller"], 8)
     assert gruebler(motion.model)[3] == 1
     assert {rank_mobility(motion, k) for k in range(8)} == {1}
