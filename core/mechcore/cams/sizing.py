@@ -69,6 +69,18 @@ def greatest(lift: MotionCurve, cost: Callable[[Real], Real], count: int = 720) 
     return best, where
 
 
+def axis_distance(cam: Cam) -> float:
+    """Least distance of the profile of a disc for a knife, roller or mushroom from its axis [m]; zero or less where it comes to it,
+    or where a translating follower goes through it."""
+    follower, reach = cam.follower, cam.flank * cam.follower.radius
+
+    def nearness(s: Real) -> Real:
+        off: Real = np.abs(follower.reference(s[:1])[0]) - reach
+        return -(np.minimum(off, s[0]) if isinstance(follower.guide, Translating) else off)
+
+    return -greatest(cam.law, nearness)[0]
+
+
 def _pitch_curvature(q: Real, e: float) -> Real:
     """Curvature of the pitch curve of a translating follower from heights and derivatives (>= 3, ...), offset e (theory 5.3)."""
     h, v = q[0], q[1] - e
@@ -96,7 +108,9 @@ def _heights(
 
     s = samples
     hub = float(np.sqrt(max((least + radius) ** 2 - e * e, 0.0))), "base circle"
-    height, decides = max([hub, *((b + c * e, name) for b, c, name in bounds)])
+    stroke, below = float(np.ptp(s[0])) or 1.0, -float(s[0].min())
+    clear = [(float(np.sqrt(max(radius**2 - e * e, 0.0))) + below, "distance from the axis")] if below > 1e-9 * stroke else []
+    height, decides = max([hub, *clear, *((b + c * e, name) for b, c, name in bounds)])
     limit = radius + (want.radius or 0.0)
     if limit <= 0.0:
         return height, decides
@@ -106,7 +120,6 @@ def _heights(
         q[0] += h0
         return float(np.max(_pitch_curvature(q, e))) * limit - 1.0
 
-    stroke = float(np.ptp(s[0])) or 1.0
     if height > 0.0 and excess(height) <= 0.0:
         return height, decides
     low = max(height, 1e-6 * stroke)
@@ -273,6 +286,8 @@ def _scan(lift: MotionCurve, follower: Follower, want: Requirement, turn: int, a
         top = lift(lift.start + lift.length * np.arange(64) / 64.0, 0)[0].max() + follower.base_coordinate(base)
         if top >= np.pi:
             return -1.0, "reach of the arm"
+        if not isinstance(follower.face, Flat) and axis_distance(cam) <= 0.0:
+            return -1.0, "distance from the axis"
         verdicts = judge_limits(find_limits(cam, count=360), want)
         scale = [v.margin / (abs(v.allowed) or 1.0) for v in verdicts]
         k = int(np.nanargmin(scale))

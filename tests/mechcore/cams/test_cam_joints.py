@@ -203,6 +203,45 @@ def test_the_remedy_of_an_undercut_cam_helps():
         compile_mechanism(translating(Flat(), base=0.01065))
 
 
+NEAR_AXIS = {
+    "roller": translating(Roller(0.01), offset=0.008, stroke=-0.06),
+    "knife": translating(Knife(), offset=0.008, stroke=-0.06),
+    "arm": oscillating(Roller(0.012), pivot=(0.1, 0.0), arm=0.1, stroke=-0.6),
+}
+
+
+@pytest.mark.parametrize("name", NEAR_AXIS)
+def test_a_cam_whose_profile_comes_to_its_axis_is_refused(name):
+    """The follower would run through the axis, with a pressure angle beyond a right angle: its profile need not be undercut."""
+    m = NEAR_AXIS[name]
+
+    def on_base(base: float):
+        return compile_mechanism(replace(m, joints=(*m.joints[:-1], replace(m.joints[-1], base=base))))
+
+    with pytest.raises(MechanismError, match=r"comes to the cam's axis.*Give a base circle of at least .* mm\. Leave") as error:
+        on_base(m.joints[-1].base)
+    least = 1e-3 * float(re.search(r"at least ([\d.]+) mm", str(error.value))[1])
+    on_base(1.001 * least)
+    with pytest.raises(MechanismError, match=r"axis|undercut"):
+        on_base(0.999 * least)
+
+
+def test_a_smaller_roller_is_proposed_where_it_helps():
+    """On the same base circle it makes a smaller pitch curve."""
+
+    bump = program([Segment(0.4, 0.02), Segment(0.4, 0.0), Segment(2.0 * np.pi - 0.8)])
+
+    def with_roller(radius: float):
+        return compile_mechanism(translating(Roller(radius), lift=bump))
+
+    with pytest.raises(MechanismError, match=r"undercut.*Give at most .* mm, or give a base circle of at least") as error:
+        with_roller(0.02)
+    most = 1e-3 * float(re.search(r"at most ([\d.]+) mm", str(error.value))[1])
+    with_roller(0.9999 * most)
+    with pytest.raises(MechanismError, match="undercut"):
+        with_roller(1.001 * most)
+
+
 def test_a_follower_cannot_drive_its_cam():
     m = FOLLOWERS["roller"]
     law = replace(m.drives[0].law, speed=0.01, travel=0.01)

@@ -16,8 +16,8 @@ from mechcore.cams.closures import SecondRoller, breadth
 from mechcore.cams.contour import Contour, cam_contour
 from mechcore.cams.followers import Face, Flat, Oscillating, Translating
 from mechcore.cams.limits import Requirement, find_limits
-from mechcore.cams.sizing import least_base, outer_flank
-from mechcore.cams.synthesis import Cam, Synthesis
+from mechcore.cams.sizing import axis_distance, least_base, outer_flank
+from mechcore.cams.synthesis import Cam, Synthesis, cam_on_base
 from mechcore.errors import Fault, MechanismError
 from mechcore.records import dataclass
 from mechcore.texts import as_angle, as_coordinate, as_length
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from mechcore.laws.curve import MotionCurve
     from mechcore.motion.motion import Motion
 
+LEAST_PART, RADIUS_HALVINGS = 0.01, 20  # of the radius of a pitch curve: smaller rollers are not proposed
 KNOT_DISTANCE = 1e-12  # arguments closer to a knot of the law than this part of its length are on it
 
 
@@ -224,6 +225,9 @@ class PlacedCam:
             return
         if self.mate is not None:
             self.mate.check(second=True)
+        if not (second or cam.wedge or isinstance(face, Flat)) and axis_distance(cam) <= 0.0:
+            why = f"on a base circle of {as_length(self.base)} the profile comes to the cam's axis, or its follower beyond it."
+            raise MechanismError(Fault("cam.base", why, f"{self._remedy()}. Leave room for the shaft."))
         for profile in self.profiles if self.groove and cam.follower.radius else (cam,):
             limits = find_limits(profile, count=720)
             if not limits.undercut:
@@ -233,17 +237,17 @@ class PlacedCam:
             where = f"at {as_coordinate(limits.sharpness.angle, rotary=not cam.wedge)}"
             greatest = limits.greatest_roller
             if isinstance(face, Flat) or greatest is None:
-                raise MechanismError(
-                    Fault(
-                        "cam.base", f"the profile of a base circle of {as_length(self.base)} is undercut {where}.", self._remedy()
-                    )
-                )
+                why = f"the profile of a base circle of {as_length(self.base)} is undercut {where}."
+                raise MechanismError(Fault("cam.base", why, f"{self._remedy()}."))
+            most, larger = greatest.value if second else self._largest_radius(greatest.value, profile.outer), self._remedy()
+            smaller = [] if most is None else [f"Give at most {as_length(most)}"]
+            remedy = ", or ".join(smaller if second else [*smaller, larger[0].lower() + larger[1:] if smaller else larger])
             raise MechanismError(
                 Fault(
                     "cam.second" if second else "cam.radius",
                     f"the profile is undercut {where}: a radius of {as_length(cam.follower.radius)} on a pitch curve of radius "
                     f"{as_length(greatest.value)}.",
-                    f"Give at most {as_length(greatest.value)}." + (f" {self._remedy()}" if not second else ""),
+                    f"{remedy}.",
                 )
             )
 
@@ -260,16 +264,40 @@ class PlacedCam:
             "Let both sides meet there with one velocity, or let a knife follow it.",
         )
 
+    def _largest_radius(self, most: float, outer: bool) -> float | None:
+        """The largest radius up to ``most`` that follows the law on the same base circle, where a smaller roller has a smaller pitch
+        curve; None where none does."""
+        cam = self.cam
+        if cam.wedge:
+            return most
+        lift = cam.law.raised(-cam.follower.base_coordinate(self.base))
+
+        def follows(radius: float) -> bool:
+            follower = replace(cam.follower, face=replace(self.face, radius=radius))  # type: ignore[arg-type]  # round here
+            try:
+                made = cam_on_base(lift, follower, self.base, cam.turn, outer)
+            except MechanismError:
+                return False
+            return axis_distance(made) > 0.0 and not find_limits(made, count=360).undercut
+
+        low, high = LEAST_PART * most, most
+        if not follows(low):
+            return None
+        for _ in range(RADIUS_HALVINGS):
+            middle = math.sqrt(low * high)
+            low, high = (middle, high) if follows(middle) else (low, middle)
+        return low
+
     def _remedy(self) -> str:
-        """The least base circle without undercut, in words."""
+        """The least base circle without undercut, in words without a full stop."""
         if self.cam.wedge:
-            return "Stretch the segments."
+            return "Stretch the segments"
         try:
             zero = self.cam.follower.base_coordinate(self.base)
             fits = least_base(self.cam.law.raised(-zero), self.cam.follower, Requirement(), self.cam.turn, beside=self.beside)
         except MechanismError:
-            return "Take a smoother law or longer segments."
-        return f"Give a base circle of at least {as_length(fits.base)}."
+            return "Take a smoother law or longer segments"
+        return f"Give a base circle of at least {as_length(fits.base)}"
 
     # -- over a motion ------------------------------------------------------------------------------------------------
 
