@@ -16,6 +16,7 @@ from mechcore.errors import Fault, MechanismError
 
 _UNITS = {1: 0.0254, 2: 0.3048, 4: 1e-3, 5: 1e-2, 6: 1.0, 13: 1e-6}  # $INSUNITS -> m
 _NAMED = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254}
+_POLAR = {"r", "rho", "radius", "phi", "theta", "angle", "polar"}  # names of columns of polar coordinates
 _SAME = 1e-7  # points of a table closer than this part of the profile are one
 ELLIPSE_ARCS, SPAN_ARCS = 256, 16  # pairs of arcs of a turn of an ellipse, and between two knots of a spline
 _NEAR = 1e-5  # ends of lines and arcs closer than this part of the drawing are one point
@@ -158,11 +159,16 @@ def biarcs(points: Complex, tangents: Complex) -> tuple[Complex, Real]:
 
 
 def read_points(content: bytes) -> tuple[Complex, float | None]:
-    """Points of a profile in order: columns x and y (with their unit in brackets, as "x [mm]"), else the first two of numbers.
+    """Points of a profile in order: columns x and y (with their units in brackets, as "x [mm]"), else the first two of numbers.
 
-    The second answer is the unit [m] where the header states one. Raises ``MechanismError`` where there are no points.
+    The second answer is the unit [m] of both where the header states one, that of x where they differ. Raises ``MechanismError``
+    where there are no points, or those of more than one curve.
     """
-    (x, y), units = read_columns(content, ("x", "y"))
+    (x, y), names = read_columns(content, ("x", "y"))
+    units = [_NAMED.get(name) for name in names if name is not None]
+    unit = None if None in units else next(iter(units), None)
+    if unit is not None and None not in names:
+        y = [value * (_NAMED[names[1] or ""] / unit) for value in y]
     if len(x) < 7:
         raise _bad(f"it has {len(x)} points.", "Give at least 7.")
     z = np.array(x) + 1j * np.array(y)
@@ -172,7 +178,7 @@ def read_points(content: bytes) -> tuple[Complex, float | None]:
     z = z[np.abs(z - np.roll(z, 1)) > near] if abs(z[0] - z[-1]) <= near else z[np.abs(np.diff(z, prepend=np.inf)) > near]
     if len(z) < 7:
         raise _bad(f"of its {len(x)} points all but {len(z)} coincide with the one before.", "Give at least 7 that differ.")
-    return z, _NAMED.get(units[0] or "")
+    return z, unit
 
 
 def separator_of(lines: Sequence[str]) -> str:
@@ -199,6 +205,14 @@ def read_columns(content: bytes, names: tuple[str, ...]) -> tuple[tuple[list[flo
         places = {m.group(1).lower(): k for k, m in enumerate(heads) if m}
         if names and set(names) <= places.keys():
             columns = (places[names[0]], places[names[1]])
+        elif len(polar := _POLAR & places.keys()) > 1 and names:
+            raise _bad(
+                f"its columns are {' and '.join(sorted(polar, key=places.__getitem__))}.", f"Give columns {' and '.join(names)}."
+            )
+        curves = {row[k] for row in rows[1:] if len(row) > k} if names and (k := places.get("curve", -1)) >= 0 else set()
+        if len(curves) > 1:
+            listed = ", ".join(f"'{curve}'" for curve in sorted(curves)[:4])
+            raise _bad(f"it has {len(curves)} curves: {listed}.", "Leave the profile of the cam alone in it.")
         if not names or set(names) <= places.keys():
             units = [m.group(2) if c < len(heads) and (m := heads[c]) else None for c in columns]
         rows = rows[1:]

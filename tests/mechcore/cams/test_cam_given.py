@@ -278,6 +278,34 @@ def test_tables_of_points(tmp_path):
         read_points(path.read_bytes())
 
 
+CIRCLE = np.exp(1j * np.arange(8.0))
+
+
+def test_a_table_of_points_has_a_unit_for_each_column():
+    rows = "".join(f"{z.real},{z.imag}\n" for z in CIRCLE)
+    for header, want, y in (
+        ("x [cm],y [in]", 1e-2, 2.54),
+        ("x,y [in]", 0.0254, 1.0),
+        ("x [mm],y", 1e-3, 1.0),
+        ("x [?],y [mm]", None, 1.0),
+    ):
+        z, unit = read_points(f"{header}\n{rows}".encode())
+        assert unit == want
+        np.testing.assert_allclose(z, CIRCLE.real + 1j * y * CIRCLE.imag, rtol=1e-14)
+
+
+@pytest.mark.parametrize("header", ["r [mm],phi [deg]", "Angle [deg],Radius [mm]"])
+def test_a_table_of_polar_coordinates_is_refused_as_such(header):
+    with pytest.raises(MechanismError, match=r"its columns are .* and .*Give columns x and y"):
+        read_points((header + "\n" + "30,1\n31,2\n" * 8).encode())
+
+
+def test_a_table_of_two_curves_is_refused_as_such():
+    rows = "".join(f"{name},{z.real},{z.imag}\n" for name in ("K", "K outer flank") for z in CIRCLE)
+    with pytest.raises(MechanismError, match=r"it has 2 curves: 'K', 'K outer flank'.*Leave the profile of the cam alone"):
+        read_points(f"curve,x [mm],y [mm]\n{rows}".encode())
+
+
 DISC = "eccentric = { radius = 38, centre = [12, 0] }"
 
 

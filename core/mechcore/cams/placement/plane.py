@@ -265,8 +265,8 @@ class PlacedCam:
         )
 
     def _largest_radius(self, most: float, outer: bool) -> float | None:
-        """The largest radius up to ``most`` that follows the law on the same base circle, where a smaller roller has a smaller pitch
-        curve; None where none does."""
+        """The largest radius up to ``most`` that follows the law on the same base circle, on which a smaller roller has a smaller
+        pitch curve; None where none does."""
         cam = self.cam
         if cam.wedge:
             return most
