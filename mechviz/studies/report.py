@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mechcore.branches.assembly import all_modes
+from mechcore.branches.modes import stated_modes
 from mechcore.cams.followers import Flat
 from mechcore.cams.placement.plane import PlacedCam
 from mechcore.effects.plan import Plan
@@ -230,12 +231,15 @@ def _all_modes(compiled: Compiled, units: Units) -> list[str]:
 
 
 def _modes(compiled: Compiled) -> list[str]:
-    stated = compiled.mechanism.modes
-    lines = []
+    said, lines = stated_modes(compiled.model), []
     for block in compiled.model.blocks:
         if block.kind in ("theta_theta", "theta_slide", "arm_slide", "general"):
-            how = next((f"{w} (stated)" for p, w in stated.items() if p == block.name), "")
-            lines.append(f"  {block.name}: {how or 'from the sketch' if compiled.mechanism.sketch or how else 'only one exists'}")
+            words = [
+                f"{compiled.mechanism.modes[joint]} (stated{'' if joint == block.name else f' at {joint}'})"
+                for joint in said.get(block.name, [])
+            ]
+            how = ", ".join(words) or ("from the sketch" if compiled.mechanism.sketch else "only one exists")
+            lines.append(f"  {block.name}: {how}")
     return ["assembly   mode of each group", *lines] if lines else []
 
 

@@ -207,3 +207,12 @@ def test_the_other_assembly_mode_of_a_group_before_is_named_where_it_fits(change
     with pytest.raises(MechanismError) as error:
         check_lines(far)
     assert "the other mode" not in str(error.value)
+
+
+def test_the_joint_at_which_a_mode_is_stated_is_named():
+    """Any joint of a group may state its mode."""
+    text = (GALLERY_FOLDER / "crank-rocker.toml").read_text(encoding="utf-8")
+    stated, pin = ', side = "left"', '["rocker", "frame"]'
+    assert stated in text and pin in text
+    scene = mechviz.loads(text.replace(stated, "").replace(pin, pin + stated))
+    assert next(line for line in check_lines(scene) if line.startswith("  C:")) == "  C: left (stated at D)"
