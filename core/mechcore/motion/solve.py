@@ -282,7 +282,8 @@ def _out_of_reach(compiled: Compiled, block: Block, motion: Motion, bad: Flags, 
     ``error`` [m] at the most."""
     model = compiled.model
     remedy = "Change the length of one of its links by more than that"
-    words = f"cannot be assembled{_ranges(motion, bad)}"
+    reach = [] if block.redundant else _reach(compiled)
+    words = f"cannot be assembled{_ranges(motion, bad, reach)}"
     if error == np.inf:
         words += ": its links miss each other, and not at one joint alone."
         remedy = "Change the lengths of several of its links"
@@ -304,7 +305,7 @@ def _out_of_reach(compiled: Compiled, block: Block, motion: Motion, bad: Flags, 
             words = words.replace("cannot be assembled", "the redundant constraint does not close")
             remedy = "Correct the lengths so that the extra constraint agrees, or leave it out"
     if not block.redundant:
-        remedy += _within_reach(compiled, motion, bad, time) + _in_other_mode(compiled, block, time)
+        remedy += _within_reach(compiled, motion, bad, time, reach) + _in_other_mode(compiled, block, time)
     return Fault(f"joints.{block.name}", words, f"{remedy}.")
 
 
@@ -326,39 +327,56 @@ def _out_of_slot(compiled: Compiled, motion: Motion, overrun: SlotOverrun) -> Fa
     joint = next(joint for joint in compiled.mechanism.joints if joint.name == overrun.joint)
     what = {PinSlot: "the pin leaves its slot", Prismatic: "the slider leaves its guide"}.get(type(joint), "it leaves its stroke")
     longer = {PinSlot: "the slot", Prismatic: "the guide"}.get(type(joint), "it")
-    frames = _ranges(motion, overrun.frames)  # none where it is between two of them
+    reach = _reach(compiled)
+    frames = _ranges(motion, overrun.frames, reach)  # none where it is between two of them
     where = frames if overrun.frames.any() else f" ({at_drive(motion, overrun.time)})"
     far = f"up to {as_length(overrun.beyond)} beyond the end at {as_length(overrun.end)}"
     words = f"{what}{where}: it would go {far}."
-    within = _within_reach(compiled, motion, overrun.frames, motion.time)
+    within = _within_reach(compiled, motion, overrun.frames, motion.time, reach)
     return Fault(f"joints.{overrun.joint}", words, f"Give {longer} a greater length{within}.")
 
 
-def _ranges(motion: Motion, bad: Flags) -> str:
-    """Positions of the first drive at frames (F,), in words; none of a structure without drives."""
+def _reach(compiled: Compiled) -> list[tuple[float, float]]:
+    """The ranges that the only drive can reach; none beside others, or where the mechanism fits together in single positions."""
+    return reachable_ranges(compiled) if len(compiled.mechanism.drives) == 1 else []
+
+
+def _ranges(motion: Motion, bad: Flags, reach: Sequence[tuple[float, float]]) -> str:
+    """Positions of the first drive at frames (F,), in words, up to the ends of its ``reach`` next to these; none of a structure
+    without drives."""
     if not motion.mechanism.drives:
         return ""
-    shown = partial(as_coordinate, rotary=motion.model.rotary(motion.mechanism.drives[0].joint))
+    turns = motion.model.rotary(motion.mechanism.drives[0].joint)
+    edges = np.ravel(reach)
+
+    def edge(good: int, wrong: int) -> list[float]:
+        """The end of the reach between two frames."""
+        if not (len(edges) and 0 <= good < len(q)):
+            return []
+        middle, half = 0.5 * (q[good] + q[wrong]), 0.5 * abs(q[good] - q[wrong])
+        near = edges + TURN * np.round((middle - edges) / TURN) if turns else edges
+        return [float(x) for x in near[np.abs(near - middle) <= half]][:1]
+
+    shown = partial(as_coordinate, rotary=turns)
     q = motion.drives[0][0]
     ranges = []
     for start, end in runs(bad):
-        positions = q[start : end + 1]  # the drive may turn back in it
-        low, high = float(positions.min()), float(positions.max())
+        positions = [*q[start : end + 1].tolist(), *edge(start - 1, start), *edge(end + 1, end)]  # the drive may turn back in it
+        low, high = min(positions), max(positions)
         digits = 6 if high - low > 1e-5 * max(abs(low), abs(high)) or high == low else 12
         ranges.append(f"from {shown(low, digits=digits)} to {shown(high, digits=digits)}")
     more = f" and {len(ranges) - 3} more ranges" if len(ranges) > 3 else ""
     return f" for positions of drive {motion.mechanism.drives[0].joint} {', '.join(ranges[:3])}{more}"
 
 
-def _within_reach(compiled: Compiled, motion: Motion, bad: Flags, time: Real) -> str:
-    """The rest of a remedy: the range of the drive around its start in which a run over ``time`` can be assembled, where there is
-    one; beside other drives perhaps the time until which it can, before the first of the frames ``bad``."""
+def _within_reach(compiled: Compiled, motion: Motion, bad: Flags, time: Real, reach: Sequence[tuple[float, float]]) -> str:
+    """The rest of a remedy: the range of the drive around its start in which a run over ``time`` can be assembled, where ``reach``
+    has one; beside other drives perhaps the time until which it can, before the first of the frames ``bad``."""
     if not compiled.mechanism.drives:
         return ""
     drives = compiled.mechanism.drives
     shown = partial(as_coordinate, rotary=compiled.model.rotary(drives[0].joint), digits=7)
     if len(drives) == 1:
-        reach = reachable_ranges(compiled)  # none where the mechanism fits together in single positions only
         how = ', as range = "reachable" does' if isinstance(drives[0].law, ConstantSpeed) else ""
         return f", or keep the drive within [{shown(reach[0][0])}, {shown(reach[0][1])}]{how}" if reach else ""
     within = range_beside(compiled, time)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 from dataclasses import replace
@@ -283,6 +284,9 @@ def test_a_drive_range_that_cannot_be_assembled_is_named_with_its_gap():
     flat = four_bar(E=(0.3, 0.0), AB=0.22, BD=0.16, DE=0.21, start=0.5)
     (low, high), *_ = reachable_ranges(compile_mechanism(flat))
     assert high == pytest.approx(limit, abs=1e-9) and low == pytest.approx(-limit, abs=1e-9)
+    said = re.search(r"drive A from ([\d.]+)° to ([\d.]+)°.*within \[(-[\d.]+)°, ([\d.]+)°\]", " ".join(text.split()))
+    first, last, low, high = map(float, said.groups())
+    assert (first, last) == pytest.approx((high, 360.0 + low), rel=1e-5), "up to the ends of its reach, not the next frames"
     gap = float(text.split("up to ")[1].split(" mm")[0]) * 1e-3
     farthest = 0.22 + np.hypot(0.3, 0.05)  # B opposite to E
     assert gap == pytest.approx(farthest - 0.37, rel=1e-3)
