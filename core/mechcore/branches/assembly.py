@@ -112,9 +112,21 @@ def _idle_modes(model: Model, stated: Mapping[str, Sequence[str]]) -> list[Fault
         why, remedy = "this joint decides nothing.", "Leave it out: there is one way only."
         if joint in larger:
             why, remedy = "this group may have more than two.", "Give a [sketch] instead: the nearest one is taken."
+        drives, over = len(model.mechanism.drives), _overdriven(model, joint)
+        if drives > 1 and over:
+            why = f"the {drives} drives leave no choice."
+            remedy = f"Take {min(over, drives - 1)} of the {drives} drives away: they are more than the mechanism has freedoms."
         why = f"an assembly mode ('{word}') is stated here, but {why}"
         faults.append(Fault(f"joints.{joint}.{KEYS[word]}", why, remedy + choice))
     return faults
+
+
+def _overdriven(model: Model, joint: str) -> int:
+    """Equations that are left over in the loops through a joint, once the drives have decided what they do."""
+    j = model.joint_index.get(joint)
+    classes = set() if j is None else {model.angles.rotation_class[k] for k in model.ends[j] if k}
+    turned = {block: {s for c in block.loops for s, _ in model.loop_sums[c].arms} for block in model.blocks if block.redundant}
+    return sum(block.redundant for block, own in turned.items() if classes & own)
 
 
 def _fitting_mode(model: Model, drives: Sequence[float]) -> str:

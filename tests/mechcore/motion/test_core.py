@@ -306,6 +306,9 @@ def test_mode_faults_say_what_to_write():
     assert 'side = "left"' in text and 'side = "right"' in text and "251.7 mm" in text
     assert "'ahead' is not an assembly mode" in faults_of(replace(m, modes={"D": "ahead"}))
     assert "this joint decides nothing" in faults_of(replace(m, modes={"D": "left", "A": "right"}))
+    both = replace(m, drives=(*m.drives, replace(m.drives[0], joint="E")), modes={"D": "left"})
+    text = " ".join(faults_of(both).split())
+    assert "the 2 drives leave no choice. Take 1 of the 2 drives away" in text and "decides nothing" not in text
     text = faults_of(replace(class_three(), sketch={}))
     assert "2 at the start" in text and "[sketch]" in text
 
