@@ -188,7 +188,8 @@ def _at(local: Vec2, place: Vec2, angle: float) -> Pose2:
 def links_that_cannot_turn(document: SceneDocument, touched: Mapping[str, tuple[set[str], bool]]) -> set[str]:
     """Links that a chain of sliding joints and welds holds parallel to the fixed one.
 
-    ``touched`` has the links of every joint, and whether they are known; a joint of which little is known may be a guide.
+    ``touched`` has the links of every joint, and whether they are known; a joint of which little is known may be a guide. Any of
+    them may hold to a fixed link that is not known.
     """
     rigid = []
     for name, (links, sure) in touched.items():
@@ -196,6 +197,8 @@ def links_that_cannot_turn(document: SceneDocument, touched: Mapping[str, tuple[
         if joint is None or len(joint.kinds) > 1 or joint.traits.parallel or not sure:
             rigid.append(links)
     held, grew = {document.frame}, True
+    if document.frame not in document.links:
+        held.update(*rigid)
     while grew:
         grew = False
         for links in rigid:

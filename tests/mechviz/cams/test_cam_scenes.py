@@ -60,6 +60,7 @@ def test_scenes_read_as_they_were_written(name):
         ("roller = 10", "roller = 10, tilt = 5", ["tilt goes with a flat face"]),
         ('guide = "S"', 'guide = "Q"', ["joints.K.follower.guide", "no joint 'Q'"]),
         ('guide = "S"', 'guide = "O"', ["joints.K.follower.guide", "'O' is no prismatic or revolute joint of 'follower'"]),
+        ('cam = ["cam", "follower"]', 'cam = ["follower", "cam"]', ["are on 'follower'", 'cam = ["cam", "follower"]']),
         ('point = "T"', 'point = "X"', ["joints.K.follower.point", "no point 'X'"]),
         ("over = 60 }, {", "over = 50 }, {", ["joints.K", "350°", "Add a dwell of 10°"]),
         ("to = 20", 'to = "20 deg"', ["joints.K.profile.lift[0].to"]),

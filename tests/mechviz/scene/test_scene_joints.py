@@ -502,3 +502,15 @@ def test_faults_of_screws_name_the_remedy(more, path, said):
         Scene.build(**_with_screw(**more), effects=["friction"])
     (fault,) = [f for f in error.value.faults if f.path == path]
     assert said in f"{fault.message} {fault.remedy}"
+
+
+def test_a_fixed_link_of_another_name_asks_no_slider_for_a_moment_of_inertia():
+    """Whether a link can turn is open while the fixed one is not known."""
+    links = {"ground": {"points": {"O": [0, 0], "G": [0, 9]}}, "crank": {"points": {"O": [0, 0], "P": [5, 0]}, "mass": 1,
+             "centre": "O"}, "block": {"points": {"G": [0, 0], "P": [0, 5]}, "mass": 1, "centre": "G"}}  # fmt: skip
+    joints = {"O": {"revolute": ["frame", "crank"], "drive": SWAYING}, "G": {"prismatic": ["frame", "block"]},
+              "P": {"revolute": ["crank", "block"]}}  # fmt: skip
+    with pytest.raises(SceneError) as error:
+        Scene.build(links=links, joints=joints, effects=["inertia"])
+    text = str(error.value)
+    assert "there is no link 'frame' to be the fixed one" in text and "block: has a mass but" not in text, text

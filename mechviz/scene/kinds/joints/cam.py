@@ -34,6 +34,7 @@ from mechviz.scene.names import TwoLinks, known_point
 
 if TYPE_CHECKING:
     from mechviz.scene.convert import Converter
+    from mechviz.scene.document import SceneDocument
     from mechviz.scene.kinds.joints.document import JointDocument
     from mechviz.scene.reading.recovery import Reading
 
@@ -296,10 +297,24 @@ def _from_file(profile: ProfileDocument, path: str, convert: Converter) -> Conto
     return shapes.spline_contour(scale * z, tolerance)[0] if bulges is None else shapes.bulged(scale * z, bulges)
 
 
+def _swapped(document: SceneDocument, joint: JointDocument) -> bool:
+    """Whether guide and point of the follower are those of the first link, and not of the second."""
+    assert joint.follower is not None
+    guide, point = document.joints.get(joint.follower.guide), joint.follower.point
+    if guide is None or any(link not in document.links for link in joint.links):
+        return False
+    own = [link in guide.links and point in document.links[link].points for link in joint.links]
+    return own[0] and joint.links[1] not in guide.links and point not in document.links[joint.links[1]].points
+
+
 def _check_cam(reading: Reading, path: str, joint: JointDocument) -> Iterator[Fault]:
     """Faults of the joints and the point that a cam names."""
     document = reading.document
     cam, follower = joint.links
+    if joint.follower is not None and joint.follower.groove is None and _swapped(document, joint):
+        why = f"guide '{joint.follower.guide}' and point '{joint.follower.point}' of the follower are on '{cam}', named as the cam."
+        yield Fault(f"{path}.cam", why, f'Name the cam first, then its follower: cam = ["{follower}", "{cam}"].')
+        return
     wanted: list[tuple[str, str, str, tuple[str, ...]]] = []
     if joint.follower is not None:
         wanted.append((f"{path}.follower.guide", joint.follower.guide, follower, ("prismatic", "revolute")))
