@@ -13,7 +13,7 @@ import numpy as np
 from numpy.polynomial import chebyshev
 
 from mechcore.arrays import Complex, Real
-from mechcore.cams.pieces import CamPiece
+from mechcore.cams.pieces import CamPiece, SmoothPiece
 from mechcore.cams.placement.plane import PlacedCam
 from mechcore.cams.placement.spatial import PlacedSpatial
 from mechcore.forces.cam_events import lost_ranges
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from mechviz.runs import Run
 
 POINT_SPACING = 1.0  # degrees of the cam between points, through which arcs pass
+FEWEST_STEPS, MOST_STEPS = 8, 2048  # of a piece of a given profile
 ON_CENTRE = 1e-6  # mm
 _NO_LAYER = re.compile(r'[<>/\\":;?*|=`,]')  # what names of layers must not hold
 
@@ -70,7 +71,7 @@ def _profile(cam: PlacedCam) -> Outline:
                 continue  # the level before and after the law
             n = max(int(np.ceil(np.degrees(length) / POINT_SPACING)) if cam.bed is None else 120, 8)
         else:
-            n, length = 32, 0.0
+            n, length = _steps(piece), 0.0
         u = np.linspace(0.0, 1.0, n + 1)
         d = piece(u, 2)
         angle = np.full(n + 1, np.nan)
@@ -82,6 +83,18 @@ def _profile(cam: PlacedCam) -> Outline:
             radius = 1e3 * size**3 / np.imag(np.conj(d[1]) * d[2])
         runs.append((_into_link(cam, d[0]), cam.mount * d[1] / size, radius, angle))
     return Outline(cam.name, contour.closed, tuple(runs), 1e3 * complex(cam.own), 1)
+
+
+def _steps(piece: SmoothPiece) -> int:
+    """Even steps of a piece of a given profile, none of which turns or goes on about the cam's axis by more than the spacing."""
+    n = FEWEST_STEPS
+    while n < MOST_STEPS:
+        z, tangent = piece(np.linspace(0.0, 1.0, n + 1), 1)
+        turned = np.angle([np.conj(v[:-1]) * v[1:] for v in (tangent, z)])
+        if np.degrees(np.abs(turned).max()) <= POINT_SPACING:
+            break
+        n *= 2
+    return n
 
 
 def _far_flank(cam: PlacedCam) -> Outline:

@@ -99,6 +99,17 @@ def test_csv_has_normals_and_curvature(outlines):
     np.testing.assert_allclose(rows[inner, 5], 1e3 * s.radius[inner], rtol=1e-8)
 
 
+@pytest.mark.parametrize("name", ["cam-eccentric", "cam-tangent", "cam-polynomial", "cam-drawing"])
+def test_points_of_given_profiles_are_as_near_as_those_of_laws(name):
+    """The way turns by a degree at the most between them, and they go on by one about the axis; so a chord keeps to the curve."""
+    (outline,) = cam_outlines(run_scene(mechviz.load(name), frames=8))
+    for z, tangents, _, _ in outline.runs:
+        for v in (tangents, z - outline.centre):
+            assert np.degrees(np.abs(np.angle(v[1:] / v[:-1]))).max() <= 1.0 + 1e-9
+        sag = np.abs(np.diff(z)) * np.abs(np.angle(tangents[1:] / tangents[:-1])) / 8.0
+        assert sag.max() < 4e-5 * np.abs(z).max() and len(z) < 1000
+
+
 def test_crossing_profiles_are_refused(outlines, monkeypatch):
     (outline,) = outlines["cam-roller"]
     z = np.exp(1j * np.linspace(0.0, 2.0 * np.pi, 90))
