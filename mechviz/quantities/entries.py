@@ -46,7 +46,20 @@ APART = ("motion", "contact", "lift", "drive", "stress", "bearing", "sections")
 
 ITEM_KINDS = {"joints": "joint", "links": "link", "points": "point", "cams": "cam", "loads": "load", "servos": "servo"}
 ORDER = ("drive", "joints", "links", "points", "sections", "cams", "loads", "servos", "energy", "power")
-TABLES = ("motion", "pose", "position", "velocity", "acceleration", "reaction", "friction", "bearing", "contact", "lift", "stress")
+TABLES = (
+    "motion",
+    "pose",
+    "position",
+    "velocity",
+    "acceleration",
+    "reaction",
+    "friction",
+    "bearing",
+    "contact",
+    "normal",
+    "lift",
+    "stress",
+)
 """In the order in which the quantities of an item are offered."""
 
 

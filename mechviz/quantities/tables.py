@@ -164,6 +164,10 @@ def _cams(run: Run) -> Iterator[ItemTable]:
         rows = cache(partial(_contact, run, cam))
         contact = partial(_some_columns, rows, slice(0, 6))
         yield ItemTable(("data", "cams", cam.name, "contact"), f"{cam.name}.contact", columns, contact)
+        if run.forces is not None:
+            normal: ColumnUnits = (("contact_normal_force", "N"),)
+            pressing = partial(_as_column, partial(contact_force, run.forces, cam))
+            yield ItemTable(("data", "cams", cam.name, "normal"), f"{cam.name}.normal", normal, pressing)
         unit = "m" if cam.arm == 0.0 else "rad"
         per = "m" if cam.bed else "rad"
         lifts: ColumnUnits = (("lift", unit), ("lift_rate", f"{unit}/{per}"), ("lift_acceleration", f"{unit}/{per}^2"))

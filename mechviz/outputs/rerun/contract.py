@@ -252,6 +252,7 @@ TABLE_UNITS: tuple[tuple[str, tuple[str, ...]], ...] = (
     ("data/drive/*/wrench", ("N, N, N m",)),
     ("data/drive/*", ("rad, rad/s, rad/s², N m, W", "m, m/s, m/s², N, W")),
     ("data/cams/*/contact", ("m, m, N, rad, m, m",)),
+    ("data/cams/*/normal", ("N",)),
     ("data/energy", ("J, J, J, J",)),
     ("health/error_estimate", ("1, 1, 1, 1, 1",)),
     ("health/*", ("1", "m", "m/s", "m/s²")),

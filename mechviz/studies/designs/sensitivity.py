@@ -230,7 +230,7 @@ def _rows(exact: Derivatives, quantity: Quantity) -> Any:
         case ("shaking",) if (study := exact.nominal.mechanism.studies.shaking) is not None:
             shaken = shaking(exact.motion, study.about)
             return np.column_stack([shaken.force, shaken.moment])
-        case ("cams", joint, "contact" | "lift" as what):
+        case ("cams", joint, "contact" | "normal" | "lift" as what):
             return _of_cam(exact, joint, what)
         case ("loads", *names):
             if quantity.key.endswith("point_of_action"):  # which may be drawn elsewhere
@@ -258,14 +258,19 @@ def _rows(exact: Derivatives, quantity: Quantity) -> Any:
 def _rows_of_separated_cam(exact: Derivatives, what: str) -> Any:
     """Rows of a table of a cam that its follower has left: nothing presses, and nothing else is known of them."""
     unknown = np.nan
-    columns = {"reaction": [0.0] * 3, "contact": [unknown, unknown, 0.0, unknown, unknown, unknown], "stress": [0.0] * 2}
+    columns = {
+        "reaction": [0.0] * 3,
+        "contact": [unknown, unknown, 0.0, unknown, unknown, unknown],
+        "normal": [0.0],
+        "stress": [0.0] * 2,
+    }
     return np.tile(columns.get(what, [unknown] * 3), (exact.nominal.frames, 1))
 
 
 def _check_determined(exact: Derivatives, path: tuple[str, ...]) -> None:
     """Raises `MechanismError` of what one joint carries and statics does not determine."""
     match path[1:]:
-        case ("joints", joint, "reaction") | ("cams", joint, "contact"):
+        case ("joints", joint, "reaction") | ("cams", joint, "contact" | "normal"):
             if exact.nominal.model.needs_global_solve and joint in indeterminate(exact.nominal):
                 raise MechanismError(
                     Fault(
@@ -287,18 +292,19 @@ def _of_cam(exact: Derivatives, joint: str, what: str) -> Any:
         first = column("law 1", lambda cam, motion: cam.law(cam.rows(motion).angle)[1])
         second = column("law 2", lambda cam, motion: cam.law(cam.rows(motion).angle)[2])
         return np.stack([column("lift", lambda cam, motion: cam.rows(motion).lift), first, second], axis=-1)
-    side = carrying(_pressing(exact, joint)[1])
+    pressed, pressing = exact.forces.pressed(joint), _pressing(exact, joint)[1]
+    force = np.hypot(pressed[:, 0], pressed[:, 1]) / _seen(exact, joint)
+    if what == "normal":
+        return np.stack([np.where(pressing < 0.0, -1.0, 1.0) * force], axis=-1)
+    side = carrying(pressing)
     turned = column(
         "pressure angle", lambda cam, motion: np.exp(1j * cam.rows(motion, side).pressure_angle)
     )  # one that stays zero is rounding
     curvature = column("curvature", lambda cam, motion: 1.0 / cam.rows(motion, side).radius)
     radius = 1.0 / (curvature + np.where(value_of(curvature) == 0.0, STRAIGHT, 0.0))
     beside = column("eccentricity", lambda cam, motion: cam.rows(motion).eccentricity)
-    pressed = exact.forces.pressed(joint)
     unknown = np.full(exact.nominal.frames, np.nan)  # places, which no quantity is
-    return np.stack(
-        [unknown, unknown, np.hypot(pressed[:, 0], pressed[:, 1]) / _seen(exact, joint), np.angle(turned), radius, beside], axis=-1
-    )
+    return np.stack([unknown, unknown, force, np.angle(turned), radius, beside], axis=-1)
 
 
 def _seen(exact: Derivatives, joint: str) -> Any:

@@ -117,7 +117,7 @@ def test_a_slider_crank_moves_a_wedge_in_another_way(number):
     agree(loads(text, "wedge"), number, 0.02, ["joint.B.displacement", "drive.A.torque", "cam.K.pressure_angle", "cam.K.lift_rate"])
 
 
-LIMITS = ["cam.K.pressure_angle", "cam.K.curvature", "cam.K.contact_force"]
+LIMITS = ["cam.K.pressure_angle", "cam.K.curvature", "cam.K.contact_force", "cam.K.contact_normal_force"]
 
 
 @pytest.mark.sample(2)

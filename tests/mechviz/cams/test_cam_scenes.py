@@ -17,6 +17,7 @@ from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
 from mechviz.meshes.solids import build_solids
 from mechviz.quantities.tables import tables
 from mechviz.runs import run_scene
+from mechviz.studies.designs.sensitivity import sensitivity
 from mechviz.studies.report import check_lines
 
 SCENES = [
@@ -126,6 +127,18 @@ def test_the_lectures_constant_acceleration(name, c1, a0):
     at = np.pi + (0.0 if knocks else 0.5 * np.pi)
     left, right = (np.pi * cam.law(at, 1, side)[1] for side in ("left", "right"))
     np.testing.assert_allclose(right - left, -2.0 * (a0 + c1), atol=1e-12)
+
+
+def test_the_normal_force_of_a_contact_is_negative_where_the_cam_would_have_to_pull():
+    """A goal that wants a follower to be pressed on asks for its least value; that of the size is never below zero."""
+    run = run_scene(mechviz.load("valve-train"))
+    signed, size = (
+        run.catalogue[f"cam.{placed_cams(run.motion)[0].name}.{key}"] for key in ("contact_normal_force", "contact_force")
+    )
+    np.testing.assert_allclose(np.abs(signed.values()), size.values(), rtol=1e-14)
+    assert signed.unit == size.unit and signed.values().min() < -1.0
+    least = sensitivity(run, f"{signed.key}:min", ["loads.valve_spring.stiffness"])
+    assert least.number == pytest.approx(signed.values().min(), rel=1e-2) and least.derivatives[0] > 0.0
 
 
 def test_check_says_where_a_follower_leaves_its_cam():

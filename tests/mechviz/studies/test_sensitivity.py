@@ -351,7 +351,7 @@ def test_what_limits_a_cam_follows_its_base_circle_and_its_lift(name):
         if place[-1] == "to" and value_at(scene.document, (*LIFT, 1)).to is not None:
             continue  # the second segment would start elsewhere
         size, number = size_of(scene, place)[0], place_key(place)
-        for key in ("pressure_angle", "contact_force", "curvature", "lift", "lift_acceleration"):
+        for key in ("pressure_angle", "contact_normal_force", "curvature", "lift", "lift_acceleration"):
             found = sensitivity(run, f"cam.K.{key}", [number])
             differences = by_differences(scene, place, f"cam.K.{key}", frames)[:, 0]
             scale = max(np.abs(differences).max(), np.abs(found.curve).max() / size)
