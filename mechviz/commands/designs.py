@@ -28,7 +28,7 @@ from mechviz.studies.designs.figures import FigureKind, read_study, study_chart
 from mechviz.studies.designs.measures import parse_measure
 from mechviz.studies.designs.optimise import Search, front_chart
 from mechviz.studies.designs.optimise import optimise as find_best
-from mechviz.studies.designs.problem import LIMIT_ROUNDING, problem_of
+from mechviz.studies.designs.problem import problem_of, violation_words
 from mechviz.studies.designs.sampling import grid, parse_sample, parse_variation, sampled
 from mechviz.studies.designs.sensitivity import sensitivities, tornado
 from mechviz.studies.designs.sweep import DesignTable, Store, about_study, csv_lines, measure_columns, run_study
@@ -316,8 +316,7 @@ def optimise(
 
                 def report(stage: str, objective: int, value: float, violation: float) -> None:
                     nonlocal reached
-                    shown = problem.terms[objective].shown(value)
-                    reached = f"{stage}: {shown if violation <= LIMIT_ROUNDING else f'limits missed by {100.0 * violation:.3g} %'}"
+                    reached = f"{stage}: {violation_words(violation) or problem.terms[objective].shown(value)}"
                     bar.stage(reached)
 
                 def advance(done: int, total: int) -> None:

@@ -133,7 +133,7 @@ def study_of(
         count,
     )
     for measure, quantity in zip(study.measures, study.quantities, strict=True):
-        _reduced(measure, quantity, study.nominal)
+        reduced(measure, quantity, study.nominal)
     return study
 
 
@@ -186,7 +186,7 @@ def _run_alone(study: Study, design: Real) -> Run | str:
         return f"{first.path}: {first.message}"
 
 
-def _reduced(measure: Measure, quantity: Quantity, run: Run) -> Real:
+def reduced(measure: Measure, quantity: Quantity, run: Run) -> Real:
     """Value of a measure of a quantity of a run: a number, or a curve (F,)."""
     values = quantity.values()[:, measure.column(quantity)]
     drives = run.motion.mechanism.drives
@@ -233,7 +233,7 @@ def _evaluated(study: Study, designs: Real) -> DesignResults:
         return DesignResults(tuple(values), tuple(reasons), missing)
     rows: list[list[Real]] = []
     said: list[str] = []
-    empty = [np.full_like(_reduced(m, q, study.nominal), np.nan) for m, q in zip(study.measures, study.quantities, strict=True)]
+    empty = [np.full_like(reduced(m, q, study.nominal), np.nan) for m, q in zip(study.measures, study.quantities, strict=True)]
     for design in designs:
         row, reason = _alone(study, design, empty)
         rows.append(row)
@@ -263,7 +263,7 @@ def _alone(study: Study, design: Real, empty: list[Real]) -> tuple[list[Real], s
     row = []
     try:
         for measure in study.measures:
-            row.append(_reduced(measure, quantity_of(measure, run.catalogue), run))
+            row.append(reduced(measure, quantity_of(measure, run.catalogue), run))
     except MechanismError as error:
         return empty, f"{error.faults[0].path}: {error.faults[0].message}"
     if any(len(np.atleast_1d(value)) != len(np.atleast_1d(none)) for value, none in zip(row, empty, strict=True)):

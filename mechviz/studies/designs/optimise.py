@@ -72,7 +72,9 @@ class Search:
     def all(self) -> Judged:
         """All designs that have been judged."""
         parts = self.archive
-        return Judged(*(np.concatenate([getattr(p, name) for p in parts]) for name in ("designs", "objectives", "violations")))
+        return Judged(
+            *(np.concatenate([getattr(p, name) for p in parts]) for name in ("designs", "objectives", "violations", "missing"))
+        )
 
     def best(self, objective: int = 0) -> tuple[Real, float, float]:
         """The best design (n,) so far, its objective and its violation."""
@@ -100,19 +102,19 @@ class Search:
         start = np.clip(self.problem.start, bounds[:, 0], bounds[:, 1])
         screened = self.judged(np.vstack([start, designs]))
         self.report_progress("samples", objective)
-        order = np.lexsort((np.nan_to_num(screened.objectives[:, objective], nan=np.inf), screened.violations))
         worst = float(np.nanmax(np.where(screened.feasible, np.abs(screened.objectives[:, objective]), 0.0), initial=0.0)) or 1.0
 
         def merit(x: Real) -> Real:
             own = self.judged(np.atleast_2d(x.T))
-            penalised = 10.0 * worst * (1.0 + own.violations)  # every design that misses a limit is worse than any that does not
+            penalised = 10.0 * worst * (1.0 + own.faultiness)  # every design that misses a limit is worse than any that does not
             return np.asarray(np.where(own.feasible, own.objectives[:, objective], penalised))
 
         def report(intermediate_result: object) -> None:
             self.report_progress("differential evolution", objective)
 
+        first = screened.designs[screened.order(objective)[:count]]
         differential_evolution(
-            merit, list(map(tuple, bounds)), init=screened.designs[order[:count]], maxiter=self.generations, tol=1e-6,
+            merit, list(map(tuple, bounds)), init=first, maxiter=self.generations, tol=1e-6,
             vectorized=True, updating="deferred", polish=False, rng=rng, callback=report, mutation=(0.4, 0.9),
         )  # fmt: skip
 
@@ -198,7 +200,7 @@ def _sides(limit: Limit) -> Iterator[tuple[float, float]]:
 @dataclass(frozen=True, eq=False)
 class Optimum:
     """The end of a search: the best ``design`` (n,), of several objectives the ``front`` (K, n) of designs of which none is better
-    than another in all, in the order of the first objective."""
+    than another in all, in the order of the first objective. Values are those that are written, see `rounded`."""
 
     search: Search
     design: Real
@@ -206,38 +208,35 @@ class Optimum:
 
     @property
     def scene(self) -> Scene:
-        """The scene of the best design, its values rounded to nine digits."""
-        return self.scene_of(self.design)
-
-    def scene_of(self, design: Real) -> Scene:
-        """The scene of a design."""
-        return self.search.problem.scene(np.array([float(f"{x:.{VALUE_DIGITS}g}") for x in design]))
+        """The scene of the best design."""
+        return self.search.problem.scene(self.design)
 
     def lines(self) -> Iterator[tuple[str, ...]]:
         """A table: objectives, limits and variables before and after."""
         problem = self.search.problem
-        rounded = np.array([float(f"{x:.{VALUE_DIGITS}g}") for x in self.design])
-        both = problem.judged(np.stack([problem.start, rounded]))
-        values = _limited(problem, np.stack([problem.start, rounded]))
+        designs = np.stack([problem.start, self.design])
+        both = problem.judged(designs)
+        values = problem.limited(designs, evaluate(problem.study, designs).values)
         yield "", "before", "after", ""
         for k, term in enumerate(problem.terms):
             old, new = both.objectives[:, k]
-            change = f"{100.0 * term.sign * (new - old) / abs(old):+.3g} %" if np.isfinite(old) and old else ""
-            yield term.text, term.shown(old) if np.isfinite(old) else "none", term.shown(new), change
+            change = f"{100.0 * term.sign * (new - old) / abs(old):+.3g} %" if np.isfinite(new - old) and old else ""
+            yield term.text, *(term.shown(x) if np.isfinite(x) else "none" for x in (old, new)), change
         for k, limit in enumerate(problem.limits):
             violation = float(limit.violation(values[1:, k])[0])
-            state = "missed" if violation > LIMIT_ROUNDING else "reached" if _reached(limit, values[1, k]) else "kept"
-            row = [f"{x:.6g} {limit.unit}".strip() for x in values[:, k]]
+            state = "missed" if not violation <= LIMIT_ROUNDING else "reached" if _reached(limit, values[1, k]) else "kept"
+            row = [f"{x:.6g} {limit.unit}".strip() if np.isfinite(x) else "none" for x in values[:, k]]
             yield limit.words, row[0], row[1], state
-        for v, x in zip(problem.variables, rounded, strict=True):
+        for v, x in zip(problem.variables, self.design, strict=True):
             close = AT_BOUND * (v.high - v.low)
             end = "at its least value" if x - v.low < close else "at its greatest value" if v.high - x < close else ""
             yield v.name, f"{v.value:.6g} {v.unit}".strip(), f"{x:.6g} {v.unit}".strip(), end
 
 
-def _limited(problem: Problem, designs: Real) -> Real:
-    """The limited values (D, L) of designs."""
-    return problem.limited(designs, evaluate(problem.study, designs).values)
+def rounded(problem: Problem, designs: Real) -> Real:
+    """Designs (K, n) as they are written: with nine digits of each value, or with all where it else misses a limit."""
+    short = np.array([[float(f"{x:.{VALUE_DIGITS}g}") for x in design] for design in designs])
+    return np.where(problem.judged(short).feasible[:, None], short, designs)
 
 
 def _reached(limit: Limit, value: float) -> bool:
@@ -261,12 +260,13 @@ def optimise(search: Search, *, points: int = 9) -> Optimum:
     design, _, violation = search.best()
     if violation > LIMIT_ROUNDING and not search.interrupted:
         why = f"no design was found that keeps all limits: the best misses them by {100.0 * violation:.3g} % in sum."
-        if violation >= 10.0:
+        if not np.isfinite(violation):
             why = "no design was found that can be assembled in all frames of the run."
         raise MechanismError(Fault("goal", why, "Widen limits or ranges, or look longer: --generations, --population."))
     if objectives == 1:
-        return Optimum(search, design, design[None])
-    front = _front(search, points)
+        front = rounded(search.problem, design[None])
+        return Optimum(search, front[0], front)
+    front = rounded(search.problem, _front(search, points))
     middle = len(front) // 2 if objectives == 2 else int(_shortfalls(search.problem.judged(front).objectives).max(axis=1).argmin())
     return Optimum(search, front[middle], front)
 

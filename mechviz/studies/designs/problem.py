@@ -8,7 +8,7 @@ from concurrent.futures import Executor as Pool
 
 import numpy as np
 
-from mechcore.arrays import Flags, Real
+from mechcore.arrays import Flags, Index, Real
 from mechcore.compiled.motion import Executor
 from mechcore.errors import Fault, MechanismError
 from mechcore.motion.metrics import grashof
@@ -21,7 +21,7 @@ from mechviz.scene.kinds.settings import GoalDocument, LimitDocument
 from mechviz.scene.reading.formulas import formula_values, parameter_arrays
 from mechviz.scene.scene import Scene
 from mechviz.scene.units import QuantityError, split, unit_of
-from mechviz.studies.designs.evaluate import Study, evaluate, study_of
+from mechviz.studies.designs.evaluate import Study, evaluate, reduced, study_of
 from mechviz.studies.designs.measures import Measure, parse_measure
 from mechviz.studies.designs.sampling import Variation
 from mechviz.studies.designs.sensitivity import sensitivities
@@ -110,7 +110,7 @@ LIMIT_ROUNDING = 1e-9  # relative: a limit that is missed by no more is kept
 SCREENED_GENERATIONS = 8  # generations' worth of designs that are looked at before the first one
 DESIGNS_AT_ONCE = 512  # designs that are computed side by side
 RUNS_AT_ONCE = 4  # designs that are run one by one between two news of how far it is, by one of several processes
-UNFIT_VIOLATION = 10.0  # violation of a design that cannot be assembled at some frame; up to twice that where it cannot be at any
+GRASHOF_MARGIN = 1e-4  # of the mean length: with less, a four-bar is a change-point linkage for all that can be made
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,23 +167,43 @@ class Limit:
         return f"{self.text} at least {least}" if np.isfinite(self.least) else f"{self.text} at most {most}"
 
 
+def violation_words(violation: float) -> str:
+    """How a design misses limits, in words; "" where it keeps all."""
+    if violation <= LIMIT_ROUNDING:
+        return ""
+    return f"limits missed by {100.0 * violation:.3g} %" if np.isfinite(violation) else "nothing assembled yet"
+
+
 @dataclass(frozen=True, eq=False)
 class Judged:
-    """Designs with their ``objectives`` (D, m), the smaller the better, and ``violations`` (D,), 0 where all is kept."""
+    """Designs with their ``objectives`` (D, m), the smaller the better, and ``violations`` (D,) of limits, 0 where all are kept;
+    not finite where a design has no values, of which ``missing`` (D,) is the part of the frames without."""
 
     designs: Real
     objectives: Real
     violations: Real
+    missing: Real
 
     @property
     def feasible(self) -> Flags:
         """Whether all limits are kept (D,)."""
         return np.asarray(self.violations <= LIMIT_ROUNDING)
 
+    @property
+    def faultiness(self) -> Real:
+        """How far (D,) designs are from being fit: 0 where limits are kept, less than 1 where they are missed, from 1 on where
+        there are no values."""
+        with np.errstate(invalid="ignore"):
+            missed = np.where(np.isfinite(self.violations), self.violations / (1.0 + self.violations), 1.0 + self.missing)
+        return np.where(self.feasible, 0.0, missed)
+
+    def order(self, objective: int = 0) -> Index:
+        """The designs (D,), the best first: by how fit they are, those that keep all limits by an objective."""
+        return np.lexsort((np.nan_to_num(self.objectives[:, objective], nan=np.inf), self.faultiness))
+
     def best(self, objective: int = 0) -> int:
-        """The design with the least violation, among those without any the one with the least objective."""
-        violation = np.where(self.feasible, 0.0, self.violations)
-        return int(np.lexsort((np.nan_to_num(self.objectives[:, objective], nan=np.inf), violation))[0])
+        """The best design."""
+        return int(self.order(objective)[0])
 
 
 @dataclass(frozen=True, eq=False)
@@ -224,8 +244,7 @@ class Problem:
             limited = self.limited(designs, values).T
             violations = sum((limit.violation(x) for limit, x in zip(self.limits, limited, strict=True)), np.zeros(len(designs)))
         unfit = (missing > 0.0) | ~np.isfinite(objectives).all(axis=1) | ~np.isfinite(violations)
-        violations = np.where(unfit, UNFIT_VIOLATION * (1.0 + missing), violations)
-        return Judged(designs, np.where(unfit[:, None], np.nan, objectives), violations)
+        return Judged(designs, np.where(unfit[:, None], np.nan, objectives), np.where(unfit, np.inf, violations), missing)
 
     def limited(self, designs: Real, values: Sequence[Real]) -> Real:
         """The limited values (D, L) of designs (D, n), from those of the measures."""
@@ -339,13 +358,14 @@ def problem_of(
             raise MechanismError(
                 Fault(f"goal.limits.{text}", "its least value is above the greatest.", "Give them the other way round.")
             )
-        scale = max(abs(x) for x in (least, most) if np.isfinite(x)) or 1.0
+        nominal = float(reduced(measures[k], quantities[k], study.nominal))
+        scale = max(abs(x) for x in (least, most) if np.isfinite(x)) or abs(np.nan_to_num(nominal)) or 1.0
         limits.append(Limit(text, quantities[k].unit, k, least, most, scale))
     for loop in [] if goal.grashof is None else four_bar_loops(study.nominal, goal.grashof):
         text = f"Grashof {loop.name}" + (f", {loop.type}" if loop.type != "any" else "")
         unit, factor = scene.units.reads("m")
         size = float(np.mean(loop.lengths(scene.mechanism))) * factor
-        limits.append(Limit(text, unit, -1, 0.0, np.inf, size, loop))
+        limits.append(Limit(text, unit, -1, GRASHOF_MARGIN * size, np.inf, size, loop))
     return Problem(stated, study, variables, tuple(terms), tuple(limits))
 
 

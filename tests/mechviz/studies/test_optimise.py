@@ -12,7 +12,7 @@ from mechcore.errors import MechanismError
 from mechviz.commands.main import app
 from mechviz.runs import run_scene
 from mechviz.scene.scene import Scene, dump, load
-from mechviz.studies.designs.optimise import Search, optimise
+from mechviz.studies.designs.optimise import Optimum, Search, optimise, rounded
 from mechviz.studies.designs.problem import problem_of
 
 FRAMES = 24
@@ -93,7 +93,8 @@ def test_grashofs_rule_is_a_limit():
     problem = problem_of(scene, frames=FRAMES)
     rockers = np.array([50.0, 85.0, 100.0, 315.0, 320.0])
     np.testing.assert_allclose(problem.limited(rockers[:, None], [])[:, 0], [-15.0, 0.0, 15.0, 0.0, -5.0], atol=1e-9)
-    np.testing.assert_array_equal(problem.judged(np.array([[84.0], [86.0], [314.0], [318.0]])).feasible, [False, True, True, False])
+    judged = problem.judged(np.array([[84.0], [85.0], [86.0], [314.0], [315.0], [318.0]]))
+    np.testing.assert_array_equal(judged.feasible, [False, False, True, True, False, False])  # a change point is no crank-rocker
     for rocker, slope in ((100.0, 1.0), (310.0, -1.0)):
         np.testing.assert_allclose(problem.differentiated(np.array([rocker]))[3], [[slope]], rtol=1e-9)
     best = optimise(Search(problem, generations=1))
@@ -125,6 +126,34 @@ def test_limits_decide_where_they_are_reached():
     rows = {row[0]: row for row in best.lines()}
     assert rows["joint.S.displacement:range at least 70 mm"][3] == "reached" and rows["ratio"][3] == "at its least value"
     assert best.scene.parameters["stroke"].amount.number == pytest.approx(0.07)
+
+
+def test_a_limit_that_rounding_would_miss_is_kept_by_all_digits():
+    """A stroke of nine digits is 4e-9 of it too short."""
+    goal = {"minimise": "link.ram.position[x]:max", "limits": {"joint.S.displacement:range": {"least": 100.0000004}}}
+    problem = problem_of(press(goal), frames=12)
+    designs = np.array([[100.0000004, 4.0 + 1e-12], [100.0000006, 4.0 + 1e-12]])
+    np.testing.assert_array_equal(rounded(problem, designs), [designs[0], [100.000001, 4.0]])
+
+
+def test_what_a_design_has_not_is_none_and_not_kept():
+    """Of a crank of 79 mm and a rocker that is too short for it there is nothing."""
+    goal = {"vary": ["c"], "minimise": "link.rocker.angle:range", "limits": {"link.rocker.angle:max": {"most": 170}}}
+    problem = problem_of(four_bar(HIDDEN, goal).changed({("parameters", "c", "range"): ["10 mm", "200 mm"]}), frames=FRAMES)
+    short = np.array([[12.0]])
+    rows = list(Optimum(Search(problem), short[0], short).lines())
+    assert [row[2:] for row in rows[1:3]] == [("none", ""), ("none", "missed")]
+
+
+def test_what_misses_a_limit_by_far_is_better_than_what_cannot_be_assembled():
+    """A limit of zero is missed by parts of the nominal value, not by degrees."""
+    goal = {"vary": ["c"], "minimise": "link.rocker.angle:range", "limits": {"joint.D.angle:range": {"most": 0}}}
+    scene = four_bar(HIDDEN, goal).changed({("parameters", "c", "range"): ["10 mm", "200 mm"]})
+    problem = problem_of(scene, frames=FRAMES)
+    judged = problem.judged(np.array([[12.0], [HIDDEN["c"]], [90.0]]))
+    assert judged.violations[1] == pytest.approx(1.0) and judged.order().tolist() == [1, 2, 0]
+    with pytest.raises(MechanismError, match="misses them by"):
+        optimise(Search(problem, population=5, generations=0))
 
 
 def test_the_same_seed_finds_the_same():
@@ -172,10 +201,9 @@ def test_an_interrupted_search_keeps_its_best():
 
     search = Search(problem_of(press({"minimise": "link.ram.position[x]:max"}), frames=12), progress=stop)
     best = optimise(search)
-    assert (
-        search.interrupted
-        and search.all.objectives[search.all.best(), 0] == search.problem.judged(best.design[None]).objectives[0, 0]
-    )
+    assert search.interrupted
+    known = search.all.objectives[search.all.best(), 0]
+    assert search.problem.judged(best.design[None]).objectives[0, 0] == pytest.approx(known, rel=1e-8)
 
 
 def test_designs_that_are_run_one_by_one_say_how_many_of_them_are_done(tmp_path, monkeypatch):

@@ -21,8 +21,8 @@ from mechviz.outputs.viewer.view_model import ViewModel
 from mechviz.outputs.viewer.viser_adapter import uuid_of
 from mechviz.scene.scene import Scene
 from mechviz.studies.designs.figures import MISSING, StoredStudy
-from mechviz.studies.designs.optimise import VALUE_DIGITS, Search, optimise
-from mechviz.studies.designs.problem import LIMIT_ROUNDING, Problem, problem_of
+from mechviz.studies.designs.optimise import Search, optimise, rounded
+from mechviz.studies.designs.problem import Problem, problem_of, violation_words
 from mechviz.studies.designs.variables import parameters_of
 
 LOOK_INTERVAL = 0.25  # [s] between looks at the best design so far
@@ -121,13 +121,14 @@ class Optimiser:
             return
         self._reported_at = time.monotonic()
         term = search.problem.terms[objective]
-        kept = violation <= LIMIT_ROUNDING
-        limits_text = "all limits are kept" if kept else f"limits missed by {100.0 * violation:.3g} %"
+        missed = violation_words(violation)
         best = term.shown(value) if np.isfinite(value) else "none yet"
-        self.report.content = words.hint(f"{stage}: {search.evaluations} designs. {term.text}: {best}; {limits_text}.")
-        if kept and objective == 0:
+        self.report.content = words.hint(
+            f"{stage}: {search.evaluations} designs. {term.text}: {best}; {missed or 'all limits are kept'}."
+        )
+        if not missed and objective == 0:
             self._draw(search.problem, search.evaluations, value)
-            self._take(search.problem, search.best(0)[0])
+            self._take(search.problem, rounded(search.problem, search.best(0)[0][None])[0])
 
     def _draw(self, problem: Problem, evaluations: int, value: float) -> None:
         """Add the best objective after so many designs to the chart."""
@@ -142,7 +143,7 @@ class Optimiser:
         """Have a design shown, unless it is."""
         if not np.array_equal(design, self._shown):
             self._shown = design
-            values = {v.name: v.stated(float(f"{x:.{VALUE_DIGITS}g}")) for v, x in zip(problem.variables, design, strict=True)}
+            values = {v.name: v.stated(float(x)) for v, x in zip(problem.variables, design, strict=True)}
             self._session.change("optimise", lambda draft: draft.with_parameters(values))
 
 
