@@ -160,7 +160,7 @@ class Result:
         """The presentation from which pages and pictures are made. Raises `RecordingError` of a damaged recording."""
         return presentation_of(self._source) if isinstance(self._source, Run) else presentation_in(self._source)
 
-    def sensitivity(self, of: str, by: Sequence[str] = ()) -> Sensitivity:
+    def sensitivity(self, of: str, by: str | Sequence[str] = ()) -> Sensitivity:
         """How a quantity, or a number of it such as ``joint.B.reaction:max``, moves with parameters of the scene, or with numbers
         of it by their places: exact derivatives. By default by all own parameters. Raises `MechanismError`, `OutputError` of a
         recording."""

@@ -148,6 +148,17 @@ def _paths(value: object, path: str) -> Iterator[str]:
 
 
 @contextmanager
+def under_other_names(names: Mapping[str, str]) -> Iterator[None]:
+    """Faults that arise inside, with other names of what was given: ``{"--by": "--tolerance"}``. Raises `MechanismError`."""
+    try:
+        yield
+    except MechanismError as error:
+        faults = [(f.path.partition(" "), f) for f in error.faults]
+        renamed = [Fault(f"{names.get(name, name)}{gap}{rest}", f.message, f.remedy) for (name, gap, rest), f in faults]
+        raise MechanismError(renamed) from error
+
+
+@contextmanager
 def worded(scene: Scene) -> Iterator[None]:
     """Faults of the core that arise inside, in the words of the scene. Raises `MechanismError`."""
     try:

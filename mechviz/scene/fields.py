@@ -63,6 +63,8 @@ def describe(value: object) -> str:
     if isinstance(value, int) and value.bit_length() > 200:
         return f"an integer of about {value.bit_length() * 0.30103:.0f} digits"  # Python refuses to print the longest
     text = str(value)
+    if isinstance(value, float) and len(text) > 14:
+        text = f"{value:.6g}"  # a result of a formula
     return text if len(text) <= 40 else f"{text[:37]}..."
 
 

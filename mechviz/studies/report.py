@@ -39,6 +39,7 @@ from mechviz.quantities.items import joints_of
 from mechviz.scene.faults import in_scene_words
 from mechviz.scene.units import Units
 from mechviz.studies.cam_report import cam_facts, cam_lines, law_facts, size_facts
+from mechviz.studies.designs.goals import check_goal
 
 if TYPE_CHECKING:
     from mechviz.scene.scene import Scene
@@ -51,6 +52,7 @@ def check_lines(scene: Scene, *, equations: bool = False, modes: bool = False) -
 
     ``equations`` adds the loop equations with numbers at the start, ``modes`` all assembly modes of every group at the start.
     """
+    check_goal(scene)
     compiled = compile_mechanism(scene.mechanism)
     model = compiled.model
     loose = journals_of(scene.mechanism)

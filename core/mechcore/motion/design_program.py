@@ -223,7 +223,7 @@ def design_program(
     frames, auto = count * len(time), compiled.executor == "auto"
     rubs = "friction" in compiled.mechanism.effects and bool(braked(compiled.mechanism.joints))
     some, many = (FRAMES_TO_COMPILE_FRICTION, FRAMES_TO_COMPILE_FRICTION) if rubs else (FRAMES_TO_LOAD, FRAMES_TO_COMPILE)
-    few = f"{frames:,} frames of all designs; compiling pays from about {many:,} on"
+    few = f"{frames:,} frames of all designs were planned; compiling pays from about {many:,} on"
     if auto and frames < some:
         return few
     known = compiled.once(_known)

@@ -116,7 +116,9 @@ def study_of(
         ends = (*v.values, v.low, v.high) if not v.values else v.values
         if not known.allows(np.array([x * v.factor for x in ends if np.isfinite(x)])).all():
             remedy = "Vary it inside of that, or widen its range in the scene."
-            raise MechanismError(Fault(f"--vary {v.name}", f"goes beyond the range that the scene gives '{v.name}'.", remedy))
+            low, high = (f"{end / v.factor:.6g}" for end in (known.low, known.high))
+            why = f"goes beyond the range that the scene gives '{v.name}', {low} to {high} {v.unit}".rstrip()
+            raise MechanismError(Fault(f"--vary {v.name}", f"{why}.", remedy))
     twice = {v.name for v in variations if sum(v.name == other.name for other in variations) > 1}
     if twice:
         raise MechanismError(Fault(f"--vary {min(twice)}", "varies twice.", "Give each parameter once."))

@@ -24,6 +24,7 @@ from mechviz.scene.faults import did_you_mean
 from mechviz.scene.scene import Scene
 from mechviz.scene.units import QuantityError
 
+OF_FORCES = ("reaction", "torque", "force", "moment", "power", "load", "energy", "friction")  # in names of quantities
 REDUCERS = ("max", "min", "peak", "mean", "rms", "range", "at")
 PLACE_ROUNDING = 1e-12  # of the place and the drive's range: a frame as near as that is there
 _SHAPE = re.compile(r"(?P<key>.+?)(?:\[(?P<curve>[^\]]+)\])?(?::\s*(?P<reducer>max|min|peak|mean|rms|range|at\s+(?P<at>.+)))?")
@@ -136,6 +137,8 @@ def quantity_of(measure: Measure, catalogue: Catalogue) -> Quantity:
     quantity = catalogue.by_key.get(measure.key)
     if quantity is None:
         remedy = did_you_mean(measure.key, catalogue.by_key, what="There are")
+        if not catalogue.numbers.has_forces and any(word in measure.key.rpartition(".")[2] for word in OF_FORCES):
+            remedy = 'The scene names no effects and no loads, so there are no forces. Add effects = ["inertia"].'
         raise _wrong(measure.text, f"there is no quantity '{measure.key}'.", remedy)
     return quantity
 

@@ -22,10 +22,11 @@ from mechviz.scene.reading.formulas import formula_values, parameter_arrays
 from mechviz.scene.scene import Scene
 from mechviz.scene.units import QuantityError, split, unit_of
 from mechviz.studies.designs.evaluate import Study, evaluate, reduced, study_of
+from mechviz.studies.designs.goals import check_goal, goal_of, goal_variables, path_measures
 from mechviz.studies.designs.measures import Measure, parse_measure
 from mechviz.studies.designs.sampling import Variation
 from mechviz.studies.designs.sensitivity import sensitivities
-from mechviz.studies.designs.variables import Variable, parameters_of
+from mechviz.studies.designs.variables import Variable
 
 SHORTEST = {"crank-rocker": 0, "double-rocker": 1, "double-crank": 3}
 """Which link of crank, coupler, rocker and frame is the shortest, by the type of the linkage; of "any" type none has to be."""
@@ -304,38 +305,37 @@ def problem_of(
 ) -> Problem:
     """The problem that a scene's goal states, whose designs are computed by an executor; how many a search of so many generations
     looks at decides whether compiling pays. Raises `MechanismError`."""
-    goal = scene.document.goal
-    if goal is None:
-        remedy = 'Say what to look for: [goal] minimise = "drive.A.torque:peak".'
-        raise MechanismError(Fault("goal", "the scene has no goal.", remedy))
-    variables = _variables(scene, goal)
+    goal = goal_of(scene)
+    try:
+        check_goal(scene)
+        count = population_of(population, len(goal_variables(scene, goal))) * (SCREENED_GENERATIONS + generations)
+        return _problem(scene, goal, frames, cycles, executor, count)
+    except MechanismError:
+        check_goal(scene, run_scene(scene, frames=frames, cycles=cycles).catalogue)  # if that is why, all that is wrong
+        raise
+
+
+def _problem(scene: Scene, goal: GoalDocument, frames: int | None, cycles: int | None, executor: Executor, count: int) -> Problem:
+    """The problem of a goal that names known parameters, and of which so many designs are looked at."""
+    variables = goal_variables(scene, goal)
     stated, limits_stated = scene, dict(goal.limits)
     if goal.box is not None:
         scene, within = _boxed(scene, goal.box)
         limits_stated |= within
     measures: list[Measure] = []
 
-    def measure(text: str, path: str) -> int:
-        try:
-            wanted = parse_measure(scene, text)
-        except MechanismError as error:
-            raise MechanismError([Fault(path, f.message, f.remedy) for f in error.faults]) from None
+    def measure(text: str) -> int:
+        wanted = parse_measure(scene, text)
         if wanted not in measures:
             measures.append(wanted)
         return measures.index(wanted)
 
-    numbers = [(k, "minimise", 1.0) for k in goal.minimise] + [(k, "maximise", -1.0) for k in goal.maximise]
-    simple = [(text, measure(text, f"goal.{key}"), sign) for text, key, sign in numbers]
-    limited = [(text, measure(text, f"goal.limits.{text}"), entry) for text, entry in limits_stated.items()]
-    for text, k, *_ in (*simple, *limited):
-        if not measures[k].reducer:
-            raise MechanismError(Fault("goal", f"'{text}' is a curve.", f"Say what of it counts: {text}:peak, :max, :min or :rms."))
-    followed = None if goal.follow is None else measure(goal.follow.quantity, "goal.follow.quantity")
-    along = None
-    if goal.path is not None:
-        along = [measure(f"point.{goal.path.point}.position[{axis}]", "goal.path.point") for axis in "xy"]
+    numbers = [(text, 1.0) for text in goal.minimise] + [(text, -1.0) for text in goal.maximise]
+    simple = [(text, measure(text), sign) for text, sign in numbers]
+    limited = [(text, measure(text), entry) for text, entry in limits_stated.items()]
+    followed = None if goal.follow is None else measure(goal.follow.quantity)
+    along = None if goal.path is None else [measure(text) for text in path_measures(goal.path.point)]
     varied = [Variation(v.name, v.unit, low=v.low, high=v.high) for v in variables]
-    count = population_of(population, len(varied)) * (SCREENED_GENERATIONS + generations)
     study = study_of(scene, varied, measures, frames=frames, cycles=cycles, executor=executor, count=count)
     quantities = study.quantities
     terms = [_signed_term(text, quantities[k].unit, k, sign) for text, k, sign in simple]
@@ -350,17 +350,22 @@ def problem_of(
         if goal.path.drive is not None:
             at = _weights_at(study, drive, [_place(study, x, "goal.path.drive") for x in goal.path.drive])
         terms.append(_passing(f"distance of {goal.path.point}", scene.units.reads("m")[0], (along[0], along[1]), through, at))
-    limits = []
+    limits, faults = [], list[Fault]()
     for text, k, entry in limited:
-        ends = [None if x is None else _in_unit(x, quantities[k].unit, f"goal.limits.{text}") for x in (entry.least, entry.most)]
-        least, most = -np.inf if ends[0] is None else ends[0], np.inf if ends[1] is None else ends[1]
+        path, unit = f"goal.limits.{text}", quantities[k].unit
+        try:
+            least = -np.inf if entry.least is None else _in_unit(entry.least, unit, path)
+            most = np.inf if entry.most is None else _in_unit(entry.most, unit, path)
+        except MechanismError as error:
+            faults += error.faults
+            continue
         if least > most:
-            raise MechanismError(
-                Fault(f"goal.limits.{text}", "its least value is above the greatest.", "Give them the other way round.")
-            )
+            faults.append(Fault(path, "its least value is above the greatest.", "Give them the other way round."))
         nominal = float(reduced(measures[k], quantities[k], study.nominal))
         scale = max(abs(x) for x in (least, most) if np.isfinite(x)) or abs(np.nan_to_num(nominal)) or 1.0
         limits.append(Limit(text, quantities[k].unit, k, least, most, scale))
+    if faults:
+        raise MechanismError(faults)
     for loop in [] if goal.grashof is None else four_bar_loops(study.nominal, goal.grashof):
         text = f"Grashof {loop.name}" + (f", {loop.type}" if loop.type != "any" else "")
         unit, factor = scene.units.reads("m")
@@ -383,19 +388,6 @@ def _boxed(scene: Scene, corners: tuple[Sequence[float], Sequence[float]]) -> tu
             limits[f"point.{point}.position[{axis}]:min"] = LimitDocument(least=f"{min(sides)!r} {scene.units.length}")
             limits[f"point.{point}.position[{axis}]:max"] = LimitDocument(most=f"{max(sides)!r} {scene.units.length}")
     return scene.changed({("trace",): points}), limits
-
-
-def _variables(scene: Scene, goal: GoalDocument) -> tuple[Variable, ...]:
-    own = {v.name: v for v in parameters_of(scene)}
-    names = goal.vary or [v.name for v in own.values() if np.isfinite(v.low) and np.isfinite(v.high)]
-    for name in names:
-        if name not in own or not (np.isfinite(own[name].low) and np.isfinite(own[name].high)):
-            why = "has no range" if name in own else "follows from others" if name in scene.parameters else "is no parameter"
-            remedy = "Name a parameter that stands for itself, with a range: r = { value = '30 mm', range = ['20 mm', '50 mm'] }."
-            raise MechanismError(Fault("goal.vary", f"'{name}' {why}.", remedy))
-    if not names:
-        raise MechanismError(Fault("goal", "no parameter has a range in which it may vary.", "Give parameters a range."))
-    return tuple(own[name] for name in names)
 
 
 def _in_unit(value: float | str, unit: str, path: str) -> float:

@@ -16,7 +16,7 @@ from mechviz.scene.scene import Scene
 from mechviz.scene.units import QuantityError, split, unit_of
 
 MOST_DESIGNS = 10_000_000
-_SHAPE = re.compile(r"\s*(?P<name>[^\W\d]\w*)\s*(?:=\s*(?P<what>[^:]+?))?\s*(?::\s*(?P<count>\d+))?\s*")
+_SHAPE = re.compile(r"\s*(?P<name>[^\W\d][^=:]*?)\s*(?:=\s*(?P<what>[^:]+?))?\s*(?::\s*(?P<count>\d+))?\s*")
 
 
 @dataclass(frozen=True)
@@ -55,6 +55,9 @@ def parse_variation(scene: Scene, text: str) -> Variation:
     known = scene.parameters.get(name)
     if known is None:
         words = did_you_mean(name, scene.parameters, what="There are") or "Name the values that vary under [parameters]."
+        if "." in name:
+            words = f"Name its value under [parameters], as r = '40 mm', write \"r\" at {name}, and vary r."
+            raise _wrong(text, f"'{name}' is no parameter, and only those vary in sweeps.", words)
         raise _wrong(text, f"the scene has no parameter '{name}'.", words)
     if what is None:
         low, high, unit = _own_range(scene, text, name)

@@ -16,7 +16,10 @@ from mechcore.cams.closures import contact_modulus
 from mechcore.cams.placement.spatial import PlacedSpatial
 from mechcore.derivatives.exact import Derivatives
 from mechcore.derivatives.forced import derivatives_under_forces
+from mechcore.derivatives.impacts import contact_numbers
+from mechcore.derivatives.model_numbers import ModelNumbers, Parameter
 from mechcore.derivatives.steady import derivatives_from_steady_run
+from mechcore.dynamics.events import with_slot_ends
 from mechcore.errors import Fault, MechanismError
 from mechcore.forces.cam_rating import AnyCam, carrying, contact_curvature, placed_cams
 from mechcore.forces.powers import powers_by_label
@@ -30,14 +33,15 @@ from mechcore.numerics.tape import value_of
 from mechcore.records import dataclass
 from mechcore.reduction.balancing import shaking
 from mechcore.spec.loads import Servo
-from mechcore.spec.mechanism import CamJoint
+from mechcore.spec.mechanism import CamJoint, Mechanism
 from mechviz.figures import chart
 from mechviz.quantities.catalogue import Quantity
 from mechviz.quantities.vectors import point_name
 from mechviz.runs import Run
+from mechviz.scene.faults import under_other_names
 from mechviz.scene.scene import Scene
 from mechviz.studies.designs.measures import Measure, needs_forces, parse_measure, quantity_of, table_values
-from mechviz.studies.designs.variables import Variable, core_parameters, parameters_of, variables_of
+from mechviz.studies.designs.variables import Variable, parameters_of, variables_of, without_ranges
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -124,12 +128,13 @@ class Sensitivity:
             )
 
 
-def sensitivity(run: Run, of: str, by: Sequence[str] = ()) -> Sensitivity:
+def sensitivity(run: Run, of: str, by: str | Sequence[str] = ()) -> Sensitivity:
     """How a quantity, or a number of it such as ``joint.B.reaction:max``, moves with parameters of the run's scene, or with numbers
     of it by their places: exact derivatives at every frame. Without ``by``: all own parameters. Raises `MechanismError`."""
-    measure = parse_measure(run.scene, of)
-    variables = variables_of(run.scene, by)
-    return sensitivities(run, [measure], variables)[0]
+    with under_other_names({"--of": "of", "--by": "by"}):
+        measure = parse_measure(run.scene, of)
+        variables = variables_of(run.scene, [by] if isinstance(by, str) else by)
+        return sensitivities(run, [measure], variables)[0]
 
 
 def sensitivities(run: Run, measures: Sequence[Measure], variables: Sequence[Variable]) -> list[Sensitivity]:
@@ -185,6 +190,26 @@ def _with_rows(whole: Real | None, rows: Index, part: Real, frames: int) -> Real
         whole = np.full((len(part), frames, *part.shape[2:]), np.nan)
     whole[:, rows] = part
     return whole
+
+
+def core_parameters(scene: Scene, variables: Sequence[Variable]) -> tuple[Parameter, ...]:
+    """Variables as the core differentiates by them, in their units. Ranges do not end what is looked at beside a value."""
+    wide = without_ranges(scene)
+
+    def of(variable: Variable) -> Parameter:
+        def mechanism(value: float) -> Mechanism:
+            return variable.changed(wide, value).mechanism
+
+        def contacts(value: float) -> ModelNumbers:
+            changed = variable.changed(wide, value)
+            spec = changed.simulation
+            assert spec is not None
+            return contact_numbers(with_slot_ends(changed.mechanism, spec.stops), spec.separable_cams)
+
+        under_forces = scene.simulation is not None
+        return Parameter(variable.name, variable.value, variable.width, mechanism, contacts if under_forces else None)
+
+    return tuple(of(v) for v in variables)
 
 
 def derivatives_of(run: Run, variables: Sequence[Variable]) -> list[tuple[Index, Derivatives]]:

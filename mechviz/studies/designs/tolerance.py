@@ -24,6 +24,7 @@ from mechviz.figures import chart
 from mechviz.quantities.catalogue import Axis, Quantity
 from mechviz.runs import Run
 from mechviz.scene.annotations import Place
+from mechviz.scene.faults import under_other_names
 from mechviz.scene.scene import Scene
 from mechviz.scene.units import QuantityError, split, unit_of
 from mechviz.studies.designs.evaluate import DesignResults, Study, study_of
@@ -62,7 +63,7 @@ class Tolerances:
     ``nominal``; ``slopes`` (P, ...) of each variable, in its unit; ``worst`` and ``root_sum_square``: half widths by the sum of all
     contributions and by the root of their squares; ``corners``: least and greatest over all corners of the tolerances, where there
     are few; ``mean``, ``sigma``, ``tails`` (2, ...) and ``ends`` (2, ...) of the samples, and standard errors of the first two;
-    ``lost``: samples that cannot be assembled; ``values`` of samples of a number.
+    ``lost``, ``lost_corners``: samples and corners that cannot be assembled; ``values`` of samples of a number.
     """
 
     measure: Measure
@@ -82,6 +83,7 @@ class Tolerances:
     ends: Real
     samples: int
     lost: int
+    lost_corners: int
     values: Real
     limits: QuantityLimits | None
     inside: float  # part of the samples that stays within the limits at all frames
@@ -129,7 +131,8 @@ class Tolerances:
         yield "worst case", _deviation(of(self.worst), unit)
         if self.corners is not None:
             low, high = (of(x) - nominal for x in self.corners)
-            yield "all corners", f"{low:+.4g} to {high:+.4g} {unit}"
+            cut = f"; {self.lost_corners} of {2 ** len(self.variables)} not assembled" if self.lost_corners else ""
+            yield "all corners", (f"{low:+.4g} to {high:+.4g} {unit}" if np.isfinite(low) else "none") + cut
         yield "root sum square", _deviation(of(self.root_sum_square), unit)
         yield "mean of the samples", f"{of(self.mean):.6g} {unit}"
         yield "standard deviation", f"{of(self.sigma):.4g} {unit}"
@@ -190,6 +193,9 @@ def tolerances(
     """Effects of the tolerances of variables on measures of a run. ``samples``: a power of two, at least 16; ``begin`` gets the
     study and the number of its designs before they are computed; ``program``: what computes them side by side. Raises
     `MechanismError`."""
+    if len(limits) > len(measures):
+        why = f"{len(limits)} limits of {len(measures)} quantit{'ies' if len(measures) > 1 else 'y'}."
+        raise MechanismError(Fault("--limits", why, "Give at most one of each quantity, in their order."))
     some = [v for v in variables if v.tolerance > 0.0]
     if not some:
         remedy = "Give parameters a tolerance in the scene, or here: --tolerance stroke=0.1mm."
@@ -284,7 +290,9 @@ class _Sampled:
         self.computed_by = study.computed_by
         values = results.values[k]
         self.nominal, self.corners, self.samples = values[0], values[1 : 1 + corners], values[1 + corners :]
-        self.lost = sum(1 for reason in results.reasons[1 + corners :] if reason)
+        self.lost_corners, self.lost = (
+            sum(map(bool, part)) for part in (results.reasons[1 : 1 + corners], results.reasons[1 + corners :])
+        )
 
 
 def _judged(
@@ -331,6 +339,7 @@ def _judged(
         ends=np.stack([some.min(axis=0), some.max(axis=0)]),
         samples=len(sample.samples),
         lost=sample.lost,
+        lost_corners=sample.lost_corners,
         values=some if measure.reducer else np.zeros(0),
         limits=limits,
         inside=inside,
@@ -348,7 +357,9 @@ def toleranced(scene: Scene, stated: Sequence[str]) -> list[Variable]:
         given[name.strip()] = value.strip().removeprefix("±").strip()
     own = [v.name for v in parameters_of(scene)]
     names = [*own, *(name for name in given if name not in own)]
-    return [_with_tolerance(v, given[v.name]) if v.name in given else v for v in variables_of(scene, names)] if names else []
+    with under_other_names({"--by": "--tolerance"}):
+        variables = variables_of(scene, names) if names else ()
+    return [_with_tolerance(v, given[v.name]) if v.name in given else v for v in variables]
 
 
 def _with_tolerance(variable: Variable, text: str) -> Variable:

@@ -7,17 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from mechcore.derivatives.impacts import contact_numbers
-from mechcore.derivatives.model_numbers import ModelNumbers, Parameter
-from mechcore.dynamics.events import with_slot_ends
 from mechcore.errors import Fault, MechanismError
 from mechcore.records import dataclass
-from mechcore.spec.mechanism import Mechanism
 from mechviz.scene.annotations import Leaf, Place, leaves
 from mechviz.scene.expressions import is_plain
 from mechviz.scene.faults import did_you_mean, path_text
 from mechviz.scene.fields import QuantityMark
-from mechviz.scene.reading.formulas import ParameterValue
+from mechviz.scene.reading.formulas import ParameterValue, parameters_behind
 from mechviz.scene.scene import Scene
 from mechviz.scene.units import QuantityError, split, unit_of
 
@@ -84,31 +80,22 @@ def variables_of(scene: Scene, names: Sequence[str] = ()) -> tuple[Variable, ...
         elif name in numbers:
             variables.append(_of_number(scene, numbers[name]))
         else:
-            following = name in scene.parameters
-            why = "follows from other parameters." if following else "is neither a parameter nor a number of the scene."
-            remedy = f"Vary one of {', '.join(own)}." if following else did_you_mean(name, [*own, *numbers], what="There are")
-            raise MechanismError(Fault(f"--by {name}", why, remedy))
+            raise MechanismError(_no_variable(scene, name, [*own, *numbers]))
     return tuple(variables)
 
 
-def core_parameters(scene: Scene, variables: Sequence[Variable]) -> tuple[Parameter, ...]:
-    """Variables as the core differentiates by them, in their units. Ranges do not end what is looked at beside a value."""
-    wide = without_ranges(scene)
-
-    def of(variable: Variable) -> Parameter:
-        def mechanism(value: float) -> Mechanism:
-            return variable.changed(wide, value).mechanism
-
-        def contacts(value: float) -> ModelNumbers:
-            changed = variable.changed(wide, value)
-            spec = changed.simulation
-            assert spec is not None
-            return contact_numbers(with_slot_ends(changed.mechanism, spec.stops), spec.separable_cams)
-
-        under_forces = scene.simulation is not None
-        return Parameter(variable.name, variable.value, variable.width, mechanism, contacts if under_forces else None)
-
-    return tuple(of(v) for v in variables)
+def _no_variable(scene: Scene, name: str, known: Sequence[str]) -> Fault:
+    """Why a name is not that of a variable."""
+    places = {path_text(place): place for place in scene.document.formulas}
+    if name in places:
+        behind = parameters_behind(scene.document, places[name])
+        own = [v.name for v in parameters_of(scene) if v.name in behind]
+        why = f"follows from the expression '{scene.document.formulas[places[name]]}'."
+        return Fault(f"--by {name}", why, f"Vary {' or '.join(own)}." if own else "")
+    if name in scene.parameters:
+        own = [v.name for v in parameters_of(scene)]
+        return Fault(f"--by {name}", "follows from other parameters.", f"Vary one of {', '.join(own)}.")
+    return Fault(f"--by {name}", "is neither a parameter nor a number of the scene.", did_you_mean(name, known, what="There are"))
 
 
 def without_ranges(scene: Scene) -> Scene:

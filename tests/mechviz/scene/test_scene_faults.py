@@ -611,3 +611,8 @@ def test_the_work_of_checking_names_grows_with_the_scene_not_with_its_square(kin
 
     loads(chain(2, "traces"))  # what is read and compiled once only
     assert work(240) < 2.5 * work(120)
+
+
+def test_results_of_expressions_are_shown_short():
+    with pytest.raises(MechanismError, match=r"thickness': -0.2355 is negative"):
+        load("parametric-press").with_parameters({"stroke": "-80 mm"})

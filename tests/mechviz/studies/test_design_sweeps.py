@@ -291,7 +291,8 @@ def test_samples_fill_their_ranges_and_repeat(press):
     [
         (["--vary", "strok=1..2mm:3", "--of", "drive.A.torque"], "Did you mean 'stroke'"),
         (["--vary", "stroke=60..100:3", "--of", "drive.A.torque"], "have no unit"),
-        (["--vary", "stroke=60..200mm:3", "--of", "drive.A.torque"], "goes beyond the range"),
+        (["--vary", "stroke=60..200mm:3", "--of", "drive.A.torque"], "'stroke', 40 to 120 mm."),
+        (["--vary", "links.crank.points.B[0]=40..50mm:3", "--of", "drive.A.torque"], "only those vary in sweeps. Name its value"),
         (["--vary", "stroke", "--of", "drive.A.torque"], "how many values"),
         (["--vary", "stroke:3", "--of", "drive.A.torqe:max"], "Did you mean 'drive.A.torque'"),
         (["--vary", "stroke:3", "--of", "drive.A.torque:maximum"], "Did you mean 'max'"),

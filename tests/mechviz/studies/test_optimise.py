@@ -239,6 +239,31 @@ def test_what_cannot_be_had_is_said():
             problem_of(press(goal), frames=12)
 
 
+def test_all_that_is_wrong_with_a_goal_is_said_at_once_under_its_own_keys(tmp_path):
+    goal = {
+        "vary": ["length"], "minimise": "joint.D.angle", "maximise": "joint.B.reaction:peak",
+        "limits": {"joint.D.angl:max": {"most": 3}}, "path": {"point": "coupler.F", "through": [[0, 0], [1, 1]]},
+    }  # fmt: skip
+    scene = four_bar(HIDDEN, goal)
+    without_a_run = {"goal.vary": "no parameter", "goal.minimise": "curve"}
+    with pytest.raises(MechanismError) as caught:
+        problem_of(scene, frames=4)
+    said = {fault.path: f"{fault.message} {fault.remedy}" for fault in caught.value.faults}
+    of_a_run = {"goal.maximise": "no forces", "goal.limits.joint.D.angl:max": "mean 'joint.D", "goal.path.point": "coupler.E.pos"}
+    wanted = without_a_run | of_a_run
+    assert said.keys() == wanted.keys() and all(words in said[path] for path, words in wanted.items())
+    dump(scene, tmp_path / "goal.toml")
+    checked = CliRunner().invoke(app, ["check", str(tmp_path / "goal.toml")])
+    assert checked.exit_code == 2 and all(path in checked.output for path in without_a_run) and "2 problems" in checked.output
+
+
+def test_units_of_all_limits_are_checked_at_once():
+    limits = {"joint.S.displacement:range": {"least": "3 kg"}, "joint.B.reaction:peak": {"least": 3, "most": 2}}
+    with pytest.raises(MechanismError) as caught:
+        problem_of(press({"minimise": "drive.A.torque:peak", "limits": limits}), frames=4)
+    assert [fault.path for fault in caught.value.faults] == [f"goal.limits.{text}" for text in limits]
+
+
 def test_the_command_writes_a_better_scene(tmp_path):
     file = tmp_path / "better.toml"
     said = CliRunner().invoke(app, ["optimise", "parametric-press", "-n", "24", "--generations", "3", "-o", str(file)])

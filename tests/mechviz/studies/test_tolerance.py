@@ -162,9 +162,22 @@ def test_nonsense_is_refused():
     for text in ("stroke", "stroke=1 kg", "stroke=-1mm", "nothing=1"):
         with pytest.raises(MechanismError):
             toleranced(scene, [text])
+    with pytest.raises(MechanismError, match=r"^--tolerance nothing: is neither"):
+        toleranced(scene, ["nothing=1"])
+    with pytest.raises(MechanismError, match="2 limits of 1 quantity"):
+        one = [parse_measure(scene, "drive.A.torque:peak")]
+        tolerances(run, one, toleranced(scene, []), limits=[QuantityLimits(), QuantityLimits()])
     for text in ("5", "6..5", "a..b"):
         with pytest.raises(MechanismError):
             parse_limits(text)
+
+
+def test_corners_that_cannot_be_assembled_are_counted():
+    """Crank and frame of 60 and 200 mm reach 260 mm: 140 mm of coupler and 110 mm of rocker are too short together."""
+    run = run_scene(load("crank-rocker"), frames=12)
+    variables = toleranced(run.scene, ["links.rocker.points.C[0]=40mm", "links.coupler.points.C[0]=40mm"])
+    result = tolerances(run, [parse_measure(run.scene, "link.rocker.angle:max")], variables, samples=16)[0]
+    assert result.lost_corners == 1 and "; 1 of 4 not assembled" in dict(result.lines())["all corners"]
 
 
 def test_the_command_says_yield_and_contributions(tmp_path):
