@@ -147,7 +147,8 @@ def _of_table(path: Path, columns: ColumnUnits, n: EntryFacts) -> Iterator[Entry
         case (kind, name, what) if kind in ITEM_KINDS:
             yield from made((ITEM_KINDS[kind], name), f"{ITEM_KINDS[kind]} {name}", what)
         case ("answers", name, item):
-            yield from made((name, item), f"{name.replace('_', ' ')} {item}", "answer")
+            for one in ((0, 1),) if name == "instant_centre" else ((k,) for k in range(len(columns))):
+                yield from made((name, item), f"{name.replace('_', ' ')} {item}", "answer", one)
         case rest:
             item = " ".join(rest).replace("_", " ")
             several = len({unit for _, unit in columns}) > 1

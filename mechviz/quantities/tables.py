@@ -241,17 +241,16 @@ def _driven(run: Run, joint: str) -> Real:
 def _metrics(run: Run) -> Iterator[ItemTable]:
     """The metrics that the scene asks for, under ``/data/answers``."""
     motion = run.motion
-    computed: dict[str, tuple[tuple[str, str], Callable[[], Any]]] = {
-        "transmission_angle": (("angle", "rad"), cache(partial(metrics.transmission_angles, motion))),
-        "velocity_ratio": (("ratio", "1"), cache(partial(metrics.velocity_ratios, motion))),
-        "mechanical_advantage": (("advantage", "1"), cache(partial(metrics.mechanical_advantage, motion))),
-        "instant_centre": (("", ""), cache(partial(metrics.instant_centres, motion))),
-        "curvature": (("curvature", "1/m"), lambda: {key: metrics.curvature(motion, *key) for key in motion.mechanism.traced}),
+    computed: dict[str, tuple[ColumnUnits, Callable[[], Any]]] = {
+        "transmission_angle": ((("angle", "rad"), ("acute", "rad")), cache(partial(metrics.transmission_rows, motion))),
+        "velocity_ratio": ((("ratio", "1"),), cache(partial(metrics.velocity_ratios, motion))),
+        "mechanical_advantage": ((("advantage", "1"),), cache(partial(metrics.mechanical_advantage, motion))),
+        "instant_centre": (_POSE[:2], cache(partial(metrics.instant_centres, motion))),
+        "curvature": ((("curvature", "1/m"),), lambda: {key: metrics.curvature(motion, *key) for key in motion.mechanism.traced}),
     }
-    for name, (column, compute) in computed.items():
+    for name, (columns, compute) in computed.items():
         for key in metrics.metric_items(name, motion.model) if name in motion.mechanism.metrics else ():
             item = key if isinstance(key, str) else point_name(*key) if name == "curvature" else " ".join(key)
-            columns = _POSE[:2] if name == "instant_centre" else (column,)
             label = "instant centre" if name == "instant_centre" else name
             yield ItemTable(("data", "answers", name, item), f"{label} {item}", columns, partial(_metric, compute, key))
 

@@ -134,6 +134,12 @@ def transmission_angles(motion: Motion) -> dict[str, Real]:
     return out
 
 
+def transmission_rows(motion: Motion) -> dict[str, Real]:
+    """Angles (F, 2) [rad] of `transmission_angles`, and the acute ones between the same lines: the smaller of each and its
+    supplement, at most pi/2."""
+    return {name: np.stack([x, np.minimum(x, np.pi - x)], axis=-1) for name, x in transmission_angles(motion).items()}
+
+
 def velocity_ratios(motion: Motion) -> dict[str, Real]:
     """Rate of every joint's coordinate per unit rate of the first drive (F,) [rad/rad, m/rad ...]."""
     unit = per_unit_drive_speed(motion)

@@ -13,7 +13,7 @@ import numpy as np
 from mechcore.arrays import Real
 from mechcore.errors import Fault, MechanismError
 from mechcore.forces.kinetostatics import Forces
-from mechcore.motion.metrics import mechanical_advantage, transmission_angles, velocity_ratios
+from mechcore.motion.metrics import mechanical_advantage, transmission_rows, velocity_ratios
 from mechcore.motion.motion import Motion
 from mechcore.numerics.interpolation import between
 from mechcore.records import dataclass
@@ -180,12 +180,13 @@ def table_values(path: tuple[str, ...], motion: Motion, forces: Forces | None) -
             columns = [coordinate[..., k] for k in range(3)] + [forces.effort(joint), forces.power(joint)]
             return np.stack([np.broadcast_to(x, motion.shape) for x in columns], axis=-1)
         case ("answers", name, item) if name in _METRICS:
-            return _METRICS[name](motion)[item][..., None]
+            values = _METRICS[name](motion)[item]
+            return values if name == "transmission_angle" else values[..., None]
     raise LookupError("/".join(path))
 
 
 _METRICS: dict[str, Callable[[Motion], Mapping[str, Real]]] = {
-    "transmission_angle": transmission_angles,
+    "transmission_angle": transmission_rows,
     "velocity_ratio": velocity_ratios,
     "mechanical_advantage": mechanical_advantage,
 }

@@ -128,6 +128,23 @@ def test_limits_decide_where_they_are_reached():
     assert best.scene.parameters["stroke"].amount.number == pytest.approx(0.07)
 
 
+def test_an_acute_transmission_angle_is_a_limit_on_both_sides_of_a_right_one():
+    """Of a short coupler the angle only grows beyond a right one: its least is no limit of how flat it becomes."""
+    goal = {"vary": ["b"], "minimise": "joint.D.angle:range"}
+    goal["limits"] = {f"transmission_angle.C.{angle}:min": {"least": "40 deg"} for angle in ("angle", "acute")}
+    scene = four_bar(HIDDEN, goal).changed(
+        {("metrics",): ["transmission_angle"], ("parameters", "b", "range"): ["80 mm", "200 mm"]}
+    )
+    problem = problem_of(scene, frames=FRAMES)
+    _, limited, _, slopes = problem.differentiated(np.array([125.0]))
+    widest = np.degrees(np.arccos((125.0**2 + 140.0**2 - 260.0**2) / (2 * 125.0 * 140.0)))
+    assert limited[0] > 40.0 and limited[1] == pytest.approx(180.0 - widest)
+    assert slopes[1, 0] == pytest.approx(
+        np.degrees((125.0 - 140.0 * np.cos(np.radians(widest))) / (125.0 * 140.0 * np.sin(np.radians(widest))))
+    )
+    assert not problem.judged(np.array([[125.0]])).feasible[0]
+
+
 def test_a_limit_that_rounding_would_miss_is_kept_by_all_digits():
     """A stroke of nine digits is 4e-9 of it too short."""
     goal = {"minimise": "link.ram.position[x]:max", "limits": {"joint.S.displacement:range": {"least": 100.0000004}}}
