@@ -25,6 +25,7 @@ from mechcore.effects.prescribed import breaks_of
 from mechcore.errors import Fault, MechanismError
 from mechcore.forces.instants import Instants, instants
 from mechcore.forces.kinetostatics import Forces
+from mechcore.forces.recurrence import check_run_back
 from mechcore.records import dataclass
 from mechcore.spec.loads import GasPressure, Load, Prescribed
 
@@ -261,7 +262,8 @@ def flywheel(forces: Forces, fluctuation: float, drive: str | None = None, *, sm
 
     ``smooth``: the torque is a cubic spline through the frames from jump to jump, else straight lines; not said: straight lines
     where gas presses on a piston or a table is not smooth. Raises `MechanismError` where there is no drive, where it does not
-    turn a shaft in the frame at constant speed, or where the fluctuation is not positive.
+    turn a shaft in the frame at constant speed, where the machine is not back after the run, or where the fluctuation is not
+    positive.
     """
     motion = forces.motion
     joints = [d.joint for d in motion.mechanism.drives]
@@ -283,6 +285,7 @@ def flywheel(forces: Forces, fluctuation: float, drive: str | None = None, *, sm
         raise MechanismError(
             Fault("flywheel", f"the drive of '{joint}' does not run at constant speed.", "Give it a constant speed.")
         )
+    check_run_back(forces)
     if smooth is None:
         smooth = not any(_jumps(load) for load in motion.mechanism.loads)
     at = instants(forces)

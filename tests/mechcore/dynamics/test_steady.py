@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 from typer.testing import CliRunner
 
 import mechviz
@@ -147,6 +148,75 @@ def test_what_has_no_steady_run_is_refused_in_words():
         steady_run(wheel(Torque(name="T", link="rotor", moment=6.0, factor=Factor(function=np.sin, of="time"))))
     with pytest.raises(MechanismError, match="one free joint that turns"):
         steady_run(started("swinging-double-pendulum"))
+
+
+GEARED = """
+run = { steady = 2 }
+effects = ["inertia"]
+[links]
+frame = { points = { A = [0, 0], M = [-0.09, 0] } }
+motor = { points = { M = [0, 0] }, mass = "1 kg", centre = [0, 0], inertia = "0.01 kg m^2" }
+crank = { points = { A = [0, 0], B = [0.06, 0] }, mass = "0.4 kg", centre = [0, 0], inertia = "0.001 kg m^2" }
+rod = { points = { B = [0, 0], P = [0.22, 0] }, mass = "0.5 kg", centre = [0.1, 0], inertia = "0.002 kg m^2" }
+piston = { points = { P = [0, 0] }, mass = "0.7 kg" }
+[joints]
+M = { revolute = ["frame", "motor"], free = { position = 0, speed = "600 rpm" } }
+A = { revolute = ["frame", "crank"] }
+G = { gear = ["motor", "crank"], teeth = [20, 40] }
+B = { revolute = ["crank", "rod"] }
+P = { revolute = ["rod", "piston"] }
+S = { prismatic = ["frame", "piston"], at = ["A", "P"], along = [1, 0], branch = "ahead" }
+[sketch]
+crank = { at = [0, 0], angle = 0 }
+[loads]
+motor = { dc_motor = "M", stall_torque = "40 N m", no_load_speed = "700 rpm" }
+W = { force = ["-500 N", 0], on = "piston", at = "P", table = { velocity = [-0.05, 0.05], factor = [0, 1], joint = "S" } }
+"""
+
+
+def test_a_crank_geared_down_is_back_after_two_turns_of_its_motor():
+    """Lagrange's equation of the motor's angle q, the crank at -q / 2, integrated by scipy over eight turns."""
+    mechanism = mechviz.loads(GEARED).mechanism
+    with pytest.raises(MechanismError, match=r"after 1 turn link rod is not as it was.*Give 2 turns.*--steady 2"):
+        steady_run(mechanism)
+    r, length = 0.06, 0.22
+
+    def per_speed(q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Inertia [kg m^2] and velocity of the piston [m] at a speed of 1."""
+        phi, w = -0.5 * q, -0.5
+        beta = np.arcsin(r * np.sin(phi) / length)
+        turning = w * r * np.cos(phi) / (length * np.cos(beta))
+        x, y = -w * r * np.sin(phi) - 0.1 * np.sin(beta) * turning, w * r * np.cos(phi) - 0.1 * np.cos(beta) * turning
+        piston = -w * r * np.sin(phi) - length * np.sin(beta) * turning
+        return 0.01 + 0.001 * w**2 + 0.5 * (x**2 + y**2) + 0.002 * turning**2 + 0.7 * piston**2, piston
+
+    def rate(_, state: np.ndarray) -> list[float]:
+        q, v = state
+        inertia, piston = per_speed(q)
+        slope = (per_speed(q + 1e-5)[0] - per_speed(q - 1e-5)[0]) / 2e-5
+        load = 500.0 * np.clip(0.5 + piston * v / 0.1, 0.0, 1.0) * piston
+        return [v, (40.0 * (1.0 - v / (70.0 * np.pi / 3.0)) - load - 0.5 * slope * v**2) / inertia]
+
+    def passes(number: int):
+        def reached(_, state: np.ndarray) -> float:
+            return state[0] - number * TURN
+
+        return reached
+
+    reached = [passes(6), passes(8)]
+    long = solve_ivp(rate, (0.0, 1.2), [0.0, 60.0], rtol=1e-9, atol=1e-9, max_step=1e-3, events=reached, dense_output=True)
+    begin, end = (float(times[0]) for times in long.t_events)
+    speeds = long.sol(np.linspace(begin, end, 20001))[1]
+    run = steady_run(mechanism, turns=2)
+    assert run.mean == pytest.approx(2.0 * TURN / (end - begin), rel=1e-6)
+    assert (run.least, run.greatest) == pytest.approx((speeds.min(), speeds.max()), rel=1e-5)
+    assert run.mean * 30.0 / np.pi == pytest.approx(603.41, abs=0.01)
+
+
+def test_an_engine_of_four_strokes_is_back_after_two_turns():
+    with pytest.raises(MechanismError, match=r"after 1 turn load gas on link piston is not as it was.*--steady 2"):
+        steady_run(started("engine-start-up"))
+    assert steady_run(started("engine-start-up"), turns=2).fluctuation == pytest.approx(0.1666, abs=1e-4)
 
 
 def test_the_scene_starts_in_it_and_lasts_a_cycle():

@@ -25,6 +25,8 @@ from mechcore.dynamics.integration.collocation import gauss, integrals
 from mechcore.effects.registry import effects_of
 from mechcore.errors import Fault, MechanismError
 from mechcore.forces.friction.elements import elements_of
+from mechcore.forces.kinetostatics import Forces, solve_forces
+from mechcore.forces.recurrence import MOST_CYCLES, check_back
 from mechcore.laws.timed import Free
 from mechcore.motion.compiled import Compiled
 from mechcore.motion.solve import compile_mechanism, solve_motion
@@ -99,6 +101,7 @@ def steady_run(mechanism: Mechanism | Compiled, *, turns: int = 1, tolerance: fl
     if compiled.mechanism.ends:  # a turn that goes beyond them is refused
         x = np.linspace(0.0, span, 720 * turns + 1)
         solve_motion(compiled, x, drives={joint: (start + sense * x, np.full_like(x, sense), np.zeros_like(x))})
+    _check_back(compiled, start, speed, turns)
     machine = _Machine(compiled, start, sense)
     level = _balance(machine, span, abs(speed))
     edges = _cut(np.linspace(0.0, span, FIRST_PANELS * turns + 1), machine, lambda x: np.full(len(x), level))
@@ -140,6 +143,23 @@ def _validated(compiled: Compiled, turns: int) -> tuple[str, float, float]:
     law = drives[0].law
     assert isinstance(law, Free)
     return drives[0].joint, law.start, law.speed
+
+
+def _check_back(compiled: Compiled, start: float, speed: float, turns: int) -> None:
+    """Refuse a number of turns after which the machine is not back: at the stated speed, or at any where none is."""
+    rate = speed or 10.0
+
+    def forces(x: Real) -> Forces:
+        q = (start + np.sign(rate) * x)[:, None]
+        return solve_forces(motion_at(compiled, q, np.full_like(q, rate), np.zeros_like(x)))
+
+    def fault(words: str, cycle: int | None) -> Fault:
+        why = f"after {turns} turn{'s' * (turns > 1)} {words} is not as it was at the start: that is no cycle of the machine."
+        if cycle is None:
+            return Fault("run.steady", why, f"No number of turns up to {MOST_CYCLES} is one: change the ratios of its gears.")
+        return Fault("run.steady", why, f"Give {cycle} turns: steady = {cycle} in [run], or mechviz forces --steady {cycle}.")
+
+    check_back(forces, turns * TURN, TURN, fault)
 
 
 class _Machine:
