@@ -15,6 +15,7 @@ from mechviz.scene.units import Units
 
 THIN = r"\,"
 IN_A_ROW = 3  # values that fit beside each other on a page
+UNDETERMINED = "statics does not determine these; the smallest that balance are"
 NOTHING = 1e-12
 """A load this much smaller than the largest of its link is rounding."""
 
@@ -70,7 +71,13 @@ def _groups(equilibrium: EquilibriumSystem, frame: int, units: Units) -> list[Gr
         return replace(link, loads=loads, equations=tuple(equation(link, e) for e in link.equations))
 
     return [
-        replace(group, links=tuple(map(lines_of, group.links)), solved=values(group.solved), known=values(group.known))
+        replace(
+            group,
+            links=tuple(map(lines_of, group.links)),
+            solved=values(group.solved),
+            known=values(group.known),
+            undetermined=values(group.undetermined),
+        )
         for group in equilibrium.groups(frame)
     ]
 
@@ -100,6 +107,8 @@ def equation_lines(equilibrium: EquilibriumSystem, frame: int, units: Units) -> 
         if group.known:
             lines.append(f"  known      {_values(group.known)}")
         lines.append(f"  gives      {_values(group.solved)}")
+        if group.undetermined:
+            lines.append(f"  {UNDETERMINED}: {_values(group.undetermined)}")
     return [*lines, "", *_together(equilibrium, frame)]
 
 
@@ -117,6 +126,8 @@ def equation_table(run: Run) -> list[str]:
             for equation in link.equations:
                 lines.append(f"| {number} | {link.link} | {_sum(equation)} | {_text(equation)} = 0 |")
         lines.append(f"| {number} | gives | | {_values(group.solved)} |")
+        if group.undetermined:
+            lines.append(f"| {number} | {UNDETERMINED} | | {_values(group.undetermined)} |")
     return [*lines, "", *(f"- {line}" for line in _together(equilibrium, frame)), ""]
 
 
@@ -192,8 +203,11 @@ def _latex_group(group: GroupEquations) -> Iterator[str]:
             of = about if equation.sum == "M" else f"F_{equation.sum[-1]}"
             rows.append(rf"\textstyle\sum {of}^{{\text{{{_escaped(link.link)}}}}} &:\quad & {_joined(parts, THIN)} &= 0")
     yield from (r"\begin{alignat*}{2}", " \\\\\n".join(rows), r"\end{alignat*}")
-    given = [rf"{_symbol(u)} &= {_latex_number(v)}{THIN}\mathrm{{{u.unit.replace(' ', THIN)}}}" for u, v in group.solved]
-    if given:
+    for text, pairs in (("", group.solved), (f"{UNDETERMINED}:", group.undetermined)):
+        given = [rf"{_symbol(u)} &= {_latex_number(v)}{THIN}\mathrm{{{u.unit.replace(' ', THIN)}}}" for u, v in pairs]
+        if not given:
+            continue
+        yield from [text] if text else []
         lines = (", & ".join(given[k : k + IN_A_ROW]) for k in range(0, len(given), IN_A_ROW))
         yield from (r"\begin{align*}", ", \\\\\n".join(lines), r"\end{align*}")
 

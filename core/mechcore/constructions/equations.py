@@ -19,7 +19,7 @@ from mechcore.forces.kinetostatics import Forces, LinkLoad, loads_on
 from mechcore.joints.base import Relation
 from mechcore.kinematics.dyads import cross
 from mechcore.kinematics.model import Model
-from mechcore.motion.at_once import DENSE_UNKNOWNS, INDEPENDENT_RATIO, equilibrium_cells
+from mechcore.motion.at_once import DENSE_UNKNOWNS, INDEPENDENT_RATIO, equilibrium_cells, undetermined
 from mechcore.motion.structure import Group, groups, loop_steps
 from mechcore.numerics.frames import stacked
 from mechcore.records import dataclass
@@ -69,12 +69,14 @@ class LinkEquations:
 
 @dataclass(frozen=True)
 class GroupEquations:
-    """The equations of a group, with the values that they give and those that groups before it gave."""
+    """The equations of a group, with the values that they give, those that groups before it gave, and those of its own that statics
+    does not determine: the smallest that balance."""
 
     group: Group
     links: tuple[LinkEquations, ...]
     solved: tuple[tuple[ForceUnknown, float], ...]
     known: tuple[tuple[ForceUnknown, float], ...]
+    undetermined: tuple[tuple[ForceUnknown, float], ...] = ()
 
 
 class EquilibriumSystem:
@@ -160,6 +162,13 @@ class EquilibriumSystem:
         s = np.linalg.svd(self.matrix / self._scale[..., None], compute_uv=False)
         return bool((s[:, -1] > INDEPENDENT_RATIO * s[:, 0]).any())
 
+    def undetermined(self, frame: int) -> frozenset[str]:
+        """Names of the unknowns that statics does not determine at a frame; none where it determines all at some frame."""
+        if self.determinate:
+            return frozenset()
+        free = undetermined((self.matrix[frame] / self._scale[frame][:, None])[None])
+        return frozenset(u.name for u, own in zip(self.unknowns, free, strict=True) if own)
+
     @cached_property
     def _factors(self) -> list[Callable[[Real], Real] | None]:
         """Solvers of the sparse matrix, its equations scaled, of every frame; None where it is singular."""
@@ -200,6 +209,7 @@ class EquilibriumSystem:
             for k in ends:
                 joints.setdefault(k, []).append(j)
         there: Flags = np.asarray(self.cells.any(axis=0))
+        loose = self.undetermined(frame)
         given: set[int] = set()
         out = []
         for group in reversed(groups(model)):
@@ -207,9 +217,10 @@ class EquilibriumSystem:
             cells = [self._row(row) for k in links for row in range(3 * k - 3, 3 * k)]
             used = sorted({int(c) for cell in cells for c in self.column[cell][there[cell]]})
             known = [(self.unknowns[c], float(self.values[frame, c])) for c in used if c in given]
-            unknown = [(self.unknowns[c], float(self.values[frame, c])) for c in used if c not in given]
+            new = [(self.unknowns[c], float(self.values[frame, c])) for c in used if c not in given]
+            solved, free = (tuple(pair for pair in new if (pair[0].name in loose) == own) for own in (False, True))
             equations = tuple(self._of_link(k, joints.get(k, []), links, frame) for k in links)
-            out.append(GroupEquations(group, equations, tuple(unknown), tuple(known)))
+            out.append(GroupEquations(group, equations, solved, tuple(known), free))
             given.update(used)
         return tuple(out)
 

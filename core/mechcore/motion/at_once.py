@@ -324,14 +324,14 @@ def _traced(matrix: Any, rhs: Any) -> Any:
     left: Any = np.sum(matrix * x[..., None, :], axis=-1) - rhs
     inverse = np.linalg.pinv(plain, rcond=INDEPENDENT_RATIO)
     changes = left.tape.implicit([left[..., k] for k in range(plain.shape[-2])], plain, inverse)
-    undetermined = _undetermined(plain)
+    free = undetermined(plain)
     return np.stack(
-        [x[..., k] + (without_slope(own) if undetermined[k] else own) for k, own in enumerate(changes)],
+        [x[..., k] + (without_slope(own) if free[k] else own) for k, own in enumerate(changes)],
         axis=-1,
     )
 
 
-def _undetermined(matrix: Real) -> Flags:
+def undetermined(matrix: Real) -> Flags:
     """Which unknowns (n,) of the equilibria (F, m, n) statics does not determine, at some frame at least."""
     _, s, vt = np.linalg.svd(matrix)
     independent = np.zeros(vt.shape[:-1], bool)
@@ -345,7 +345,7 @@ def indeterminate(motion: Motion) -> tuple[str, ...]:
     model = motion.model
     matrix, labels = equilibrium_matrix(motion, {})
     frame = int(np.argmin(np.where(np.isfinite(motion.condition), motion.condition, np.inf)))
-    loose = _undetermined(matrix[frame : frame + 1])
+    loose = undetermined(matrix[frame : frame + 1])
     names = [model.relations[i].name if what == "tie" else model.joints[i].name for what, i, _ in labels]
     return tuple(dict.fromkeys(name for name, free in zip(names, loose, strict=True) if free))
 

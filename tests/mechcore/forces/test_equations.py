@@ -11,6 +11,8 @@ from mechcore.constructions import equations
 from mechcore.constructions.equations import EquilibriumSystem
 from mechcore.forces.kinetostatics import solve_forces
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
+from mechviz.runs import run_scene
+from mechviz.studies.equations import equation_lines, equilibrium_at, latex_lines
 
 NAMES = (
     "kinetostatic-four-bar", "slider-crank-compressor", "cam-friction", "cam-conjugate-oscillating", "four-bar-friction-circles",
@@ -90,3 +92,43 @@ def test_arms_are_about_the_joint():
     crank = equilibrium_of("kinetostatic-four-bar").groups(0)[-1].links[0]
     arms = {u.name: c for c, u in crank.equations[2].terms}
     assert arms == pytest.approx({"R_By": -0.1, "T_A": 1.0})
+
+
+def test_what_statics_does_not_determine_is_said_of_every_group():
+    """Three parallel cranks of 0.1 m, one too many: of 13 unknowns only the torque is decided, by the power of weight and load."""
+    cranks = {"a": ("A", "B", 0.0), "b": ("F", "G", 0.2), "c": ("D", "C", 0.4)}
+    links = "\n".join(
+        f'{k} = {{ points = {{ {p} = [0, 0], {q} = [0.1, 0] }}, mass = "0.4 kg", centre = [0.05, 0] }}'
+        for k, (p, q, _) in cranks.items()
+    )
+    joints = "\n".join(f'{q} = {{ revolute = ["{k}", "bar"] }}' for k, (_, q, _) in cranks.items())
+    fixed = "\n".join(f'{p} = {{ revolute = ["frame", "{k}"] }}' for k, (p, _, _) in cranks.items() if k != "a")
+    sketch = "\n".join(f"{k} = {{ at = [{x}, 0], angle = 0.6 }}" for k, (_, _, x) in cranks.items())
+    scene = mechviz.loads(f"""
+effects = ["gravity"]
+[links]
+frame = {{ points = {{ A = [0, 0], D = [0.4, 0], F = [0.2, 0] }} }}
+{links}
+bar = {{ points = {{ B = [0, 0], G = [0.2, 0], C = [0.4, 0] }}, mass = "2 kg", centre = [0.25, 0] }}
+[joints]
+A = {{ revolute = ["frame", "a"], drive = {{ speed = "60 rpm", start = 0.6, travel = 1 }} }}
+{joints}
+{fixed}
+[sketch]
+{sketch}
+[loads.P]
+force = ["-20 N", "-50 N"]
+on = "bar"
+at = "G"
+""")
+    run = run_scene(scene, frames=4)
+    equilibrium, frame = equilibrium_at(run, 0.0)
+    groups = equilibrium.groups(frame)
+    solved = {u.name: value for group in groups for u, value in group.solved}
+    arm_x, arm_y = 0.1 * np.cos(0.6), 0.1 * np.sin(0.6)
+    torque = 9.81 * (3 * 0.4 * 0.5 + 2.0) * arm_x - 20.0 * arm_y + 50.0 * arm_x
+    assert solved == {"T_A": pytest.approx(torque, rel=1e-9)}
+    assert sum(len(group.undetermined) for group in groups) == 12
+    assert "gives      T_A" in (text := "\n".join(equation_lines(equilibrium, frame, scene.units)))
+    assert text.count("statics does not determine these") == 3 and "gives      R_" not in text
+    assert "statics does not determine these" in "\n".join(latex_lines(equilibrium, frame, scene.units))
