@@ -179,6 +179,8 @@ def test_a_crank_geared_down_is_back_after_two_turns_of_its_motor():
     mechanism = mechviz.loads(GEARED).mechanism
     with pytest.raises(MechanismError, match=r"after 1 turn link rod is not as it was.*Give 2 turns.*--steady 2"):
         steady_run(mechanism)
+    with pytest.raises(MechanismError, match="after 1 turn link rod"):
+        size_flywheel(mechanism, 0.1)
     r, length = 0.06, 0.22
 
     def per_speed(q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

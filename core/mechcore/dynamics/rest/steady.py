@@ -395,6 +395,8 @@ def size_flywheel(mechanism: Mechanism, fluctuation: float, *, turns: int = 1, t
         return steady_run(with_flywheel(mechanism, inertia), turns=turns, tolerance=tolerance)
 
     compiled = compile_mechanism(mechanism)
+    _, start, speed = _validated(compiled, turns)
+    _check_back(compiled, start, speed, turns)  # no flywheel would mend that
     q = np.linspace(0.0, TURN, 25)[:-1, None]
     own = float(reduce(compiled, q, np.ones_like(q), np.zeros(24)).inertia.mean())
     known: list[tuple[float, float]] = []
