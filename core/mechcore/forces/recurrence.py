@@ -85,7 +85,7 @@ def check_run_back(forces: Forces) -> None:
         return Fault("flywheel", why, f"Run {cycles} cycles of the drive: mechviz forces --cycles {cycles}.")
 
     laws = [d.law for d in motion.mechanism.drives]
-    if forces.boundaries is None and motion.again and not any(isinstance(x, TableLaw) and not x.periodic for x in laws):
+    if forces.jumps is None and motion.again and not any(isinstance(x, TableLaw) and not x.periodic for x in laws):
         beside = frozenset(load.name for load in motion.mechanism.loads if _runs_out(load, forces))
         check_back(lambda x: forces.again(start + x), span, motion.mechanism.cycle, fault, beside)
         return
