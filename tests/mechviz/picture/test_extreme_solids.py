@@ -75,9 +75,9 @@ def test_a_cam_whose_flank_is_lost_in_rounding_is_refused_without_a_warning():
         solids_of(run)
 
 
-def test_a_lift_of_many_light_years_is_refused():
+def test_a_lift_of_many_light_hours_is_refused():
     scene = gallery_scene("cam-constant-acceleration-general")
-    lift = [scene.document.joints["K"].profile.lift[0].model_copy(update={"to": 1e29}), scene.document.joints["K"].profile.lift[1]]
+    lift = [scene.document.joints["K"].profile.lift[0].model_copy(update={"to": 1e17}), scene.document.joints["K"].profile.lift[1]]
     run = run_scene(scene.changed({("joints", "K", "profile", "lift"): lift}), frames=8)
-    with pytest.raises(MechanismError, match=r"joints\.K: .* its profile reaches 1e\+26 m"):
+    with pytest.raises(MechanismError, match=r"joints\.K: .* its profile reaches 1e\+14 m"):
         solids_of(run)
