@@ -73,8 +73,10 @@ class Scene:
             document = changed_document(self.document, changes, self.name, self.folder)
         except SceneError:
             raise
-        except (LookupError, TypeError, ValueError) as error:
-            raise SceneError(self.name, _misplaced(self.document, changes)) from error
+        except (AttributeError, LookupError, TypeError, ValueError) as error:
+            if faults := _misplaced(self.document, changes):
+                raise SceneError(self.name, faults) from error
+            raise
         return assembled(document, name or self.name, self.folder)
 
     def with_parameters(self, values: Mapping[str, float | str]) -> Scene:
@@ -201,7 +203,7 @@ def changed_document(document: SceneDocument, changes: Mapping[Place, Any], name
 
 
 def _misplaced(document: SceneDocument, changes: Mapping[Place, Any]) -> list[Fault]:
-    """Faults of places that a document does not have; of all, where each for itself is one."""
+    """Faults of places that a document does not have."""
 
     def wrong(place: Place, value: Any) -> bool:
         try:
@@ -214,7 +216,7 @@ def _misplaced(document: SceneDocument, changes: Mapping[Place, Any]) -> list[Fa
 
     if strange := [str(place) for place in changes if not (isinstance(place, tuple) and place)]:
         return [Fault(place, "this is no place.", 'Give its parts, such as ("run", "frames").') for place in strange]
-    places = [place for place, value in changes.items() if wrong(place, value)] or list(changes)
+    places = [place for place, value in changes.items() if wrong(place, value)]
     return [Fault(path_text(place), "there is no such place in the scene.", "Give one that it has.") for place in places]
 
 

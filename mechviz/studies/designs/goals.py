@@ -1,4 +1,4 @@
-"""What a scene's goal names, and what is wrong with it: all faults at once, without a run those that show without one."""
+"""A scene's goal: its variables and measures, and all of its faults at once; with a run, also those of its quantities."""
 
 from __future__ import annotations
 

@@ -213,16 +213,16 @@ def test_friction_absorbs_and_a_steady_load_drives_or_resists_even_where_it_rest
 def test_too_few_frames_for_works_are_said():
     """Works of a compressor at few frames, against those at 2880; a steady torque needs but a few; rounding is no work."""
 
-    def told(name: str, frames: int) -> str:
+    def printed(name: str, frames: int) -> str:
         return "\n".join(force_lines(run_scene(mechviz.load(name), frames=frames).forces))
 
     exact = power_table(run_scene(mechviz.load("slider-crank-compressor"), frames=2880).forces)
     for frames in (2, 3, 4, 8, 12, 16, 48, 96):
         table = power_table(run_scene(mechviz.load("slider-crank-compressor"), frames=frames).forces)
         off = max(abs(a.supplied - b.supplied) for a, b in zip(table.items, exact.items, strict=True)) / exact.supplied
-        assert ("too few for works" in told("slider-crank-compressor", frames)) == (off > 0.01), (frames, off)
-    assert "3 frames are too few" in told("slider-crank-compressor", 3)
-    assert "too few" not in told("inertia-uniform-rotation", 12)
+        assert ("too few for works" in printed("slider-crank-compressor", frames)) == (off > 0.01), (frames, off)
+    assert "3 frames are too few" in printed("slider-crank-compressor", 3)
+    assert "too few" not in printed("inertia-uniform-rotation", 12)
     steady = load(
         slider_crank(r=1.0, l=3.0, loads=(Torque(name="along", link="crank", moment=2.0),)),
         np.linspace(0.0, 6.0, 6),
@@ -411,3 +411,25 @@ def test_the_integral_so_far_is_that_of_scipy_and_exact_for_parabolas(frames):
         a, b, c = np.polynomial.polynomial.polyfit(t[:3], y[:3], 2)
         whole = [a * x + b * x**2 / 2.0 + c * x**3 / 3.0 for x in t]
         assert integral_so_far(a + b * t + c * t**2, t) == pytest.approx(np.array(whole) - whole[0], rel=1e-9, abs=1e-9)
+
+
+PUSHED = """
+units = { length = "m", angle = "deg" }
+effects = ["inertia"]
+run = { duration = "1 s", frames = 7 }
+[links]
+frame = { points = { O = [0, 0] } }
+block = { points = { T = [0, 0] }, mass = "2 kg" }
+[joints]
+S = { prismatic = ["frame", "block"], at = ["O", "T"], along = [1, 0], free = { speed = 3 } }
+[loads]
+push = { force = ["10 N", 0], on = "block", step = { at = "0.3 s" } }
+"""
+
+
+def test_a_force_that_begins_to_push_a_free_block_between_frames_does_its_work_from_then_on():
+    """10 N over 3 t + 2.5 t^2 with t = 0.7 s; the power is straight from the step on, so that few frames are enough."""
+    table = power_table(run_scene(mechviz.loads(PUSHED)).forces)
+    push, inertia = (next(i for i in table.items if what in i.label) for what in ("push", "inertia"))
+    assert (push.supplied, push.absorbed) == pytest.approx((33.25, 0.0), abs=1e-9)
+    assert inertia.absorbed == pytest.approx(0.5 * 2.0 * (6.5**2 - 3.0**2), rel=1e-9)
