@@ -1,7 +1,8 @@
 """Which tests run, and which of them in one process: those of a module, which share what it makes, and those of a scene's run.
 
-No test has a deadline. Tests that show one thing with many cases are marked with how many of these are enough to find what broke;
-with MECHVIZ_EVERY_CASE=1 in the environment, as in CI, all of them run.
+No test has a deadline. Tests that show one thing with many cases are marked with how many of these are enough to find what broke,
+and thorough ones, which try at length, at random or through a browser what shorter ones show as well, are marked as such; with
+MECHVIZ_EVERY_CASE=1 in the environment, as in CI, all of them run.
 """
 
 from __future__ import annotations
@@ -116,12 +117,13 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 
 def _sample(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Leave as many of the cases of a test as its mark says: the same ones in every run, and of all tests over one list."""
+    """Leave thorough tests out, and of others as many cases as their mark says: the same ones in every run, and of all tests over
+    one list."""
     cases: dict[str, list[pytest.Item]] = defaultdict(list)
     for item in items:
         if item.get_closest_marker("sample"):
             cases[item.nodeid.partition("[")[0]].append(item)
-    left_out: set[pytest.Item] = set()
+    left_out = {item for item in items if item.get_closest_marker("thorough")}
     for own in cases.values():
         mark = own[0].get_closest_marker("sample")
         assert mark is not None

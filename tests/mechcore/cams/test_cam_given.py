@@ -53,6 +53,7 @@ def lobes():
 PROFILES = {"arcs": tangent_cam, "spline": lobes, "square": lambda: polygon([0.03, 0.03j, -0.03, -0.03j])}
 
 
+@pytest.mark.sample(9)
 @pytest.mark.parametrize(("fitting", "turn"), side_by_side([*product(FOLLOWERS, PROFILES)], [1, -1]))
 def test_the_law_of_a_profile_is_what_the_search_finds(fitting, turn):
     """Between its knots as at them: value, velocity and acceleration against the global search at angles that are none."""

@@ -37,6 +37,7 @@ def rubbing(m: Mechanism) -> Mechanism:
     return replace(m, joints=tuple(joints), effects=(*m.effects, "friction"))
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(("kind", "seed"), RANDOM)
 def test_friction_at_any_instant_is_the_same(kind: str, seed: int) -> None:
     """Whatever slides or sticks, with the coefficients of sticking, and while a joint rests on a stop."""
@@ -60,6 +61,7 @@ def test_friction_at_any_instant_is_the_same(kind: str, seed: int) -> None:
             np.testing.assert_allclose(state.holding, by_numpy.holding(q, v, t), rtol=1e-10)
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("name", ["stick-slip-feed", "compressor-run-down", "lifted-boom"])
 def test_motions_with_contacts_are_the_same(name: str) -> None:
     """Segments end at the same events, by which the energy balance holds; what C does not have would be left to numpy."""

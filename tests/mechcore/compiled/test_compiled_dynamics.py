@@ -108,6 +108,7 @@ def servo() -> Mechanism:
     return load("servo-arm").mechanism
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize(
     ("made", "duration"),
     [(damped, 0.02), (pendulum, 1.0), (swinging_five_bar, 0.5), (driven, 0.5), (servo, 0.5), (pushed, 0.6)],
@@ -182,6 +183,7 @@ def test_a_table_is_made_only_where_a_coordinate_leads_no_longer() -> None:
         np.testing.assert_allclose(a, b, rtol=1e-8)
 
 
+@pytest.mark.thorough
 def test_groups_by_newton_and_turns_that_links_have_gone_are_followed() -> None:
     """A group of class III leads; then another joint takes over, whose coordinate a link with a spring has left by a turn."""
     m = draw("triad", 11, forces=True, friction=False).mechanism

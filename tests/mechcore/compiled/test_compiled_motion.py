@@ -67,6 +67,7 @@ def test_random_mechanisms_move_alike(kind: str, seed: int) -> None:
     assert rounding(compiled, case.time) < 1e-10
 
 
+@pytest.mark.sample(3)
 @pytest.mark.parametrize(
     "name", ["slider-crank-compressor", "ten-link-forces", "rack-and-pinion", "cam-inverse", "cam-conjugate-oscillating", "triad"]
 )
@@ -131,6 +132,7 @@ def test_what_c_does_not_have_is_named() -> None:
     assert forces_program(barrel, exact=True) == "the cam of K touches its roller in space"
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("name", ["slider-crank-compressor", "cam-friction", "swinging-double-pendulum"])
 def test_no_bit_depends_on_optimising(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """The compiler keeps to the order of operations: what tests show of their programs holds of those of users."""

@@ -138,6 +138,7 @@ def test_a_stop_of_a_slide_that_is_not_free(decided: list[int]) -> None:
     assert len(numpy.lost) >= 2 and max(decided) > 1
 
 
+@pytest.mark.thorough
 def test_a_machine_that_runs_down_by_friction_in_all_its_joints(decided: list[int]) -> None:
     scene = load("compressor-run-down")
     numpy, _ = both(scene.mechanism, 3.0, tolerance=1e-9)
@@ -150,7 +151,7 @@ def test_of_several_freedoms_events_are_found_and_numpy_decides(decided: list[in
     assert len(numpy.events) > 4 and max(decided) == 1
 
 
-@pytest.mark.sample(3)
+@pytest.mark.thorough
 @pytest.mark.parametrize("seed", range(8))
 def test_random_blocks(seed: int) -> None:
     """Belts, friction, springs, swinging loads and stops as they come."""

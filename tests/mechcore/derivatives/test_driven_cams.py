@@ -81,6 +81,7 @@ def agree(scene: Scene, number: str, step: float, keys: list[str]) -> None:
         np.testing.assert_allclose(one.slopes[0], wanted, atol=1e-9 * size, err_msg=one.quantity.key)
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("kind", "number"),
     side_by_side(list(KINDS), ["links.crank.points.B[0]", "links.frame.points.A[0]", "links.frame.points.O[0]"]),
@@ -89,6 +90,7 @@ def test_a_drag_link_turns_a_cam_in_another_way(kind, number):
     agree(loads(DRAG_LINK + KINDS[kind], kind), number, 0.02, KEYS)
 
 
+@pytest.mark.thorough
 def test_a_drag_link_whose_crank_forces_move():
     text = (DRAG_LINK + KINDS["roller"]).replace("frames = 23", 'frames = 23, duration = "0.5 s", tolerance = 1e-13')
     text = text.replace('drive = { speed = "100 rpm", start = 10 }', 'free = { position = 10, speed = "100 rpm" }')

@@ -116,7 +116,7 @@ def drawn(kind, rubs):
 RUBBING = ("slider-crank", "pin in slot", "rack", "cam", "rolling", "several drives")
 
 
-@pytest.mark.sample(10)
+@pytest.mark.sample(6)
 @pytest.mark.parametrize(("kind", "rubs"), [*((k, False) for k in KINDS), *((k, True) for k in RUBBING)])
 def test_every_kind_of_mechanism_agrees_with_differences(kind, rubs):
     compare(*drawn(kind, rubs))

@@ -76,7 +76,7 @@ FRAMES = 24
 SIXTH = tuple((s * n, s * w) for n, w in ((1, 3 / 4), (2, -3 / 20), (3, 1 / 60)) for s in (1, -1))
 
 
-@pytest.mark.sample(5)
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(
     "name, duration, number, step, keys",
     [
@@ -225,7 +225,7 @@ def test_a_steady_speed_is_that_at_which_the_torques_balance():
     np.testing.assert_allclose(mean.derivatives, wanted, atol=1e-9)
 
 
-@pytest.mark.sample(1)
+@pytest.mark.thorough
 @pytest.mark.parametrize("duration", [None, "0.1 s", "0.5 s"])
 def test_a_steady_run_with_jumping_forces_follows_its_parameters(duration):
     """The crusher over its period, whatever that is, over a part of it and over some of them, by differences."""

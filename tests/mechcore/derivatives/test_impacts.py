@@ -107,7 +107,7 @@ def test_of_two_bodies_that_land_at_once_one_may_have_fallen_farther():
         np.testing.assert_allclose(computed[1].slopes[k], 0.0, atol=1e-9)
 
 
-@pytest.mark.sample(2)
+@pytest.mark.thorough
 @pytest.mark.parametrize("number", ["height", "other_height", "floor", "other_floor"])
 def test_bodies_that_springs_and_dampers_couple_may_land_apart(number):
     """What comes second then moves on a little longer under forces of the first one's new speed: to second order that is another
@@ -119,6 +119,7 @@ def test_bodies_that_springs_and_dampers_couple_may_land_apart(number):
         np.testing.assert_allclose(exact, 2.0 * fine - coarse, atol=1e-8 * np.abs(fine).max())
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(
     ("number", "bounce"),  # coefficients that differ may add energy: then the smallest holds for both
     side_by_side(["height", "floor", "links.beam.centre[0]", "bounce", "other_bounce"], [0.7, 0.4]),

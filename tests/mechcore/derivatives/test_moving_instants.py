@@ -33,7 +33,7 @@ def agree(scene: Scene, number: str, step: float, *keys: str, bound: float = 1e-
         np.testing.assert_allclose(one.slopes[0], wanted, atol=bound * np.abs(wanted).max())
 
 
-@pytest.mark.sample(4)
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(
     "law, number",
     [

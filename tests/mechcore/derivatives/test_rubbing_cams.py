@@ -29,6 +29,7 @@ def test_a_roller_whose_pin_rubs_on_a_cam_that_a_linkage_turns(number, step):
     agree(loads(text.replace('"gravity"]', '"gravity", "friction"]'), "drag"), number, step, ["drive.A.torque", "joint.K.reaction"])
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(
     ("number", "effects"),
     side_by_side(

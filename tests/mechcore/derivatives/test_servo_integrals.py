@@ -86,7 +86,7 @@ STICKING = {"effects": '["inertia", "gravity", "friction"]', "duration": '"3 s",
 STICKING["free"] = "{ position = 0.3, speed = 0.5 }\nfriction = { coefficient = 0.1, static = 0.15 }"
 
 
-@pytest.mark.sample(2)
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     "changed, events, number, step",
     [

@@ -87,6 +87,7 @@ def test_a_cycle_simulated_from_it_comes_back(name: str):
     assert v[:, 0].max() <= run.greatest * (1 + 1e-9) and v[:, 0].min() >= run.least * (1 - 1e-9)
 
 
+@pytest.mark.thorough
 def test_a_long_simulation_from_rest_ends_in_it():
     mechanism = started("compressor-start-up")
     run = steady_run(mechanism)

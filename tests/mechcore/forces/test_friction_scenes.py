@@ -151,6 +151,7 @@ def test_the_edge_of_a_jam_is_found_from_how_much_could_still_be_moved(monkeypat
     assert len(looks) <= 3 and max(looks) <= 20
 
 
+@pytest.mark.thorough
 def test_a_jam_between_two_frames_is_found():
     """The arm passes the critical length for a moment: the effort goes through infinity and back between two frames."""
     b, mu, excess = 0.08, 0.2, 2e-4

@@ -125,7 +125,7 @@ def searched(kind: str, seed: int, tolerance: float) -> tuple[str, str, float, f
     return (*worst, condition)
 
 
-@pytest.mark.sample(6)
+@pytest.mark.sample(3)
 @pytest.mark.parametrize(("kind", "seed"), MENDED)
 def test_cases_that_once_failed(kind: str, seed: int) -> None:
     how, name, ratio, _ = search(kind, seed)

@@ -15,6 +15,7 @@ from mechviz.scene.scene import load
 SCENES = sorted((Path(__file__).parents[2] / "reference" / "scenes").glob("*.toml"))
 
 
+@pytest.mark.sample(2)
 @pytest.mark.parametrize("path", SCENES, ids=lambda path: path.stem)
 def test_a_scene_once_wrong_agrees_with_the_second_formulation(path: Path) -> None:
     scene = load(path)

@@ -27,7 +27,7 @@ def motion_of(name, frames=72):
     return solve_motion(compiled, default_times(scene.mechanism, frames, scene.cycles))
 
 
-@pytest.mark.sample(24)
+@pytest.mark.sample(12)
 @pytest.mark.parametrize("name", COVERING)
 def test_every_plan_of_the_gallery_closes(name):
     run = ran(name)

@@ -171,6 +171,7 @@ def test_no_roller_is_the_least_where_nothing_presses_it_or_none_does():
         mechviz.loads(re.sub(r"(?s)\[loads\].*", "", text).replace('effects = ["inertia", "gravity"]', "effects = []"))
 
 
+@pytest.mark.thorough
 def test_a_roller_is_the_least_for_the_forces_of_a_shaft_that_runs_freely():
     """Inertia and the spring let the shaft's speed swing, in its own way with each roller; at a prescribed speed it is another."""
     text = sized("38", '"least"').replace('drive = { speed = "200 rpm" }', 'free = { speed = "200 rpm" }')

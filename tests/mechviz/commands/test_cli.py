@@ -42,7 +42,7 @@ def after(marker: str, lines: list[str]) -> list[str]:
 # --- check ------------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.sample(50)
+@pytest.mark.sample(24)
 @pytest.mark.parametrize("name", gallery_names())
 def test_check_prints_every_scene_of_the_gallery_and_tells_modes_apart(name):
     lines = check_lines(gallery_scene(name), modes=True)

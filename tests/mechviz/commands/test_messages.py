@@ -107,6 +107,7 @@ def spoilt(rng: random.Random) -> tuple[str, dict[str, Any]]:
     return name, raw
 
 
+@pytest.mark.sample(1)
 @pytest.mark.parametrize("units", list(SYSTEMS), ids=lambda u: f"{u.length} {u.angle}")
 def test_faults_of_spoilt_scenes_are_in_their_units_and_at_their_keys(units):
     rng, told = random.Random(units.length), 0

@@ -219,6 +219,7 @@ motor = { torque = "1 N m", on = "rotor" }
 """
 
 
+@pytest.mark.thorough
 def test_a_rotor_that_gains_speed_for_ever_is_followed_over_so_many_turns():
     """At 1 rad/s^2 it has made 50,000 turns after sqrt(2 x 50,000 x 2 pi) s = 792.7 s."""
     with pytest.raises(MechanismError, match=r"after 79[23].* s of 1e\+06 s it has made 50,000 turns") as error:

@@ -114,7 +114,7 @@ def of_series(recording: Recording) -> Iterator[str]:
                 yield from () if stated is None else map(str, stated)
 
 
-@pytest.mark.sample(24)
+@pytest.mark.sample(12)
 @pytest.mark.parametrize(("name", "system", "source"), CASES)
 def test_no_output_of_a_scene_has_other_units_than_its_own(name, system, source):
     """Each scene from its run in some units, from its recording in others."""

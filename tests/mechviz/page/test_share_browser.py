@@ -376,6 +376,7 @@ def test_all_of_the_motion_is_in_the_free_part_of_the_picture(wide):
         assert (spots >= low - 3.0).all() and (spots <= high).all(), view
 
 
+@pytest.mark.thorough
 def test_mechanisms_fill_the_free_part_of_the_picture(browser, tmp_path):
     """Two thirds of its height or its width at least, whatever the window and whatever arrows there are."""
     file = tmp_path / "page.html"
@@ -523,6 +524,7 @@ def test_a_picture_is_what_was_asked_for(tmp_path):
     assert [p.name for p in tmp_path.iterdir()] == ["a.png"]
 
 
+@pytest.mark.thorough
 def test_a_film_moves_and_an_interrupted_one_leaves_nothing(tmp_path):
     from PIL import Image
 

@@ -145,7 +145,7 @@ def test_parts_are_closed_nothing_collides_and_pins_reach_through_the_links_that
     nothing_collides_and_pins_reach_through(name)
 
 
-@pytest.mark.sample(24)
+@pytest.mark.sample(12)
 @pytest.mark.parametrize("name", COVERING)
 def test_nothing_collides_in_a_scene_and_pins_reach_through_the_links_that_they_join(name):
     nothing_collides_and_pins_reach_through(name)

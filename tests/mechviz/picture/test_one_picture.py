@@ -77,7 +77,7 @@ def test_bodies_that_a_joint_brings_along_are_drawn() -> None:
     assert brought and brought <= set(view_model.bodies), "barrel and rod of its cylinder"
 
 
-@pytest.mark.sample(24)
+@pytest.mark.sample(12)
 @pytest.mark.parametrize("name", COVERING)
 def test_a_recording_holds_the_picture_and_the_catalogue_of_its_run(name: str) -> None:
     the_picture_is_that_of_the_run(made(name))

@@ -13,7 +13,7 @@ from budget import Tally
 TORTURE = Path(__file__).resolve().parents[2] / "torture"
 
 
-@pytest.mark.sample(2)
+@pytest.mark.thorough
 @pytest.mark.parametrize(
     ("name", "count"), [("kills.py", 2), ("full_disk.py", 2), ("many_recordings.py", 4), ("mutated_scenes.py", 3)]
 )

@@ -431,7 +431,7 @@ def the_default_blueprint_is_embedded(m: Made) -> None:
     assert len(views) >= 5
 
 
-@pytest.mark.sample(24)
+@pytest.mark.sample(12)
 @pytest.mark.parametrize("name", COVERING)
 def test_what_is_recorded(name: str) -> None:
     """All of the above, of one recording."""

@@ -136,6 +136,7 @@ def test_a_log_without_its_lines_or_their_levels_is_named(whole, tmp_path, lost)
         Recording(tmp_path / "a.rrd")
 
 
+@pytest.mark.thorough
 def test_a_part_that_is_cut_anywhere_is_read_up_to_its_last_whole_block(tmp_path, monkeypatch):
     monkeypatch.setattr(writer, "BLOCK_FRAMES", 40)
 
@@ -247,6 +248,7 @@ def test_without_its_index_a_damaged_recording_is_read_up_to_there(tmp_path, mon
     assert len(recording.times("data", "links", "crank", "pose")) == 80 and "Only the first 80 of 101 frames" in recording.note
 
 
+@pytest.mark.thorough
 def test_turned_bits_in_the_frame_of_a_chunk_do_not_end_the_process(whole, tmp_path):
     """Rerun's own reader ends the process at some of them: every bit of the first kilobyte of a chunk is tried, in steps."""
     data = whole.read_bytes()

@@ -51,6 +51,7 @@ def test_a_recording_takes_the_place_of_the_old_one(tmp_path):
     assert "left out: effect inertia" in summary.costs() and "kB a frame" in summary.costs()
 
 
+@pytest.mark.thorough
 def test_many_recordings_in_one_process_keep_no_threads_files_or_memory(tmp_path):
     def held() -> tuple[int, int]:
         return len(os.listdir("/proc/self/task")), len(os.listdir("/proc/self/fd"))
@@ -239,7 +240,7 @@ def child(path: Path, *, pause: float, limit: int = 0) -> subprocess.Popen[str]:
     )
 
 
-@pytest.mark.sample(2)
+@pytest.mark.sample(1)
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGTERM, 143), (signal.SIGINT, -signal.SIGINT), (signal.SIGKILL, -9)])
 def test_signals_leave_a_readable_part(tmp_path, number, code):
     path = tmp_path / "a.rrd"

@@ -369,7 +369,7 @@ def same_mechanism(a: Scene, b: Scene) -> bool:
     return re.sub(r" at 0x[0-9a-f]+", "", repr(a.mechanism)) == re.sub(r" at 0x[0-9a-f]+", "", repr(b.mechanism))
 
 
-@pytest.mark.sample(50)
+@pytest.mark.sample(24)
 @pytest.mark.parametrize("name", NAMES)
 def test_gallery_scenes_survive_writing_and_reading_and_agree_with_the_schema(name):
     scene = gallery_scene(name)

@@ -589,6 +589,7 @@ def chain(links: int, kind: str) -> str:
     return "\n".join([*traces, *lines, *more.get(kind, ()), "[run]", "frames = 8"])
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("kind", ["links", "loads", "sketch", "traces"])
 def test_the_work_of_checking_names_grows_with_the_scene_not_with_its_square(kind):
     """Counted in calls of functions: twice the links may take 2.5 times as many."""

@@ -104,6 +104,7 @@ def test_the_command_draws_and_refuses_what_is_no_study(studies, tmp_path):
     assert said.exit_code == 2 and "not a regular file" in said.output
 
 
+@pytest.mark.thorough
 def test_a_cluster_finds_the_same_bit_for_bit_and_loses_nothing_with_a_worker():
     distributed = pytest.importorskip("distributed")
     scene = load("parametric-press")

@@ -189,6 +189,7 @@ def test_a_front_has_no_design_that_another_beats():
     np.testing.assert_allclose(best.front[:, 1], 3.0, rtol=5e-3)
 
 
+@pytest.mark.thorough
 def test_a_front_of_three_objectives_goes_from_the_best_of_each_to_that_of_the_others(tmp_path):
     """Length and torque small, stroke great: the shortest has the least stroke and ratio, the strongest the least stroke and the
     greatest ratio, the longest stroke any ratio."""
@@ -239,6 +240,7 @@ spring = { spring = ["frame.G", "block.T"], stiffness = "100 N/m", free_length =
 """
 
 
+@pytest.mark.thorough
 def test_designs_that_are_run_one_by_one_say_how_many_of_them_are_done(tmp_path, monkeypatch):
     """Of a motion under forces, whose designs are not computed side by side: samples, and a generation."""
     monkeypatch.setattr("mechviz.progress.LINE_PAUSE", 0.0)
@@ -250,6 +252,7 @@ def test_designs_that_are_run_one_by_one_say_how_many_of_them_are_done(tmp_path,
     assert re.search(r"optimising: samples: 0.* m/s; 4 of 5 designs\n", said.stderr)
 
 
+@pytest.mark.thorough
 def test_what_cannot_be_had_is_said():
     with pytest.raises(MechanismError, match="misses them by"):
         goal = {"minimise": "link.ram.position[x]:max", "limits": {"joint.S.displacement:range": {"least": 500}}}

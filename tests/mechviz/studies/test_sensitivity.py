@@ -258,7 +258,7 @@ def by_differences(scene, place, key, frames, h=1e-3):
         return sum(weight * (values[k] - values[-k]) for k, weight in ((1, 45), (2, -9), (3, 1))) / (60.0 * h * size)
 
 
-@pytest.mark.sample(4)
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(("name", "place", "keys"), CONTENTS)
 def test_metrics_bearings_and_contact_stresses_have_exact_derivatives(name, place, keys):
     scene = load(name)

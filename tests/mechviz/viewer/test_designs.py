@@ -96,6 +96,7 @@ def test_a_search_shows_its_best_design_and_stopping_keeps_it(viewer, monkeypatc
     assert optimum < viewer.session.run.catalogue.peak("drive.A.torque") < start
 
 
+@pytest.mark.thorough
 @pytest.mark.browser
 def test_designs_and_bands_are_asked_for_in_the_page(viewer, browser, monkeypatch):
     """Each control of the tab, and the tolerance band of plots."""
@@ -139,6 +140,7 @@ def test_designs_and_bands_are_asked_for_in_the_page(viewer, browser, monkeypatc
     page.close()
 
 
+@pytest.mark.thorough
 @pytest.mark.browser
 def test_two_designs_lie_over_each_other_in_the_page(browser):
     """`view A B`: the second stands pale behind the first from the start, its curve beside; a box takes both away."""

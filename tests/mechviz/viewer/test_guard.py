@@ -312,6 +312,7 @@ def test_the_page_loads_nothing_from_elsewhere(viewer):
     assert f"ws://127.0.0.1:{viewer.port}" in policy["connect-src"]
 
 
+@pytest.mark.thorough
 def test_a_sample_of_hostile_messages_of_all_kinds():
     """tests/torture/hostile_messages.py sends a million of them, edits among them."""
     with hostile_messages.viewer() as (port, process):

@@ -481,7 +481,7 @@ def test_of_a_motion_without_drives_effects_are_weighed_by_the_largest_reaction(
 
 
 # -- recordings -------------------------------------------------------------------------------------------------------
-@pytest.mark.sample(4)
+@pytest.mark.sample(2)
 @pytest.mark.parametrize(
     ("name", "overlays"),
     [

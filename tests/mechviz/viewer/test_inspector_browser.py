@@ -264,6 +264,7 @@ def test_effects_are_switched_and_weighed(viewer, page):
     row.first.wait_for()
 
 
+@pytest.mark.thorough
 def test_a_click_on_a_setting_in_the_diagram_of_accuracy_applies_it(viewer, page, monkeypatch):
     monkeypatch.setattr(precision, "FRAMES", (40, 90))
     monkeypatch.setattr(precision, "timed", lambda work, *_, **__: (work(), Timed(1e-3 * next(count), 0.0, 1))[1])
@@ -585,6 +586,7 @@ def test_a_plan_is_asked_for_where_diagrams_are_shown_and_what_cannot_be_had_is_
     until(page, lambda: not box.is_checked(), "the switch goes back")
 
 
+@pytest.mark.thorough
 def test_a_motion_grows_in_a_page_that_then_finds_a_cam_at_a_new_server(browser, folder, monkeypatch):
     """One page: the path of ``view --live``, a server that is started anew at the same address, and what belongs to cams."""
     shown, opened = _watch_it_grow(browser, folder, monkeypatch)

@@ -192,6 +192,7 @@ def test_a_table_is_pasted_as_a_spreadsheet_copies_it():
             table.changes(text)
 
 
+@pytest.mark.thorough
 def test_in_the_browser_a_law_becomes_a_given_acceleration(browser):
     place = (*LIFT, 0, "law")
     run = run_scene(mechviz.load("cam-roller"), frames=60)

@@ -35,6 +35,7 @@ def arriving(monkeypatch, viewer, browser, control, value):
     return statuses
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize(("typed", "fault"), [("1, 2\n3", "2 numbers are wanted"), (SEVEN, "")])
 def test_a_text_typed_while_an_earlier_one_is_solved_is_not_lost(typed, fault, monkeypatch):
     scene = mechviz.load("cam-roller")
@@ -81,7 +82,7 @@ SWITCHED = pytest.mark.parametrize(
 )
 
 
-@pytest.mark.sample(2)
+@pytest.mark.thorough
 @SWITCHED
 def test_what_has_not_been_read_yet_does_not_go_back_when_an_earlier_change_is_shown(control, wanted, has, monkeypatch):
     """A click that arrives while the controls follow an earlier change, and whose callback runs after that."""

@@ -93,6 +93,7 @@ def test_handles_may_be_hidden_while_an_edit_is_shown(solutions):
         assert len(tab._nodes) == 3
 
 
+@pytest.mark.thorough
 def test_positions_are_shown_added_and_taken_away_in_the_page(browser, solutions):
     with Viewer(run_scene(solutions[0].scene, frames=60), port=0) as viewer:
         page = open_viewer(browser, viewer, SIZE, [link_path("crank")])
@@ -202,6 +203,7 @@ def test_what_is_drawn_becomes_points_at_equal_distances():
     assert sheet_place((0, 0, 1), (1, 0, 1), 0.0) is None  # along the sheet
 
 
+@pytest.mark.thorough
 @pytest.mark.browser
 def test_a_curve_is_drawn_with_the_mouse(browser):
     with Viewer(run_scene(mechviz.load("crank-rocker"), frames=120), port=0) as viewer:

@@ -76,6 +76,7 @@ def _settled(viewer: Viewer, page: Any) -> None:
     camera_rests(page, 20)
 
 
+@pytest.mark.thorough
 def test_mechanisms_fill_two_thirds_of_the_picture_and_nothing_is_cut_off(viewer, page):
     """Where the page's own camera has them, in windows of three sizes, each with a part of the scenes."""
     for k, (window, (width, height)) in enumerate(WINDOWS.items()):
@@ -177,6 +178,7 @@ def full(browser) -> Iterator[tuple[Viewer, Any]]:
         page.close()
 
 
+@pytest.mark.thorough
 def test_tabs_lie_in_one_row_at_1400_pixels(full):
     _, page = full
     lists = page.evaluate(TABS)

@@ -289,6 +289,7 @@ def test_what_has_arrived_is_taken_at_once_and_drawn_in_a_few_frames(viewer, pag
     assert again - drawn <= 5 + (ended - began) / 1000
 
 
+@pytest.mark.thorough
 def test_a_long_play_leaves_the_memory_as_it_is(viewer, page):
     """As many frames as in twenty seconds, without the waits between them. Two hours: benchmarks/viewer.py."""
     devtools = page.context.new_cdp_session(page)
@@ -585,6 +586,7 @@ def test_hostile_values_and_failures_are_told_and_survived(viewer, page, monkeyp
     assert not errors
 
 
+@pytest.mark.thorough
 def test_two_browsers_show_the_same_frame_through_their_own_cameras(viewer, page, browser):
     other = open_viewer(browser, viewer, {"width": 1000, "height": 500}, NODES)
     try:
