@@ -15,6 +15,7 @@ from mechcore.spec.clearance import Clearance, with_clearances
 from mechcore.spec.mechanism import CamJoint, Drive, Link, Mechanism, Planar, coordinates_of, friction_of
 from mechcore.texts import as_length
 from mechviz.scene.assembly.links import (
+    Placement,
     drawn_bodies,
     drawn_links,
     drawn_outline,
@@ -39,6 +40,7 @@ from mechviz.scene.document import SceneDocument
 from mechviz.scene.faults import MOST_SOUGHT, document_path, first_ones
 from mechviz.scene.folder import SceneFolder
 from mechviz.scene.kinds.drive_laws import jumping_speeds, law_of
+from mechviz.scene.kinds.drives import DriveDocument
 from mechviz.scene.kinds.friction import clearances_of, idle_effect
 from mechviz.scene.kinds.joints.cam_documents import LEAST
 from mechviz.scene.kinds.joints.document import JointDocument, check_joints, drawn_place, joint_spec, modes_of
@@ -79,16 +81,10 @@ def assemble_scene(
     Files are read from the scene's ``folder``. ``outlines`` are those of links whose mass follows from them; they are drawn here
     when all else is known.
     """
-    faults = [*first_ones(check_link_names(reading)), *first_ones(check_names(reading))]
-    if len(faults) + len(reading.faults) > MOST_SOUGHT:
+    faults, repaired = _named(reading)
+    if repaired is None:
         return None, faults
-    if faults or reading.faults:
-        reading = links_repaired(reading)
-    faults += [*first_ones(check_loads(reading)), *first_ones(check_references(reading))]
-    if len(faults) > MOST_SOUGHT:
-        return None, faults
-    if faults:
-        reading = sketch_repaired(reading)
+    reading = repaired
     faults += check_joints(reading)
     touched = {key: touched_links(reading, key, joint) for key, joint in (reading.document.joints | reading.shapeless).items()}
     certain = not reading.shapeless and all(sure for _, sure in touched.values())
@@ -100,66 +96,22 @@ def assemble_scene(
     convert = Converter.of(document.units, folder)
     placement = place_links(document, convert)
     parallel = links_that_cannot_turn(document, touched)
-    links = []
-    for key, link in document.links.items():
-        named = [name for name in document.effects if name != "friction"]  # which no mass makes
-        needed = [*named, *(["inertia"] if needs_inertia(document, key) else [])]
-        effects = () if key == document.frame else tuple(dict.fromkeys(needed))
-        points = placement.points.get(key, {})
-        try:
-            mass, centre, inertia = mass_properties(
-                key, link, points, effects, convert, can_turn=key not in parallel, drawn=(outlines or {}).get(key)
-            )
-        except (ArithmeticError, AssertionError, LookupError, TypeError, ValueError):
-            if not reading.faults:
-                raise
-            continue  # what fails here fails by a part that could not be read, which is noted already
-        if points:
-            own = None if link.gravity is None else convert.vector(link.gravity, "gravity", f"links.{key}.gravity")
-            plane = convert.si(link.plane, "length", f"links.{key}.plane")
-            made = Link(name=key, points=points, mass=mass, centre=centre, inertia=inertia, gravity=own, plane=plane)
-            if link.outline is not None:
-                made = replace(made, outline=drawn_outline(key, link.outline, document, placement, convert))
-            if link.colour is not None and link.has_valid("colour"):
-                red, green, blue = bytes.fromhex(link.colour[1:])
-                made = replace(made, colour=(red, green, blue))
-            links.append(made)
+    drawn = outlines or {}
+    links = [
+        made
+        for key in document.links
+        if (made := _link(reading, key, placement, convert, can_turn=key not in parallel, drawn=drawn.get(key))) is not None
+    ]
     made_joints = [
         joint_spec(key, joint, document, placement, convert) for key, joint in document.joints.items() if len(joint.kinds) == 1
     ]
     joints = [joint for joint in made_joints if joint is not None]
     if not reading.faults:
         idle_effect(document.effects, document.joints, [friction_of(joint) for joint in joints], convert)
-    laws: dict[str, Law] = {}
-    masters: dict[str, Law | None] = {}
     moved = document.joints | reading.shapeless
     driven = {key: joint.drive for key, joint in moved.items() if joint.drive is not None}
-    lasts = stated_duration(document, Converter.of(document.units, folder))  # its faults are noted where the run is read
-    for key in sorted(driven, key=lambda k: driven[k].program is not None):  # programs may follow the others
-        joint, path = moved[key], f"joints.{key}.drive"
-        clear = joint.traits.driven if len(joint.kinds) == 1 else ""
-        sort = clear or probable_sort(driven[key])
-        drawn = drawn_angle(joint, placement) if clear == "angle" else 0.0
-        law = law_of(
-            driven[key], sort, convert, path, drawn=drawn, cycles=document.run.cycles, lasts=lasts, masters=masters, drives=driven
-        )
-        if law is not None:
-            _check_length(joint, law, convert, path)
-            laws[key] = law
-        if sort == "angle" and driven[key].program is None and driven[key].range != REACHABLE:
-            masters[key] = law
-    starts: dict[str, Free] = {}
-    for key, joint in moved.items():
-        if joint.free is not None and len(joint.kinds) == 1 and joint.traits.pose:
-            names, drawn_at = Planar(name=key, links=joint.links).coordinates, drawn_place(joint, placement)
-            starts |= planar_starts(joint.free, names, convert, f"joints.{key}.free", drawn=drawn_at)
-        elif joint.free is not None and joint.drive is None and len(joint.kinds) == 1:
-            sort, path = joint.traits.driven, f"joints.{key}.free"
-            drawn = drawn_angle(joint, placement) if sort == "angle" else 0.0
-            start = free_law(joint.free, sort or probable_sort(joint.free), convert, path, drawn=drawn)
-            if start is not None:
-                _check_length(joint, start, convert, path)
-                starts[key] = start
+    laws = _drive_laws(document, moved, driven, placement, convert)
+    starts = _free_starts(moved, placement, convert)
     convert.faults += jumping_speeds(laws, free=bool(starts))
     own_laws = {**laws, **starts}
     drives = [Drive(joint=name, law=own_laws[name]) for joint in joints for name in coordinates_of(joint) if name in own_laws]
@@ -213,6 +165,98 @@ def assemble_scene(
     if simulation is not None and mechanism.ends:
         simulation = replace(simulation, stops=with_slot_ends(mechanism, simulation.stops))
     return AssembledScene(mechanism, simulation, convert.kinds, convert.curves), []
+
+
+def _named(reading: Reading) -> tuple[list[Fault], Reading | None]:
+    """Faults of the names in a reading, and the reading with those repaired whose spelling can be; None where there are so many
+    faults that no more are sought."""
+    faults = [*first_ones(check_link_names(reading)), *first_ones(check_names(reading))]
+    if len(faults) + len(reading.faults) > MOST_SOUGHT:
+        return faults, None
+    if faults or reading.faults:
+        reading = links_repaired(reading)
+    faults += [*first_ones(check_loads(reading)), *first_ones(check_references(reading))]
+    if len(faults) > MOST_SOUGHT:
+        return faults, None
+    return faults, sketch_repaired(reading) if faults else reading
+
+
+def _link(
+    reading: Reading, key: str, placement: Placement, convert: Converter, *, can_turn: bool, drawn: RigidBody | None
+) -> Link | None:
+    """A link with its masses; None where it has no point, or where a part of the scene that it needs could not be read.
+
+    ``drawn``: its solid, where its mass follows from that.
+    """
+    document = reading.document
+    link, points = document.links[key], placement.points.get(key, {})
+    named = [name for name in document.effects if name != "friction"]  # which no mass makes
+    needed = [*named, *(["inertia"] if needs_inertia(document, key) else [])]
+    effects = () if key == document.frame else tuple(dict.fromkeys(needed))
+    try:
+        mass, centre, inertia = mass_properties(key, link, points, effects, convert, can_turn=can_turn, drawn=drawn)
+    except (ArithmeticError, AssertionError, LookupError, TypeError, ValueError):
+        if not reading.faults:
+            raise
+        return None  # what fails here fails by a part that could not be read, which is noted already
+    if not points:
+        return None
+    gravity = None if link.gravity is None else convert.vector(link.gravity, "gravity", f"links.{key}.gravity")
+    plane = convert.si(link.plane, "length", f"links.{key}.plane")
+    made = Link(name=key, points=points, mass=mass, centre=centre, inertia=inertia, gravity=gravity, plane=plane)
+    if link.outline is not None:
+        made = replace(made, outline=drawn_outline(key, link.outline, document, placement, convert))
+    if link.colour is not None and link.has_valid("colour"):
+        red, green, blue = bytes.fromhex(link.colour[1:])
+        made = replace(made, colour=(red, green, blue))
+    return made
+
+
+def _drive_laws(
+    document: SceneDocument,
+    joints: Mapping[str, JointDocument],
+    driven: Mapping[str, DriveDocument],
+    placement: Placement,
+    convert: Converter,
+) -> dict[str, Law]:
+    """The laws of the drives of ``joints``, by joint; faults are noted in ``convert``."""
+    laws: dict[str, Law] = {}
+    masters: dict[str, Law | None] = {}
+    lasts = stated_duration(document, Converter.of(document.units, convert.folder))  # its faults are noted where the run is read
+    for key in sorted(driven, key=lambda k: driven[k].program is not None):  # programs may follow the others
+        joint, path = joints[key], f"joints.{key}.drive"
+        clear = joint.traits.driven if len(joint.kinds) == 1 else ""
+        sort = clear or probable_sort(driven[key])
+        drawn = drawn_angle(joint, placement) if clear == "angle" else 0.0
+        law = law_of(
+            driven[key], sort, convert, path, drawn=drawn, cycles=document.run.cycles, lasts=lasts, masters=masters, drives=driven
+        )
+        if law is not None:
+            _check_length(joint, law, convert, path)
+            laws[key] = law
+        if sort == "angle" and driven[key].program is None and driven[key].range != REACHABLE:
+            masters[key] = law
+    return laws
+
+
+def _free_starts(joints: Mapping[str, JointDocument], placement: Placement, convert: Converter) -> dict[str, Free]:
+    """Where and how fast the free coordinates of ``joints`` start, by coordinate; faults are noted in ``convert``."""
+    starts: dict[str, Free] = {}
+    for key, joint in joints.items():
+        if joint.free is None or len(joint.kinds) != 1:
+            continue
+        path = f"joints.{key}.free"
+        if joint.traits.pose:
+            names, drawn_at = Planar(name=key, links=joint.links).coordinates, drawn_place(joint, placement)
+            starts |= planar_starts(joint.free, names, convert, path, drawn=drawn_at)
+        elif joint.drive is None:
+            sort = joint.traits.driven
+            drawn = drawn_angle(joint, placement) if sort == "angle" else 0.0
+            start = free_law(joint.free, sort or probable_sort(joint.free), convert, path, drawn=drawn)
+            if start is not None:
+                _check_length(joint, start, convert, path)
+                starts[key] = start
+    return starts
 
 
 def _least_roller_faults(document: SceneDocument) -> list[Fault]:
