@@ -27,7 +27,7 @@ class Wrench:
     """``force`` (complex, (F,) or one value) [N] and a free ``moment`` [N m] on a link.
 
     The force acts at ``arm`` from the link's origin (world axes) [m]. On the link ``other``, where there is one, the opposite
-    force and moment act at the same point, ``other_arm`` from that link's origin.
+    force and moment act ``other_arm`` from that link's origin: at the same point, or at its own on the same line.
     """
 
     name: str

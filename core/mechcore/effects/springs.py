@@ -51,10 +51,9 @@ class Line(_BetweenPoints[Joining]):
         return unit_vectors(vector)
 
     def between(self, at: Configuration, force: Plane) -> list[Wrench]:
-        """``force`` on the first link at its point, the opposite on the second link at the same point and line."""
+        """``force`` on the first link at its point, the opposite on the second link at its own, on the same line."""
         (first, own), (second, other) = self.end(at, 0), self.end(at, 1)
-        arm = own * at.rotation(first)
-        other_arm = other * at.rotation(second) - self.vector(at)
+        arm, other_arm = own * at.rotation(first), other * at.rotation(second)
         return [Wrench(self.name, self.kind, first, force, 0.0, arm, self.cause, second, other_arm)]
 
 

@@ -15,7 +15,7 @@ from mechcore.forces.section_forces import SectionForces, guide_load, section_fo
 from mechcore.forces.section_lines import Cuts, MassPart, SectionAxis, axis_of, mass_line
 from mechcore.laws.timed import ConstantSpeed, Law, Oscillation
 from mechcore.motion.solve import compile_mechanism, solve_motion
-from mechcore.spec.loads import Force
+from mechcore.spec.loads import Actuator, Force, GasSpring, Spring
 from mechcore.spec.mechanism import Drive, Friction, Link, Mechanism, Prismatic, Weld
 from mechcore.spec.studies import CrossSection, SectionStudy
 
@@ -206,6 +206,38 @@ def test_an_axis_with_corners_and_a_load_beside_it() -> None:
     straight = sections(mechanism, "arm", points=("O", "K"))  # the load at T is passed on by a rigid arm
     assert straight.unbalanced[0] < 1e-11
     assert straight.moment[0, np.flatnonzero(straight.stations[0] == 0.0)[-1]] == pytest.approx(diagrams.moment[0, foot], rel=1e-6)
+
+
+PULLS = (
+    Spring(name="F", links=("frame", "bar"), points=("H", "B"), stiffness=100.0, free_length=0.1),
+    GasSpring(name="F", links=("frame", "bar"), points=("H", "B"), force=-50.0, extended=0.6, gas_length=5.0),
+    Actuator(name="F", links=("frame", "bar"), points=("H", "B"), force=-50.0),
+)
+
+
+@pytest.mark.parametrize("pull", PULLS, ids=lambda pull: type(pull).__name__)
+@pytest.mark.parametrize("bar_first", [False, True])
+def test_a_pull_between_two_points_bends_each_link_from_its_own_point_on(pull: Spring, bar_first: bool) -> None:
+    """A clamped bar whose tip is pulled slantwise towards a point above its middle: whichever link the load names first, the
+    moment grows evenly from the tip on."""
+    base = bar(ConstantSpeed(start=0.0, speed=0.0), effects=())
+    frame, beam = base.links
+    height, back = 0.3, LENGTH / 2
+    frame = replace(frame, points={**frame.points, "H": (LENGTH - back, height)})
+    if bar_first:
+        pull = replace(pull, links=pull.links[::-1], points=pull.points[::-1])
+    mechanism = replace(
+        base, links=(frame, beam), joints=(Weld(name="A", links=("frame", "bar"), points=("A", "A")),), drives=(), loads=(pull,)
+    )
+    diagrams = sections(mechanism, "bar")
+    load = solved(mechanism, (0.0,)).loads["F"].values[0]
+    along, across = np.array([-back, height]) / math.hypot(back, height) * np.hypot(*load[:2])
+    s = diagrams.stations[0]
+    within = (s > 0.0) & (s < LENGTH)
+    assert np.hypot(*load[:2]) > 30.0
+    np.testing.assert_allclose(diagrams.normal[0, within], along, rtol=1e-12)
+    np.testing.assert_allclose(diagrams.shear[0, within], -across, rtol=1e-12)
+    np.testing.assert_allclose(diagrams.moment[0, within], across * (LENGTH - s[within]), rtol=1e-10)
 
 
 def test_turned_scaled_and_reversed_links_carry_the_same() -> None:
