@@ -9,12 +9,12 @@ pair that no two lines decide (in groups of class III and higher) has the latter
 
 Curvature of paths: centre of curvature and evolute of a point's path, inflection circle of a link, Euler-Savary, Bobillier.
 
-Everything is about geometry and uses the motion per unit of the first drive, which may stand still. With the pole P (instant centre
-against the frame), the angular velocity w and the acceleration a_P of the link's point at P, the points that pass through an
-inflection of their paths lie on the circle with the diameter from P to the inflection pole J = P + a_P / w^2. On a ray through P it
-decides all centres of curvature K (Euler-Savary): XP^2 = XK XJ', directed, where J' is on the circle. Bobillier: the angle from the
-pole tangent to the ray of one point is that from the ray of another to the collineation axis, which leads from P to where the line
-of the two points meets that of their centres of curvature.
+Everything is about geometry: where one drive moves, of the motion per unit of its coordinate, and it may stand still. With the pole
+P (instant centre against the frame), the angular velocity w and the acceleration a_P of the link's point at P, the points that pass
+through an inflection of their paths lie on the circle with the diameter from P to the inflection pole J = P + a_P / w^2. On a ray
+through P it decides all centres of curvature K (Euler-Savary): XP^2 = XK XJ', directed, where J' is on the circle. Bobillier: the
+angle from the pole tangent to the ray of one point is that from the ray of another to the collineation axis, which leads from P to
+where the line of the two points meets that of their centres of curvature.
 
 Centre of percussion of a link and the line of its inertia resultant, with the lecture's construction of that line.
 
@@ -37,7 +37,7 @@ from mechcore.constructions.polygons import frames_of
 from mechcore.errors import Fault, MechanismError
 from mechcore.kinematics.dyads import cross
 from mechcore.kinematics.model import Model
-from mechcore.motion.metrics import curvature, per_unit_drive_speed, relative_turns
+from mechcore.motion.metrics import along_motion, curvature, relative_turns
 from mechcore.motion.motion import Motion
 from mechcore.records import dataclass
 from mechcore.reduction.bodies import percussion_centre
@@ -92,8 +92,8 @@ class _Locus:
 def kennedy(motion: Motion, links: Sequence[str] = ()) -> dict[str, InstantCentre]:
     """The instant centres of every two of some links (none named: of all) and those that their lines run through.
 
-    By their names: P01 is that of the frame, number 0, and of the first link in the model's order. From the motion per unit of the
-    first drive, which may stand still. Links that do not move against each other are one.
+    By their names: P01 is that of the frame, number 0, and of the first link in the model's order. A single drive may stand
+    still. Links that do not move against each other are one.
     """
     model, n = motion.model, motion.frames
     scene = _Scene(motion)
@@ -252,7 +252,7 @@ class PathCurvature:
 
 def path_curvature(motion: Motion, link: str, point: str) -> PathCurvature:
     """Curvature of the path of a named point of a link."""
-    place, rate = (per_unit_drive_speed(motion).point(link, point, k) @ np.array([1.0, 1.0j]) for k in (0, 1))
+    place, rate = (along_motion(motion).point(link, point, k) @ np.array([1.0, 1.0j]) for k in (0, 1))
     curvatures = curvature(motion, link, point)
     size = motion.model.length_scale
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -300,7 +300,7 @@ def inflection_circle(motion: Motion, link: str) -> InflectionCircle:
     model, n = motion.model, motion.frames
     if link not in model.index or link == model.mechanism.frame:
         raise MechanismError(Fault("inflection", f"'{link}' is no moving link.", "Name a moving link."))
-    unit, k = per_unit_drive_speed(motion), model.index[link]
+    unit, k = along_motion(motion), model.index[link]
     w, e = (np.real(frames_of(r.angular[model.angles.rotation_class[k]], n)) for r in (unit.speeds, unit.accelerations))
     at, v, a = (frames_of(unit.origin(k, order), n) for order in range(3))
     size = model.length_scale

@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 from mechcore.arrays import Complex, Plane, Real
 from mechcore.errors import Fault, MechanismError
 from mechcore.kinematics.model import Model
-from mechcore.motion.metrics import per_unit_drive_speed
+from mechcore.motion.metrics import along_motion
 from mechcore.motion.motion import Motion
 from mechcore.motion.structure import groups
 from mechcore.records import dataclass
@@ -308,12 +308,12 @@ class Centrodes:
 
 
 def centrodes(motion: Motion, link: str) -> Centrodes:
-    """fixed and moving centrode of a link against the frame, from the motion per unit of the first drive (it may stand still)."""
+    """fixed and moving centrode of a link against the frame, of the motion as it is (its only drive may stand still)."""
     model = motion.model
     if link not in model.index or link == model.mechanism.frame:
         raise MechanismError(Fault("polodes", f"'{link}' is no moving link.", "Name a moving link."))
     k, n = model.index[link], motion.frames
-    unit = per_unit_drive_speed(motion)
+    unit = along_motion(motion)
     turn = np.real(frames_of(unit.speeds.angular[model.angles.rotation_class[k]], n))
     rate = frames_of(unit.origin_velocities[k], n)
     with np.errstate(invalid="ignore", divide="ignore"):

@@ -129,12 +129,14 @@ class JoinedMotion(Motion):
 
 
 def together(frames: int, parts_have: Sequence[tuple[Index, T]]) -> T:
-    """Values of parts at their frames put together: arrays (F, ...), dictionaries or dataclasses of such."""
+    """Values of parts at their frames put together: arrays (F, ...), dictionaries, tuples or dataclasses of such."""
     first: Any = parts_have[0][1]
     many: Any = parts_have
     out: Any
     if isinstance(first, dict):
         out = {name: together(frames, [(rows, f[name]) for rows, f in many]) for name in first}
+    elif isinstance(first, tuple):
+        out = tuple(together(frames, [(rows, f[k]) for rows, f in many]) for k in range(len(first)))
     elif isinstance(first, np.ndarray):
         out = np.empty((frames, *first.shape[1:]), first.dtype)
         for rows, values in many:

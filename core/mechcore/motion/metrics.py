@@ -1,15 +1,17 @@
 """Kinematic metrics: instant centres, transmission angles, velocity ratios, mechanical advantage, Grashof type, curvature.
 
-All of them are about geometry, not speed: they use the motion per unit of the first drive's coordinate, so that they exist while a
-drive stands still. Everything is vectorised over the frames. `largest_maximum` and `zeros` find where a quantity becomes extreme
-or zero between the frames, by solving the mechanism again at times close to it.
+All of them are about geometry, not speed: they use the motion per unit of a drive's coordinate, so that they exist while the drive
+stands still. Ratios are those of the first drive while all others rest. Instant centres and curvatures are those of the motion as
+it is: where several drives move, or forces decide several freedoms, they exist while something moves. Everything is vectorised over
+the frames. `largest_maximum` and `zeros` find where a quantity becomes extreme or zero between the frames, by solving the mechanism
+again at times close to it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import wraps
+from functools import partial, wraps
 from itertools import combinations
 from typing import Any, TypeVar
 
@@ -17,9 +19,11 @@ import numpy as np
 from numpy.polynomial import chebyshev
 
 from mechcore.arrays import Complex, Plane, Real
+from mechcore.constants import REST
 from mechcore.kinematics.model import Model
 from mechcore.kinematics.rates import Rates
 from mechcore.kinematics.state import Interpolant
+from mechcore.laws.timed import Free, moves
 from mechcore.motion.motion import Motion
 from mechcore.numerics.tape import value_of
 from mechcore.records import dataclass
@@ -48,15 +52,41 @@ def over_parts(compute: Callable[..., T]) -> Callable[..., T]:
     return joined
 
 
-def per_unit_drive_speed(motion: Motion) -> Motion:
-    """The same positions moved by the first drive at unit speed, all others at rest, without acceleration."""
+def per_unit_drive_speed(motion: Motion, lead: int = 0, sense: Real | float = 1.0) -> Motion:
+    """The same positions moved by one drive, the first, at unit speed in a ``sense`` (F,), all others at rest, without
+    acceleration."""
     zero = np.zeros(motion.frames)
-    drives = [(d[0], zero + (1.0 if i == 0 else 0.0), zero) for i, d in enumerate(motion.drives)]
+    drives = [(d[0], zero + (sense if i == lead else 0.0), zero) for i, d in enumerate(motion.drives)]
+    beside = [value_of(d[1]) != 0.0 for i, d in enumerate(motion.drives) if i != lead]
+    pace = motion.drives[lead][1] * sense  # next to change points the rates of the whole motion are known
+    return _at_pace(motion, drives, np.where(np.any(beside, axis=0), np.nan, pace), motion.drives[lead][2] * sense)
+
+
+def along_motion(motion: Motion) -> Motion:
+    """The same positions moved as the mechanism goes through them, whatever its pace: by the one drive that moves at unit speed,
+    while it stands still too; where several move, by all of them in step, NaN at rest. What forces move goes forwards."""
+    moving = [i for i, d in enumerate(motion.mechanism.drives) if moves(d.law)]
+    if len(moving) < 2:
+        lead = moving[0] if moving else 0
+        free = isinstance(motion.mechanism.drives[lead].law, Free)  # parts of its motion may have other coordinates
+        return per_unit_drive_speed(motion, lead, np.where(value_of(motion.drives[lead][1]) < 0.0, -1.0, 1.0) if free else 1.0)
+    units = [1.0 if motion.model.rotary(d.joint) else motion.model.length_scale for d in motion.mechanism.drives]
+    rates = [(v / unit, a / unit) for (_, v, a), unit in zip(motion.drives, units, strict=True)]
+    square = sum(v * v for v, _ in rates)
+    rest = value_of(square) <= REST**2 * np.fmax.reduce(value_of(square), axis=-1, initial=0.0)
+    pace = np.sqrt(np.where(rest, np.nan, square))
+    change = sum(v * a for v, a in rates) / pace
+    drives = [(q, v / pace, (a - v * change / pace) / pace**2) for q, v, a in motion.drives]
+    return _at_pace(motion, drives, pace, change)
+
+
+def _at_pace(motion: Motion, drives: Sequence[tuple[Real, Real, Real]], pace: Real, change: Real) -> Motion:
+    """A motion with other rates of its drives: derivatives by what goes on at a ``pace`` (F,) in time, with its own ``change``."""
     interpolants: dict[int, list[Interpolant]] = {}
     with np.errstate(divide="ignore", invalid="ignore"):
         for block, given in (motion.interpolants or {}).items():
-            for interpolant in given:  # frames next to a change point: from rates in time to derivatives by the drive
-                v, a = (np.broadcast_to(motion.drives[0][k], motion.frames)[interpolant.frames, None] for k in (1, 2))
+            for interpolant in given:  # frames next to a change point: from rates in time to derivatives
+                v, a = (np.broadcast_to(x, motion.frames)[interpolant.frames, None] for x in (pace, change))
                 first = interpolant.first / v
                 interpolants.setdefault(block, []).append(
                     replace(interpolant, first=first, second=(interpolant.second - first * a) / v**2)
@@ -88,10 +118,10 @@ def pairs_in_plane(m: Model) -> list[tuple[int, int]]:
 
 @over_parts
 def relative_turns(motion: Motion) -> dict[tuple[str, str], tuple[Real, Complex]]:
-    """Of every two links in the plane, per unit of the first drive: how much faster the first turns (F,), 0 where that is
+    """Of every two links in the plane, `along_motion`: how much faster the first turns (F,), 0 where that is
     rounding, and the velocity (F,) of the second relative to the first at the world's origin. Their quotient is the instant
     centre."""
-    unit = per_unit_drive_speed(motion)
+    unit = along_motion(motion)
     m, n = motion.model, motion.frames
     rates: Rates = unit.speeds
     turns = [np.broadcast_to(rates.angular[m.angles.rotation_class[k]], (n,)) for k in range(len(m.links))]
@@ -111,18 +141,24 @@ def instant_centres(motion: Motion) -> dict[tuple[str, str], Real]:
     out = {}
     for pair, (turn, shift) in relative_turns(motion).items():
         parallel = value_of(turn) == 0.0
-        centre = shift / (1j * np.where(parallel, 1.0, turn))
+        with np.errstate(invalid="ignore"):
+            centre = shift / (1j * np.where(parallel, 1.0, turn))
         x, y = (np.where(parallel, np.copysign(np.inf, value_of(part)), part) for part in (centre.real, centre.imag))
         out[pair] = np.stack([x, y], axis=-1)
     return out
 
 
-@over_parts
 def transmission_angles(motion: Motion) -> dict[str, Real]:
-    """Angle (F,) [rad], 0 to pi, between the two links of every RRR group, at the pin that joins them; best at pi/2."""
+    """Angle (F,) [rad], 0 to pi, between the two links of every RRR group, at the pin that joins them; best at pi/2. NaN where
+    another joint leads a motion under forces, so that the mechanism has other groups."""
+    names = metric_items("transmission_angle", motion.model)
+    return motion.over_parts(partial(_transmission_angles, names=names))
+
+
+def _transmission_angles(motion: Motion, names: Sequence[str]) -> dict[str, Real]:
     m = motion.model
-    out = {}
-    for block in (b for b in m.blocks if b.kind == "theta_theta"):
+    out: dict[str, Real] = {name: np.full(motion.shape, np.nan) for name in names}
+    for block in (b for b in m.blocks if b.kind == "theta_theta" and b.name in out):
         arms: dict[int, Plane] = dict.fromkeys(block.angles, 0j)
         for rotation_class, z in motion.loop_vectors[block.loops[0]].arms:
             group = m.angles.class_group[rotation_class]
@@ -160,9 +196,9 @@ def mechanical_advantage(motion: Motion) -> dict[str, Real]:
 def curvature(motion: Motion, link: str, point: str) -> Real:
     """Signed curvature (F,) [1/m] of the path of a point: positive where it bends to the left; NaN where the point stands still.
 
-    (x' y'' - y' x'') / (x'^2 + y'^2)^(3/2), with derivatives by the drive's coordinate.
+    (x' y'' - y' x'') / (x'^2 + y'^2)^(3/2), `along_motion`: with one drive left is seen as its coordinate grows.
     """
-    unit = per_unit_drive_speed(motion)
+    unit = along_motion(motion)
     v, a = unit.point(link, point, 1), unit.point(link, point, 2)
     with np.errstate(divide="ignore", invalid="ignore"):
         bend: Real = (v[:, 0] * a[:, 1] - v[:, 1] * a[:, 0]) / np.hypot(v[:, 0], v[:, 1]) ** 3

@@ -7,13 +7,19 @@ from itertools import combinations
 import numpy as np
 import pytest
 from comparison_columns import close, column
+from dynamic_mechanisms import free_four_bar
 from hypothesis import given
 from mechanisms import case, four_bar, load, move, slider_crank
 from random_linkages import crank_rockers
 
+from mechcore.constructions.centres import inflection_circle, path_curvature
+from mechcore.constructions.polygons import centrodes
+from mechcore.dynamics.simulate import simulate
+from mechcore.laws.timed import ConstantSpeed, Oscillation
 from mechcore.motion import metrics as answers
 from mechcore.motion.reach import reachable_ranges
 from mechcore.motion.solve import compile_mechanism, solve_motion
+from mechcore.spec.mechanism import Drive, Link, Mechanism, Prismatic, Revolute
 
 THETA = np.linspace(0.05, 6.2, 40)
 
@@ -56,9 +62,6 @@ def test_instant_centre_of_the_elliptic_trammel_is_the_reference_s():
     c = case("linkages", "elliptic-trammel")
     i, rows = c["inputs"], c["expected"]
     from mechanisms import pin
-
-    from mechcore.laws.timed import ConstantSpeed
-    from mechcore.spec.mechanism import Drive, Link, Mechanism, Prismatic
 
     bar = Link(name="bar", points={"A": (0.0, 0.0), "B": (i["L"], 0.0)})
     m = Mechanism(
@@ -153,3 +156,78 @@ def test_answers_at_a_change_point_are_finite():
     m = four_bar(E=(0.3, 0.0), AB=0.1, BD=0.3, DE=0.1, start=0.5)
     motion = solve_motion(compile_mechanism(m), [0.0, np.pi - 0.5])
     np.testing.assert_allclose(answers.velocity_ratios(motion)["E"], 1.0, atol=1e-11)
+
+
+def travelled(motion, link, point):
+    """Curvature of the path that a point takes, from its velocity and acceleration."""
+    v, a = motion.point(link, point, 1), motion.point(link, point, 2)
+    return (v[:, 0] * a[:, 1] - v[:, 1] * a[:, 0]) / np.hypot(*v.T) ** 3
+
+
+def about(motion, link):
+    """Where a link has no velocity."""
+    v = motion.velocity(link)
+    return motion.pose(link)[:, :2] + np.column_stack([-v[:, 1], v[:, 0]]) / v[:, 2:]
+
+
+def led_by_two(second):
+    """A four-bar whose rocker turns about a pin of a slide that moves, too: each by its own law."""
+    frame, crank, coupler, rocker = (
+        Link(name="frame", points={"A": (0.0, 0.0), "D": (0.2, 0.0)}),
+        Link(name="crank", points={"A": (0.0, 0.0), "B": (0.06, 0.0)}),
+        Link(name="coupler", points={"B": (0.0, 0.0), "C": (0.18, 0.0), "E": (0.09, 0.07)}),
+        Link(name="rocker", points={"D": (0.0, 0.0), "C": (0.15, 0.0)}),
+    )
+    slide = Link(name="slide", points={"D": (0.0, 0.0)})
+    ends = {"A": ("frame", "crank"), "B": ("crank", "coupler"), "C": ("coupler", "rocker"), "D": ("rocker", "slide")}
+    joints = tuple(Revolute(name=name, links=links, points=(name, name)) for name, links in ends.items())
+    guide = Prismatic(name="S", links=("frame", "slide"), points=("D", "D"), along=(0.0, 1.0))
+    drives = (Drive(joint="A", law=Oscillation(centre=1.0, amplitude=0.4, frequency=1.0)), Drive(joint="S", law=second))
+    return Mechanism(
+        name="two", frame="frame", links=(frame, crank, coupler, rocker, slide), joints=(*joints, guide), drives=drives,
+        modes={"C": "left"}, traced=(("coupler", "E"),),
+    )  # fmt: skip
+
+
+def test_centres_and_curvatures_are_those_of_the_motion_of_all_drives():
+    """With two drives the path is bent by both, and the instant centre lies where the link has no velocity."""
+    law = Oscillation(centre=0.02, amplitude=0.03, frequency=1.4, phase=0.4)
+    motion = solve_motion(compile_mechanism(led_by_two(law)), np.linspace(0.01, 1.4, 60))
+    np.testing.assert_allclose(answers.curvature(motion, "coupler", "E"), travelled(motion, "coupler", "E"), rtol=1e-9)
+    centre = about(motion, "coupler")
+    np.testing.assert_allclose(answers.instant_centres(motion)["frame", "coupler"], centre, rtol=1e-8, atol=1e-9)
+    np.testing.assert_allclose(centrodes(motion, "coupler").fixed, centre, rtol=1e-8, atol=1e-9)
+    path = path_curvature(motion, "coupler", "E")
+    circle = inflection_circle(motion, "coupler").centre_of_curvature(path.place)
+    np.testing.assert_allclose(circle, path.centre, rtol=1e-6)
+
+
+def test_at_rest_a_single_drive_leads_and_several_have_no_direction():
+    still = ConstantSpeed(start=0.02, speed=0.0)
+    rest = np.array([0.25])  # where the oscillation turns back
+    for mechanism, known in (
+        (led_by_two(still), True),
+        (led_by_two(Oscillation(centre=0.0, amplitude=0.01, frequency=1.0)), False),
+    ):
+        compiled = compile_mechanism(mechanism)
+        motion = solve_motion(compiled, np.append(np.linspace(0.0, 0.2, 5), rest))
+        bend, centre = answers.curvature(motion, "coupler", "E"), answers.instant_centres(motion)["frame", "coupler"]
+        assert np.isfinite(bend[:-1]).all() and np.isfinite(centre[:-1]).all()
+        assert np.isfinite(bend[-1]) == known == np.isfinite(centre[-1]).all()
+
+
+def test_metrics_of_a_motion_under_forces_are_those_of_its_path():
+    """A four-bar that swings from rest through dead points of its free rocker, where another joint leads: one path all along."""
+    masses = {f"m{k}": 1.0 for k in (1, 2, 3)} | {f"J{k}": 0.002 for k in (1, 2, 3)}
+    centres = {"C1": (0.075, 0.0), "C2": (0.09, 0.0), "C3": (0.03, 0.0)}
+    sizes = {"A": (0.0, 0.0), "E": (0.2, 0.0), "AB": 0.15, "BD": 0.18, "DE": 0.06, "branch": -1}
+    mechanism = free_four_bar({**masses, **centres, **sizes, "theta_1_0": 1.05, "omega_1_0": 0.0})
+    motion = simulate(mechanism, 2.0).motion(np.linspace(0.0, 2.0, 101))
+    assert len(motion.parts) > 1
+    late = slice(1, None)
+    np.testing.assert_allclose(answers.curvature(motion, "coupler", "D")[late], travelled(motion, "coupler", "D")[late], rtol=1e-6)
+    found = answers.instant_centres(motion)["frame", "coupler"]
+    np.testing.assert_allclose(found[late], about(motion, "coupler")[late], rtol=1e-6, atol=1e-7)
+    (angle,) = answers.transmission_angles(motion).values()
+    rows, _ = motion.parts[0]
+    assert np.isfinite(angle[rows]).all() and not np.isfinite(angle).all()  # other groups where another joint leads
