@@ -146,7 +146,7 @@ def limit_positions(motion: Motion) -> Iterator[tuple[str, Real, Real]]:
             continue
         times = turning_points(motion.time, rows[:, 1], rows[:, 2])
         turned = np.abs(reversals - times[:, None]) < near
-        if len(motion.drives) == 1:  # between two frames in which the drive turns, too, nothing else can
+        if _one_moves(motion):  # between two frames in which the drive turns, too, nothing else can
             turned |= np.searchsorted(motion.time, times)[:, None] == np.searchsorted(motion.time, reversals)
         times_of[joint.name] = times[~turned.any(axis=1)]
     every = np.concatenate([np.zeros(0), *times_of.values()])
@@ -168,6 +168,11 @@ def limit_positions(motion: Motion) -> Iterator[tuple[str, Real, Real]]:
                 values[owner == k] = between(motion.time, rows[:, 0], times, 5, rows[:, 1], rows[:, 2])
     for k, name in enumerate(times_of):
         yield name, every[owner == k], values[owner == k]
+
+
+def _one_moves(motion: Motion) -> bool:
+    """Whether a single drive moves, all others standing still."""
+    return sum(moves(d.law) for d in motion.mechanism.drives) == 1
 
 
 def _own_coordinates(parts: Sequence[tuple[str, Flags]], m: Motion) -> Real:
@@ -394,7 +399,7 @@ def _stroke(motion: Motion, joint: str, times: Real, values: Real, cycles: int) 
     rests = np.abs(rows[[0, -1], 1]).max() <= REST * np.abs(rows[:, 1]).max()
     repeats = abs(rows[-1, 0] - rows[0, 0]) <= 1e-9 * (high - low)
     ratio = np.nan
-    if repeats and len(motion.drives) == 1:
+    if repeats and _one_moves(motion):
         ends = np.concatenate([times, [start] if rests else []])
         places = np.concatenate([values, [rows[0, 0]] if rests else []])
         once = ends < start + period * (1.0 - 1e-9)

@@ -17,6 +17,7 @@ from mechcore.arrays import Real, Values
 from mechcore.constants import ZERO_SUM
 from mechcore.effects.base import Wrench, power_of
 from mechcore.errors import Fault, MechanismError
+from mechcore.laws.timed import moves
 from mechcore.motion.metrics import per_unit_drive_speed
 from mechcore.motion.motion import Motion
 from mechcore.records import dataclass
@@ -48,19 +49,21 @@ class Reduced:
 
 
 def reduce_mechanism(motion: Motion, link: str, point: str | None = None, loads: tuple[Wrench, ...] = ()) -> Reduced:
-    """Reduce a mechanism with one drive to one of its links, or to a point of it.
+    """Reduce a mechanism that one drive moves to one of its links, or to a point of it.
 
     ``loads``: the wrenches that count, `Forces.applied` for instance (inertia is left out of the force: it is in the mass).
     """
     model = motion.model
-    if len(model.mechanism.drives) != 1:
-        n = len(model.mechanism.drives)
-        why = f"the mechanism has {n} drives: its energy does not depend on one speed alone."
-        raise MechanismError(Fault("reduced", why, "Reduce mechanisms with one drive."))
+    drives = model.mechanism.drives
+    moving = [i for i, d in enumerate(drives) if moves(d.law)]
+    if len(moving) > 1 or not (moving or len(drives) == 1):
+        why = f"the mechanism has {len(moving) or len(drives)} drives: its energy does not depend on one speed alone."
+        raise MechanismError(Fault("reduced", why, "Reduce mechanisms that one drive moves."))
+    lead = moving[0] if moving else 0
     if link not in model.index or (point is not None and point not in model.points[model.index[link]]):
         what = f"'{link}'" if point is None else f"'{link}.{point}'"
         raise MechanismError(Fault("reduced", f"there is no link or point {what}.", "Name a link, or link and point."))
-    unit = per_unit_drive_speed(motion)
+    unit = per_unit_drive_speed(motion, lead)
     first, second = _derivatives(unit)
     energy: Values = np.zeros(motion.frames)  # sum m |S'|^2 + J theta'^2 and its derivative by q
     bend: Values = np.zeros(motion.frames)
@@ -82,7 +85,7 @@ def reduce_mechanism(motion: Motion, link: str, point: str | None = None, loads:
         ratio = np.abs(p1)
         with np.errstate(invalid="ignore", divide="ignore"):
             turn = np.real(np.conj(p1) * p2) / ratio
-    _, v, a = motion.drives[0]
+    _, v, a = motion.drives[lead]
     with np.errstate(invalid="ignore", divide="ignore"):
         mass_q = energy / ratio**2
         slope = (bend - 2.0 * energy * turn / ratio) / ratio**3

@@ -47,7 +47,7 @@ def load_scene(source: str, values: list[str] | None = None, *, reachable: bool 
         return scene
     changes = swinging(scene.document)
     if not changes:
-        fail("--reachable is for scenes with one drive, which says a speed and no travel or range.")
+        fail("--reachable is for scenes with one drive that moves, which says a speed and no travel or range.")
     return scene.changed(changes)
 
 

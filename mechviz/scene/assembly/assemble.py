@@ -37,7 +37,7 @@ from mechviz.scene.assembly.simulation import (
 )
 from mechviz.scene.convert import Converter, JoinedSegments, probable_sort
 from mechviz.scene.document import SceneDocument
-from mechviz.scene.faults import MOST_SOUGHT, document_path, first_ones
+from mechviz.scene.faults import MOST_SOUGHT, document_path, first_ones, listing
 from mechviz.scene.folder import SceneFolder
 from mechviz.scene.kinds.drive_laws import jumping_speeds, law_of
 from mechviz.scene.kinds.drives import DriveDocument
@@ -116,6 +116,10 @@ def assemble_scene(
     own_laws = {**laws, **starts}
     drives = [Drive(joint=name, law=own_laws[name]) for joint in joints for name in coordinates_of(joint) if name in own_laws]
     drives.sort(key=lambda drive: not moves(drive.law))  # one that moves is the first, against which a run is shown
+    moving = [name for name, law in laws.items() if moves(law)]
+    if document.reduced and len(moving) > 1:
+        why = f"drives {listing(moving)} move: the energy of the scene does not depend on one speed alone."
+        convert.faults.append(Fault("reduced", why, "Leave it out, or let all drives but one stand still."))
     watched = {w.point: at for w in document.watch.values() if w.point and (at := split_point(reading, w.point)) is not None}
     faults += simulation_faults(reading)
     simulation = simulation_spec(document, starts, convert, watched)

@@ -26,7 +26,7 @@ from mechviz.scene.document import SceneDocument
 from mechviz.scene.fields import (
     UnknownName,
 )
-from mechviz.scene.kinds.drives import TOLERANCE, FreeDocument, Method, StopDocument
+from mechviz.scene.kinds.drives import TOLERANCE, DriveDocument, FreeDocument, Method, StopDocument
 from mechviz.scene.kinds.friction import clearance_faults
 from mechviz.scene.reading.recovery import Reading
 from mechviz.scene.units import magnitude
@@ -254,11 +254,16 @@ RANGE_STEPS = 36
 
 def swinging(document: SceneDocument) -> Mapping[tuple[str | int, ...], Any]:
     """The changes that let the drive of a document swing within its reach: none where no drive could."""
-    driven = [name for name, joint in document.joints.items() if joint.driven]
+    driven = [name for name, joint in document.joints.items() if joint.driven and not _stands_still(joint.drive)]
     drive = document.joints[driven[0]].drive if len(driven) == 1 else None
-    if drive is None or drive.laws != ["speed"] or drive.signals or not magnitude(drive.speed or 0.0):
+    if drive is None or drive.laws != ["speed"] or drive.signals:
         return {}
     return {("joints", driven[0], "drive", "range"): REACHABLE} if drive.travel is None and drive.range is None else {}
+
+
+def _stands_still(drive: DriveDocument | None) -> bool:
+    """Whether a drive is one that holds its joint by a speed of zero."""
+    return drive is not None and drive.laws == ["speed"] and not drive.signals and not magnitude(drive.speed or 0.0)
 
 
 def swings(scene: Scene) -> tuple[str, ...]:

@@ -244,11 +244,6 @@ def check_studies(document: SceneDocument, links: Mapping[str, list[str] | None]
         else:
             yield from _link(f"reduced[{k}]", link, links, complete, document.frame)
             yield from _point(f"reduced[{k}]", link, point, links)
-    driven = [name for name, joint in document.joints.items() if joint.drive is not None]
-    if document.reduced and len(driven) > 1:
-        yield Fault(
-            "reduced", f"the scene has {len(driven)} drives: its energy does not depend on one speed alone.", "Leave it out."
-        )
     has_mass = any(link.mass is not None or link.point_masses for link in document.links.values())
     for key in ("reduced", "shaking"):
         if getattr(document, key) and complete and not has_mass:

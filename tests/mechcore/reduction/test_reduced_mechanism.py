@@ -14,6 +14,7 @@ from mechanisms import case, four_bar, slider_crank
 import mechviz
 from mechcore.errors import MechanismError
 from mechcore.forces.kinetostatics import solve_forces
+from mechcore.motion.events import strokes
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
 from mechcore.reduction.balancing import (
     Counterweight,
@@ -28,6 +29,7 @@ from mechcore.reduction.balancing import (
 )
 from mechcore.reduction.reduced import reduce_mechanism
 from mechcore.spec.loads import Force
+from mechviz.scene.assembly.simulation import swinging
 
 BODIES = {"crank": (0.8, (0.05, 0.01), 0.001), "coupler": (1.6, (0.14, 0.02), 0.012), "rocker": (1.2, (0.12, -0.01), 0.007)}
 
@@ -111,6 +113,47 @@ def test_several_drives_and_unknown_places_are_refused():
     motion = moved(four_bar(E=(0.28, 0.0), AB=0.1, BD=0.3, DE=0.25, bodies=BODIES))
     with pytest.raises(MechanismError, match="no link or point"):
         reduce_mechanism(motion, "crank", "Q")
+
+
+SHAPER = """
+units = { length = "mm", angle = "deg" }
+effects = ["inertia"]
+reduced = ["crank", "ram.R"]
+run = { frames = 90 }
+
+[links]
+frame = { points = { A = [0, 0], D = [0, -200], R = [0, 150] } }
+slide = { points = { D = [0, 0] } }
+crank = { points = { A = [0, 0], B = [60, 0] }, mass = "1 kg", shape = "bar" }
+lever = { points = { D = [0, 0], L = [350, 0] }, mass = "1 kg", shape = "bar" }
+ram   = { points = { R = [0, 0] }, mass = "1 kg", shape = "point" }
+
+[joints]
+S = { SLIDE }
+A = { revolute = ["frame", "crank"], drive = { speed = "60 rpm" } }
+B = { pin_slot = ["lever", "crank"], at = ["D", "B"], branch = "ahead" }
+D = { revolute = ["slide", "lever"] }
+R = { prismatic = ["frame", "ram"] }
+V = { pin_slot = ["ram", "lever"], at = ["R", "L"], along = [0, 1] }
+"""
+
+
+def test_a_drive_that_holds_its_joint_is_no_second_one():
+    """A shaper whose pivot can be set: it has the reduced mass and the time ratio of one whose pivot is welded there."""
+    guide = 'prismatic = ["frame", "slide"], at = "D", along = [0, 1]'
+    ways = (f"{guide}, drive = {{ speed = 0 }}", 'weld = ["frame", "slide"], at = "D"')
+    held, fixed = (mechviz.loads(SHAPER.replace("SLIDE", words)) for words in ways)
+    assert swinging(held.document) == swinging(fixed.document) != {}  # what --reachable changes
+    a, b = moved(held.mechanism), moved(fixed.mechanism)
+    for link, point in (("crank", None), ("ram", "R")):
+        ours, theirs = reduce_mechanism(a, link, point), reduce_mechanism(b, link, point)
+        for name in ("mass", "slope", "rate", "second"):
+            np.testing.assert_allclose(getattr(ours, name), getattr(theirs, name), rtol=1e-9, atol=1e-12)
+    (stroke,) = (s for s in strokes(a) if s.joint == "R")
+    beta = np.arccos(60.0 / 200.0)
+    assert stroke.time_ratio == pytest.approx((np.pi - beta) / beta, rel=1e-9)
+    with pytest.raises(mechviz.SceneError, match="drives 'S', 'A' move"):
+        mechviz.loads(SHAPER.replace("SLIDE", f'{guide}, drive = {{ oscillation = {{ amplitude = 5, period = "1 s" }} }}'))
 
 
 # -- shaking and balancing ----------------------------------------------------------------------------------------------
