@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -389,7 +390,8 @@ def continuity_words(mechanism: Mechanism, units: Units) -> Iterator[str]:
 def _curve(law: Law) -> tuple[MotionCurve | None, str]:
     """The curve of a drive's law, and what it goes over."""
     if isinstance(law, CurveOverMaster):
-        return law.curve, "time" if law.master is CLOCK else "angle"
+        clock = law.master is CLOCK
+        return replace(law.curve, repeats=law.curve.repeats and not clock), "time" if clock else "angle"
     if isinstance(law, Piecewise):
         return MotionCurve.of(law.knots, law.coefficients), "time"
     return None, "time"

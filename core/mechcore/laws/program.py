@@ -13,10 +13,12 @@ from mechcore.arrays import Real
 from mechcore.errors import Fault, MechanismError
 from mechcore.laws.catalogue import rise
 from mechcore.laws.curve import MotionCurve
-from mechcore.laws.factors import jumps
+from mechcore.laws.factors import VELOCITY_JUMP, jumps
 from mechcore.laws.segment_laws import BoundaryPolynomial, BoundaryState, Dwell, NormalisedLaw, SegmentLaw, Spline
-from mechcore.laws.timed import ConstantSpeed, Law, Piecewise, Triple
+from mechcore.laws.timed import JUMPS, ConstantSpeed, Law, Piecewise, Triple
 from mechcore.records import dataclass
+
+SAME_PLACE = 1e-7  # of a program's length: a time at which it passes a knot is only as exact as the master's law allows
 
 
 @dataclass(frozen=True)
@@ -188,9 +190,9 @@ CLOCK = ConstantSpeed(0.0, 1.0)
 
 
 def over_time(curve: MotionCurve) -> Law:
-    """A program as a law of time: its master angle is the time [s]."""
+    """A program as a law of time: its master angle is the time [s]. After its end it begins anew from where it is."""
     if any(len(p.waves) for p in curve.pieces):
-        return CurveOverMaster(curve, CLOCK)
+        return CurveOverMaster(curve.repeating(), CLOCK)
     knots, polys = curve.knots - curve.start, [tuple(map(float, p.poly)) for p in curve.pieces]
     return Piecewise(knots=tuple(map(float, knots)), coefficients=tuple(polys), advance=curve.advance)
 
@@ -241,21 +243,12 @@ class CurveOverMaster:
         return tuple(sorted({max(t, 0.0) for t in own if t < span * (1.0 - 1e-12)}))  # 0: between two cycles
 
     def shock(self, t: float) -> str:
-        """The jump at this time in words; empty where nothing jumps."""
-        theta = self.master(np.array([t]))[0] + self.phase
-        left, right = self.curve(theta, 2, "left")[:, 0], self.curve(theta, 2, "right")[:, 0]
-        near = min(self.curve.length, 1e-6)
-        around = self.curve(theta + np.array([-near, near]), 2)  # a root is only as exact as the master's law allows
-        for order, what in ((1, "the velocity jumps, infinite acceleration"), (2, "the acceleration jumps, infinite jerk")):
-            step = max(abs(right[order] - left[order]), abs(around[order, 1] - around[order, 0]))
-            if step > 1e-3 * abs(self._sizes[order]):
-                return what
-        return ""
-
-    @cached_property
-    def _sizes(self) -> Real:
-        knots = self.curve.knots
-        return np.asarray(np.abs(self.curve(np.linspace(knots[0], knots[-1], 257), 2)).max(axis=1))
+        """The jump at this time in words; empty where nothing below the jerk jumps."""
+        curve, theta = self.curve, float(self.master(np.array([t]))[0][0]) + self.phase
+        steps = [*jumps(curve, (1,), VELOCITY_JUMP, ends=False), *jumps(curve, (2,), ends=False)]
+        off = np.array([(theta - step.angle) / curve.length for step in steps])
+        here = np.abs(off - np.round(off)) < SAME_PLACE
+        return JUMPS[min(step.order for step, near in zip(steps, here, strict=True) if near) - 1] if here.any() else ""
 
     def _crossings(self, grid: Real, distance: Real, target: float) -> list[float]:
         from scipy.optimize import brentq

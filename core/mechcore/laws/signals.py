@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 
 from mechcore.arrays import Real
 from mechcore.constants import TURN
+from mechcore.laws.timed import JUMPS
 from mechcore.records import dataclass
 
 
@@ -203,9 +204,6 @@ class SignalPosition:
         return self.value * self.signal(t), self.value * self.signal(t, 1), self.value * self.signal(t, 2)
 
 
-_JUMPS = ("the velocity jumps, infinite acceleration", "the acceleration jumps, infinite jerk")
-
-
 @dataclass(frozen=True, eq=False)
 class SignalSpeed:
     """A drive whose speed is ``speed`` times a signal of time: ``start`` plus the integral of that; ``duration`` of a run [s]."""
@@ -221,7 +219,7 @@ class SignalSpeed:
 
     def shock(self, t: float) -> str:
         """The jump at one of the ``breaks`` in words; empty where nothing below the jerk jumps."""
-        return _JUMPS[self.signal.order] if self.signal.order < len(_JUMPS) else ""
+        return JUMPS[self.signal.order] if self.signal.order < len(JUMPS) else ""
 
     def __call__(self, t: ArrayLike) -> tuple[Real, Real, Real]:
         t = np.asarray(t, float)

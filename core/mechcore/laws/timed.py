@@ -12,11 +12,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mechcore.arrays import Real
+from mechcore.laws.factors import VELOCITY_JUMP
 from mechcore.numerics.tape import Traced
 from mechcore.numerics.tape_functions import piecewise
 from mechcore.records import dataclass
 
 MOST_PARTS = 2.0**62  # whole numbers end soon after it
+ROUNDING = 1e-9  # of the size of a derivative: less is no jump
+JUMPS = ("the velocity jumps, infinite acceleration", "the acceleration jumps, infinite jerk")
+"""Jumps of the first two derivatives of a law, in words."""
 
 
 @dataclass(frozen=True)
@@ -161,15 +165,31 @@ class Piecewise:
     def breaks(self) -> tuple[float, ...]:
         """Knots at which the value or one of its first three derivatives jumps [s]."""
         inner = np.asarray(self.knots[1:-1], float)
-        lengths = np.diff(self.knots)
         jumping = np.zeros(inner.size, bool)
         for order in range(min(4, len(self._table))):
-            degrees = np.arange(len(self._table) - order)
-            factors = np.array([math.perm(int(d) + order, order) for d in degrees], float)[:, None] * self._table[order:]
-            ends, starts = (factors * lengths ** degrees[:, None]).sum(axis=0), factors[0]
-            sizes = (np.abs(factors) * lengths ** degrees[:, None]).sum(axis=0)
-            jumping |= np.abs(starts[1:] - ends[:-1]) > 1e-9 * max(sizes.max(), 1e-300)
+            steps, size = self._steps(order)
+            jumping |= np.abs(steps[1:]) > ROUNDING * size
         return tuple(float(k) for k in inner[jumping] - self.knots[0])
+
+    def _steps(self, order: int) -> tuple[Real, float]:
+        """How far a derivative jumps where each piece (n) begins, the first one after the last one, and its size."""
+        if order >= len(self._table):
+            return np.zeros(len(self.coefficients)), 1e-300
+        degrees, lengths = np.arange(len(self._table) - order), np.diff(self.knots)
+        factors = np.array([math.perm(int(d) + order, order) for d in degrees], float)[:, None] * self._table[order:]
+        parts = factors * lengths ** degrees[:, None]
+        return factors[0] - np.roll(parts.sum(axis=0), 1), max(float(np.abs(parts).sum(axis=0).max()), 1e-300)
+
+    def shock(self, t: float) -> str:
+        """The jump at one of the ``breaks``, or between two cycles, in words; empty where nothing below the jerk jumps."""
+        begins = np.asarray(self.knots[:-1]) - self.knots[0]
+        off = (t - begins) / self.duration
+        piece = int(np.argmin(np.abs(off - np.round(off))))
+        for order, least in ((1, VELOCITY_JUMP), (2, ROUNDING)):
+            steps, size = self._steps(order)
+            if abs(steps[piece]) > least * size:
+                return JUMPS[order - 1]
+        return ""
 
     def __call__(self, t: ArrayLike) -> Triple:
         t = np.asarray(t, float)

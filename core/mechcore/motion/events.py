@@ -11,7 +11,7 @@ import numpy as np
 
 from mechcore.arrays import Flags, Real
 from mechcore.constants import REST, SINGULAR
-from mechcore.laws.timed import Table, TableLaw, moves
+from mechcore.laws.timed import JUMPS, Table, TableLaw, moves
 from mechcore.motion.at_once import indeterminate
 from mechcore.motion.metrics import curvature, largest_maximum, per_unit_drive_speed, transmission_angles, velocity_ratios, zeros
 from mechcore.motion.motion import Motion
@@ -105,7 +105,7 @@ def _at(motion: Motion, rows: Real, t: float) -> float:
 
 
 def _words(motion: Motion, joint: str, value: float) -> str:
-    if abs(value) < 1e-9 * np.max(np.abs(motion.coordinate(joint)), initial=0.0):  # rounding
+    if abs(value) < 1e-9 * np.max(np.abs(motion.coordinate(joint)[:, 0]), initial=0.0):  # rounding
         value = 0.0
     rotary = motion.model.rotary(joint)
     return as_coordinate(value, rotary=rotary, digits=4 if rotary else 5)
@@ -235,12 +235,17 @@ def _drive_events(motion: Motion) -> Iterator[Event]:
         cycles = np.arange(int(count))
         edges = np.array([motion.time[k] for rest in rests for k in rest])
         step = (last - first) / max(motion.frames - 1, 1)
-        for t in np.ravel(cycles[:, None] * drive.law.duration + breaks):
-            if first < t < last and not np.any(np.abs(edges - t) < step):  # a start or stop has been reported already
+        shock = getattr(drive.law, "shock", lambda _: "")  # laws by pieces know what jumps there
+        for t in np.unique(cycles[:, None] * drive.law.duration + np.append(0.0, breaks)):
+            if not first < t < last:
+                continue
+            what = shock(float(t))
+            between = not len(breaks) or np.all(np.abs(np.mod(t, drive.law.duration) - breaks) > 1e-9 * drive.law.duration)
+            told = between or np.any(np.abs(edges - t) <= step * (1.0 + 1e-9))  # as the end of a cycle, a start or a stop
+            if what or not told:
                 where = _words(motion, drive.joint, float(drive.law(t)[0]))
-                shock = getattr(drive.law, "shock", None)  # programs know what jumps there
-                what = f": {shock(float(t))}" if shock is not None and shock(float(t)) else ""
-                yield Event(float(t), "INFO", drive.joint, f"zone boundary of the drive's law at {where}{what}")
+                words = f"zone boundary of the drive's law at {where}" + (f": {what}" if what else "")
+                yield Event(float(t), "WARN" if what == JUMPS[0] else "INFO", drive.joint, words)
 
 
 def _singular(motion: Motion) -> Iterator[Event]:

@@ -201,6 +201,18 @@ def test_a_program_over_time_with_waves_follows_a_clock():
     np.testing.assert_allclose(law(np.array([0.25, 0.75]))[0], [0.5, 1.0])
 
 
+@pytest.mark.parametrize("to", [0.0, 2.5])
+@pytest.mark.parametrize("name", ["3-4-5", "cycloidal", "harmonic", "modified-sine"])
+def test_segments_over_time_begin_anew_whatever_their_laws(name, to):
+    """Waves as polynomials: the second cycle is the first one, from where that has ended."""
+    law = over_time(program([Segment(0.5, 1.0, name), Segment(0.3), Segment(0.4, to, name)], repeats=False))
+    assert law.duration == pytest.approx(1.2)
+    t = np.linspace(0.01, 1.19, 40)
+    first, second = np.stack(law(t)), np.stack(law(t + 1.2))
+    np.testing.assert_allclose(second[0], first[0] + to, atol=1e-12)
+    np.testing.assert_allclose(second[1:], first[1:], atol=1e-10)
+
+
 def test_breaks_of_a_law_of_time_are_where_a_derivative_jumps():
     """Of bang-bang jerk over 64 steps the two switches, of quintics that join up to the fourth derivative none."""
     switches = over_time(program([Segment(2.0, 1.0, LeastPeak("jerk"))], repeats=False)).breaks

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from mechanisms import four_bar
 
-from mechcore.laws.timed import Oscillation, zones
+from mechcore.laws.program import CurveOverMaster, Segment, over_time, program
+from mechcore.laws.timed import ConstantSpeed, Oscillation, zones
 from mechcore.motion import events
 from mechcore.motion.events import Event, find_events, strokes, turning_points
 from mechcore.motion.motion import Motion
@@ -86,6 +87,34 @@ def test_zones_of_a_drive():
         "drive stops",
     ]
     assert [t for _, t in computed] == pytest.approx([0.0, 0.5, 1.0, 1.25])
+
+
+KNOCK, JERK = "the velocity jumps, infinite acceleration", "the acceleration jumps, infinite jerk"
+
+
+@pytest.mark.parametrize("duration", [1.0, 1e-5])
+@pytest.mark.parametrize("over", ["time", "a shaft"])
+@pytest.mark.parametrize(
+    ("name", "jump", "shares"),
+    [
+        ("constant-velocity", KNOCK, [0.25, 0.5, 0.75, 1.0]),
+        ("parabolic", JERK, [0.125, 0.25, 0.5, 0.625, 0.75, 1.0]),
+        ("harmonic", JERK, [0.25, 0.5, 0.75, 1.0]),
+        ("3-4-5", "", []),
+        ("modified-sine", "", []),
+    ],
+)
+def test_jumps_of_a_drive_s_law_are_told_where_it_starts_and_stops_too(name, jump, shares, over, duration):
+    """A rise, a dwell, a return, a dwell; the law's first jump of the second cycle is at its beginning. However short it is."""
+    part = duration / 4.0
+    curve = program([Segment(part, 0.5, name), Segment(part), Segment(part, 0.0, name), Segment(part)], repeats=over != "time")
+    law = over_time(curve) if over == "time" else CurveOverMaster(curve, ConstantSpeed(0.0, 1.0))
+    told = of(move(slider_crank(law), 160, 2), "A")
+    jumps = [e for e in told if "jumps" in e.text]
+    places = [e.time / duration for e in jumps if e.time <= duration * (1.0 + 1e-9)]
+    assert all(e.text.endswith(jump) and e.level == ("WARN" if jump == KNOCK else "INFO") for e in jumps)
+    assert places == pytest.approx(shares, abs=1e-9)
+    assert any("drive stops at 28.65°" in e.text for e in told)
 
 
 def test_a_drive_that_swings_reverses_and_its_reversals_are_no_limits_of_others():
