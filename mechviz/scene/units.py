@@ -344,6 +344,12 @@ class Units:
         """SI units in one unit of a bare number of this kind."""
         return unit_factor(UNIT_KINDS[kind].bare.format(**vars(self)), kind)
 
+    def of(self, powers: tuple[int, ...]) -> str:
+        """A unit of these powers of angle, length, mass and time, as scenes write it: one of its own, or their product."""
+        own = next((unit for unit in vars(self).values() if unit_of(unit).powers == powers), None)
+        bases = zip((self.angle, self.length, self.mass, self.time), powers, strict=True)
+        return own or " ".join(unit if n == 1 else f"{unit}^{n}" for unit, n in bases if n)
+
     def symbol(self, kind: str) -> str:
         """The unit of a bare number of this kind, as it is written for people: "mm/s", "°", "kg m²"."""
         return symbol_of(UNIT_KINDS[kind].bare.format(**vars(self)))

@@ -10,7 +10,7 @@ import numpy as np
 from mechcore.errors import Fault, MechanismError
 from mechcore.records import dataclass
 from mechviz.scene.annotations import Leaf, Place, leaves
-from mechviz.scene.expressions import is_plain
+from mechviz.scene.expressions import Powers, is_plain
 from mechviz.scene.faults import did_you_mean, path_text
 from mechviz.scene.fields import QuantityMark
 from mechviz.scene.reading.formulas import ParameterValue, parameters_behind
@@ -108,14 +108,19 @@ def _of_parameter(scene: Scene, known: ParameterValue) -> Variable:
     entry = scene.document.written()["parameters"][known.name]
     table = isinstance(entry, dict)
     stated = entry["value"] if table else entry
-    unit = ""
-    if any(known.amount.powers):
-        unit = split(str(stated))[1]
+    unit = _unit(scene, str(stated), known.amount.powers) if any(known.amount.powers) else ""
     factor = float(unit_of(unit).factor) if unit else 1.0
     place: Place = ("parameters", known.name, "value") if table else ("parameters", known.name)
     in_unit = [float(f"{x / factor:.15g}") for x in (known.amount.number, known.tolerance, known.low, known.high)]
     value, tolerance, low, high = in_unit
     return Variable(known.name, place, value, unit, factor, tolerance, low, high)
+
+
+def _unit(scene: Scene, stated: str, powers: Powers) -> str:
+    """The unit of a quantity that a parameter states; of an expression of numbers the scene's for what it measures."""
+    if is_plain(stated) and unit_of(own := split(stated)[1]).powers == powers:
+        return own
+    return scene.units.of(powers)
 
 
 def _varies(scene: Scene, leaf: Leaf) -> bool:

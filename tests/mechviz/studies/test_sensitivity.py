@@ -182,6 +182,36 @@ def test_of_redundant_constraints_what_statics_determines_has_derivatives():
         sensitivity(run_scene(scene, frames=4), "drive.A.torque", ["links.frame.points.H[1]"])
 
 
+@pytest.mark.parametrize(
+    ("stated", "value", "unit"),
+    [
+        ("2*30 mm", 60.0, "mm"),
+        ("(50 + 10) mm", 60.0, "mm"),
+        ("2 in + 9.2 mm", 60.0, "mm"),
+        ("3600 mm^2/60 mm", 60.0, "mm"),
+        ("6 cm", 6.0, "cm"),
+    ],
+)
+def test_a_parameter_may_be_an_expression_of_numbers(stated, value, unit):
+    """It is told in the scene's unit, a plain quantity in its own; the crank's swing is its length."""
+    text = (
+        f'units = {{ length = "mm", angle = "deg" }}\ntrace = ["B"]\n[parameters]\nthrow = "{stated}"\nspeed = "2*30 rpm"\n'
+        'damping = "pi*2 N s/m"\n[links]\nframe = { points = { A = [0, 0] } }\n'
+        'crank = { points = { A = [0, 0], B = ["throw", 0] } }\n'
+        '[joints]\nA = { revolute = ["frame", "crank"], drive = { speed = "speed" } }\n'
+    )
+    scene = loads(text)
+    throw, speed, damping = variables_of(scene)
+    assert (throw.value, throw.unit) == (pytest.approx(value, rel=1e-14), unit)
+    assert speed.value * speed.factor == pytest.approx(2.0 * np.pi, rel=1e-14)
+    assert damping.value * damping.factor == pytest.approx(2.0 * np.pi, rel=1e-14)
+    for variable in (throw, speed, damping):
+        before, after = (given.parameters[variable.name].amount for given in (scene, variable.changed(scene, variable.value)))
+        assert (after.number, after.powers) == (pytest.approx(before.number, rel=1e-14), before.powers)
+    row = sensitivity(run_scene(scene, frames=36), "point.crank.B.position[x]:max", ["throw"])
+    assert row.derivatives[0] == pytest.approx(row.number / value, rel=1e-12)
+
+
 def test_what_follows_from_others_and_what_is_not_there_is_refused(press):
     with pytest.raises(MechanismError, match="follows from other parameters"):
         sensitivity(press, "drive.A.torque:max", ["throw"])
