@@ -15,7 +15,7 @@ from mechcore.cams.followers import Flat, Knife, Roller, Translating
 from mechcore.cams.limits import CamLimits, Requirement, find_limits
 from mechcore.cams.placement.plane import PlacedCam
 from mechcore.cams.placement.spatial import PlacedSpatial
-from mechcore.cams.sizing import best_offset, least_base
+from mechcore.cams.sizing import best_offset, least_base, outer_flank
 from mechcore.cams.synthesis import simplified_offset_error
 from mechcore.errors import MechanismError
 from mechcore.forces.cam_events import lost_ranges
@@ -370,7 +370,7 @@ def _sizes(cam: PlacedCam, motion: Motion, forces: Forces | None, want: Requirem
     guide = follower.guide
     if isinstance(guide, Translating) and not isinstance(follower.face, Flat) and cam.mate is None:
         try:
-            best = best_offset(lift, follower.face, want, turn, hub, beside=cam.beside)
+            best = best_offset(lift, follower.face, want, turn, hub, beside=outer_flank if cam.groove else None)
             words = (
                 f"{as_length(guide.offset)} now, best {as_length(best.offset, 6)} with a base circle of {as_length(best.base, 6)}"
             )

@@ -101,9 +101,16 @@ def _pressure_bounds(lift: MotionCurve, want: Requirement) -> list[tuple[float, 
 
 
 def _heights(
-    bounds: list[tuple[float, float, str]], e: float, radius: float, want: Requirement, least: float, samples: Real
+    bounds: list[tuple[float, float, str]],
+    e: float,
+    radius: float,
+    want: Requirement,
+    least: float,
+    samples: Real,
+    groove: bool = False,
 ) -> tuple[float, str]:
-    """Least height at zero lift of a translating round follower on a cam that turns counter-clockwise, and what decides."""
+    """Least height at zero lift of a translating round follower on a cam that turns counter-clockwise, and what decides. Of a
+    ``groove`` the outer flank bends as the pitch curve does, seen from its other side, and keeps to the same limit."""
     from scipy.optimize import brentq
 
     s = samples
@@ -118,7 +125,8 @@ def _heights(
     def excess(h0: float) -> float:
         q = s[:3].copy()
         q[0] += h0
-        return float(np.max(_pitch_curvature(q, e))) * limit - 1.0
+        bent = _pitch_curvature(q, e)
+        return float(np.max(np.abs(bent) if groove else bent)) * limit - 1.0
 
     if height > 0.0 and excess(height) <= 0.0:
         return height, decides
@@ -317,7 +325,8 @@ def best_offset(
     count: int = 720,
     beside: Beside | None = None,
 ) -> Design:
-    """Offset and base circle together, the base circle as small as the limits allow (translating round follower).
+    """Offset and base circle together, the base circle as small as the limits allow (translating round follower). With
+    `outer_flank` beside it is the least for both flanks of a groove.
 
     The offset comes out towards the side that moves up under a rise: positive for a cam that turns counter-clockwise, negative for
     one that turns clockwise, when the rise is the harder stroke; it is zero or on the other side when the return is.
@@ -329,7 +338,7 @@ def best_offset(
     bounds = _pressure_bounds(lift, want)
 
     def base_of(e: float) -> float:
-        height, _ = _heights(bounds, e, r, want, at_least, s)
+        height, _ = _heights(bounds, e, r, want, at_least, s, beside is outer_flank)
         return float(np.hypot(max(height, 0.0), e))
 
     reach = float(np.abs(s[1]).max()) + float(np.ptp(s[0]))

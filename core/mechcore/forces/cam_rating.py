@@ -16,7 +16,7 @@ from mechcore.cams.placement.inverse import PlacedInverse
 from mechcore.cams.placement.plane import PlacedCam
 from mechcore.cams.placement.spatial import PlacedSpatial
 from mechcore.cams.real_profiles import Graphical, graphical
-from mechcore.cams.sizing import best_offset
+from mechcore.cams.sizing import best_offset, outer_flank
 from mechcore.errors import Fault, MechanismError
 from mechcore.forces.kinetostatics import Forces, solve_forces
 from mechcore.joints.cam import required
@@ -289,7 +289,8 @@ def _with_best_offset(mechanism: Mechanism, name: str) -> Mechanism:
         why = f"the guide's point '{shared}' is that of '{users[0]}' too, which would move with it."
         raise MechanismError(Fault(path, why, f"Give '{guide.name}' a point of its own on '{cam.carrier}'."))
     assert isinstance(cam.cam.follower.guide, Translating)
-    best = best_offset(joint.lift, joint.face, required(joint), joint.sense, joint.hub)
+    beside = outer_flank if cam.groove else None
+    best = best_offset(joint.lift, joint.face, required(joint), joint.sense, joint.hub, beside=beside)
     moved = cam.axes * (best.offset - cam.cam.follower.guide.offset)
     links = [
         replace(link, points={**link.points, shared: _shifted(link.points[shared], moved)}) if link.name == cam.carrier else link

@@ -16,7 +16,7 @@ from mechcore.cams.contour import cam_contour
 from mechcore.cams.followers import Flat, Follower, Knife, Oscillating, Roller, Translating
 from mechcore.cams.limits import Requirement, find_limits, judge_limits, undercut_ranges
 from mechcore.cams.real_profiles import cut_profile
-from mechcore.cams.sizing import best_offset, least_base
+from mechcore.cams.sizing import best_offset, least_base, outer_flank
 from mechcore.cams.spatial import Barrel, BarrelArm, Globoid, SpatialCam, spatial_limits
 from mechcore.cams.synthesis import Cam, cam_on_base
 from mechcore.errors import MechanismError
@@ -352,3 +352,22 @@ def test_limits_of_spatial_cams():
         assert f.pressure_angle[0, 0] > 0.0 > f.pressure_angle[1, 0], "positive while the cam lifts"
     with pytest.raises(MechanismError, match="smaller first"):
         SpatialCam(AXIAL, Barrel(), 0.008, 0.05, 0.04)
+
+
+def test_the_best_offset_of_a_groove_counts_its_outer_flank():
+    """A steep return bends the pitch curve inwards: there the outer flank decides, and the offset that is best for the inner one
+    alone asks for a base circle of half as much again."""
+    lift = program(
+        [Segment(np.radians(150), 0.020), Segment(np.radians(60)), Segment(np.radians(90), 0.0), Segment(np.radians(60))]
+    )
+    want, roller = Requirement(pressure_rise=np.radians(45), pressure_fall=np.radians(45)), Roller(0.012)
+    inner = best_offset(lift, roller, want)
+    best = best_offset(lift, roller, want, beside=outer_flank)
+
+    def base_at(offset: float) -> float:
+        return least_base(lift, Follower(Translating(offset), roller), want, beside=outer_flank).base
+
+    assert base_at(inner.offset) > 1.4 * best.base
+    assert min(base_at(best.offset + shift) for shift in (-1e-4, 1e-4)) > best.base
+    bent = outer_flank(best.cam)[0]
+    assert find_limits(bent).sharpness.value == pytest.approx(0.0, abs=1e-6)
