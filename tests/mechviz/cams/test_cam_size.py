@@ -330,3 +330,49 @@ def test_the_two_cams_of_a_drawing_arm_are_the_reference_s(joint):
         np.testing.assert_allclose(ours, theirs, atol=1e-7)
     for curve, (x, y) in ((at.pitch, points[:2]), (at.working, points[2:])):  # our cam is drawn with its follower along y
         np.testing.assert_allclose(curve, y + 1j * x, atol=1e-9)
+
+
+def test_an_offset_of_a_groove_s_least_base_circle_is_best_for_both_flanks():
+    """The numbers of `test_the_best_offset_of_a_groove_counts_its_outer_flank`."""
+    lift = """[
+    { over = 150, to = 20 },
+    { over = 60 },
+    { over = 90, to = 0 },
+    { over = 60 },
+]
+"""
+    text = re.sub(r"(?s)lift = \[.*", "pressure_limit = 45\nlift = " + lift, text_of("cam-groove"))
+    text = text.replace("base = 35", 'base = "least"').replace("roller = 8,", 'roller = 12, offset = "least",')
+    cam = placed(mechviz.loads(text))
+    assert cam.offset == pytest.approx(-1.4535e-3, abs=1e-7)
+    assert cam.base == pytest.approx(3.6386e-3, abs=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("name", "line", "words"),
+    [
+        ("cam-inverse", "curvature_limit = 50", "curvature_limit  of an inverse cam the curvature is not judged"),
+        ("cam-barrel", "curvature_limit = 50", "curvature_limit  of a cam with its axis in the plane the curvature is not judged"),
+        ("cam-inverse", 'undercut = "cut"', "undercut  inverse cams are refused where they are undercut"),
+        ("cam-wedge", 'undercut = "cut"', "undercut  wedges are refused where they are undercut"),
+        ("cam-roller", "base = -1", "base  -1 mm is negative"),
+    ],
+)
+def test_what_a_kind_of_cam_has_no_use_for_is_refused(name, line, words):
+    text = re.sub(r"(?m)^base = .*$", "", text_of(name)) if "base" in line else text_of(name)
+    with pytest.raises(MechanismError, match=words):
+        mechviz.loads(text.replace("[joints.K.profile]", f"[joints.K.profile]\n{line}"))
+
+
+@pytest.mark.parametrize(("name", "link", "axis", "base", "moved"), [
+    ("cam-inverse", "lever", 2, -30.0, np.radians(-30.0)),
+    ("cam-wedge", "follower", 1, -10.0, -22e-3),
+])  # fmt: skip
+def test_a_base_that_is_a_place_may_be_negative(name, link, axis, base, moved):
+    """Of an inverse cam it is a coordinate, of a wedge a height: the follower moves by as much, and as before."""
+    runs = [
+        run_scene(mechviz.loads(text), frames=24)
+        for text in (text_of(name), re.sub(r"(?m)^base = \S+", f"base = {base}", text_of(name)))
+    ]
+    first, other = (run.motion.pose(link)[:, axis] for run in runs)
+    np.testing.assert_allclose(other - first, moved, atol=1e-12)

@@ -240,7 +240,7 @@ def test_the_viewer_turns_them_as_the_recording_does():
         ("cam-barrel-arm", "axis = [0, 1]", "axis = [0, -1]", ["joints.K.profile.axis", "to the left"]),
         ("cam-barrel-arm", "base = -21", "base = 300", ["joints.K.profile.base", "does not reach 300 mm"]),
         ("cam-barrel-rib", ", thickness = 8", "", ["joints.K.profile.rib", "'thickness' is missing"]),
-        ("cam-roller", "base = 40", "base = -40", ["joints.K.profile.base", "-40 is negative"]),
+        ("cam-roller", "base = 40", "base = -40", ["joints.K.profile.base", "-40 mm is negative"]),
         ("cam-roller", "base = 40", "axis = [0, 1]\nbase = 40", ["joints.K.profile.axis", "across the plane"]),
     ],
 )  # fmt: skip

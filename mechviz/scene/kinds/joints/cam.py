@@ -78,6 +78,10 @@ def _cam(m: JointMaker) -> Joint | None:
     if least and follower.groove is not None:
         convert.note(f"{path}.profile.base", 'the value "least" is for discs with a lift.', "Give a length.")
     base = 0.0 if profile.base is None or least else convert.si(profile.base, measure, f"{path}.profile.base")
+    solid = any(getattr(profile, key) is not None for key in SOLIDS)
+    if base < 0.0 and not (profile.bed or solid or follower.groove is not None):  # else it is a place
+        convert.note(f"{path}.profile.base", f"{as_length(base)} is negative.", "Give a positive value.")
+    _note_unused(profile, f"{path}.profile", convert, inverse=follower.groove is not None, solid=solid)
     hub, sharpest = (
         None if value is None else convert.si(value, "length", f"{path}.profile.{key}")
         for key, value in (("hub", profile.hub), ("curvature_limit", profile.curvature_limit))
@@ -106,7 +110,7 @@ def _cam(m: JointMaker) -> Joint | None:
         round_again = not profile.bed and follower.groove is None
         axes, place = Axes(convert, across, along), f"{path}.profile.lift"
         lift = lift_curve(profile.lift, axes, place, 0.0, round_again)
-        plane = follower.groove is None and all(getattr(profile, key) is None for key in SOLIDS)
+        plane = follower.groove is None and not solid
         if lift is not None and plane and not follower.knife and profile.undercut != "cut":
             note_corners(profile.lift, lift, axes, place, rotary=oscillates)
     elif len(convert.faults) == before:
@@ -115,7 +119,7 @@ def _cam(m: JointMaker) -> Joint | None:
     if joint.rating is not None and joint.rating.margin is not None and joint.closure == "form":
         convert.note(f"{path}.rating.margin", "a groove or yoke holds the follower whatever the force.", "Leave it out.")
     drawn = None if joint.graphical is None else graphical_of(joint.graphical, across, f"{path}.graphical", convert)
-    other = profile.bed is not None or follower.groove is not None or any(getattr(profile, key) is not None for key in SOLIDS)
+    other = profile.bed is not None or follower.groove is not None or solid
     if joint.graphical is not None and other:
         convert.note(f"{path}.graphical", "the method turns a plane disc cam step by step.", "Leave it out for other cams.")
     asked = _least_sizes(joint, path, convert, other=other, oscillates=oscillates)
@@ -147,6 +151,18 @@ def _cam(m: JointMaker) -> Joint | None:
         rating=rating,
         drawn=drawn,
     )
+
+
+def _note_unused(profile: ProfileDocument, path: str, convert: Converter, *, inverse: bool, solid: bool) -> None:
+    """Notes what the kind of cam has no use for, so that no limit is stated which nothing judges."""
+    if profile.curvature_limit is not None and (inverse or solid):
+        what = "an inverse cam" if inverse else "a cam with its axis in the plane"
+        convert.note(
+            f"{path}.curvature_limit", f"of {what} the curvature is not judged.", "Leave it out; it goes with discs and wedges."
+        )
+    if profile.undercut == "cut" and (inverse or profile.bed):
+        what = "inverse cams" if inverse else "wedges"
+        convert.note(f"{path}.undercut", f"{what} are refused where they are undercut.", "Leave it out; it goes with discs.")
 
 
 def _least_sizes(

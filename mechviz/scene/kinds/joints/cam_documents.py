@@ -27,13 +27,11 @@ from mechviz.scene.fields import (
     Size,
     Text,
     UnknownName,
-    describe,
     one_of,
     raise_faults,
 )
 from mechviz.scene.kinds.segments import LawDocument, LiftSegment, RadiusSegment
 from mechviz.scene.names import FileName
-from mechviz.scene.units import magnitude
 
 if TYPE_CHECKING:
     from mechviz.scene.convert import Converter
@@ -228,11 +226,6 @@ class ProfileDocument(DocumentTable):
                 wrong.append(("base", why, "Add pressure_limit, curvature_limit or hub."))
         elif self.hub is not None:
             wrong.append(("hub", 'hub goes with base = "least".', "Leave it out."))
-        elif self.base is not None and self.has_valid("base") and not solids:
-            size = magnitude(self.base) if isinstance(self.base, str) else self.base
-            if size < 0.0:
-                words = describe(self.base) if isinstance(self.base, str) else f"{self.base:g}"
-                wrong.append(("base", f"{words} is negative.", "Give a positive value."))
         if self.rib is not None and self.rib.thickness is None and self.rib.has_valid("thickness"):
             wrong.append(("rib", "'thickness' is missing.", "Give the thickness of the rib."))
         segments = self.lift if kind == "lift" else self.radius if kind == "radius" else None
