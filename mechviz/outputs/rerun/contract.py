@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 from pydantic import (
@@ -151,7 +151,7 @@ class Properties(JsonPart):
     wall_seconds: float = 0.0
     duration: Positive | None = None
     accuracy: Json[dict[str, Any]] | None = None
-    interpolation: Annotated[int, Field(ge=1, le=5)] = 3
+    interpolation: Literal[0, 1, 3, 5] = 3
     files: Json[dict[str, Base64Bytes]] = {}
     marks: bool = True
     complete: bool = True

@@ -186,6 +186,16 @@ def test_numbers_between_frames_use_the_recorded_rates():
         read_between(("data", "links", "b", "pose"), time, tables.get, t, 3)
 
 
+@pytest.mark.parametrize(("words", "order"), [("hold", 0), ("linear", 1), ("cubic", 3), ("quintic", 5)])
+def test_a_recording_is_read_by_the_interpolation_of_its_scene(words, order, tmp_path):
+    run = run_scene(load("crank-rocker").changed({("accuracy",): {"interpolation": words}}), frames=24)
+    recording = Recording(write_recording(run, tmp_path / "a.rrd").path)
+    assert recording.said.interpolation == order
+    path, t = ("data", "links", "rocker", "pose"), random_times(run, 1)
+    read = read_between(path, run.motion.time, lambda path: run.numbers.values(*path), t, order)
+    assert np.abs(recording.at(t, *path) - read).max() < 1e-8
+
+
 def test_rows_are_no_farther_apart_than_a_run_is_long():
     run = run_scene(load("crank-rocker"), frames=4)
     assert len(even_times(run, 1.0)) == 2
