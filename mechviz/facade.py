@@ -246,7 +246,7 @@ class Result:
         return QuantityGroup(parts)
 
     def _axis(self, against: str | None) -> Axis:
-        axes = {"time" if axis.unit == "s" else axis.label.split()[-1]: axis for axis in self.catalogue.axes}
+        axes = {axis.of: axis for axis in self.catalogue.axes}
         if against is None:
             return next(iter(axes.values()))
         if against not in axes:

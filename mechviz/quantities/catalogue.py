@@ -5,6 +5,7 @@ It follows from the tables of a run or of a recording, so that both have the sam
 
 from __future__ import annotations
 
+import math
 from functools import cached_property
 
 import numpy as np
@@ -105,12 +106,14 @@ class QuantityGroup:
 
 @dataclass(frozen=True, eq=False)
 class Axis:
-    """The abscissa of a plot: ``values`` (F,) in ``unit`` never decrease or never increase; ``turn`` of them are a whole turn."""
+    """The abscissa of a plot: ``values`` (F,) in ``unit`` never decrease or never increase; ``turn`` of them are a whole turn.
+    ``of``: the joint of a drive, or time."""
 
     label: str
     unit: str
     values: Real
     turn: float | None = None
+    of: str = "time"
 
     @property
     def title(self) -> str:
@@ -187,7 +190,7 @@ class Catalogue:
                 slides = self.numbers.slides(name)
                 unit, factor = self.numbers.units.reads("m" if slides else "rad")
                 label, turn = f"{'displacement' if slides else 'angle'} of drive {name}", None if slides else 2.0 * np.pi * factor
-                axes.append(Axis(label, unit, position * factor, turn))
+                axes.append(Axis(label, unit, position * factor, turn, name))
         return (*axes, Axis("time", "s", self.numbers.time))
 
     def coordinate(self, drive: str) -> Real:
@@ -297,6 +300,12 @@ def _of_peak(values: Real) -> Real:
     return np.asarray(size / max(float(size.max(initial=0.0)), 1e-300))
 
 
+def time_decimals(time: Real) -> int:
+    """Decimals of seconds with which people read the times (F,) [s] of frames: four, or as many as tell neighbours apart."""
+    step = float(np.ptp(time)) / max(len(time) - 1, 1)
+    return max(4, min(math.ceil(-math.log10(step)), 9)) if step > 0.0 else 4
+
+
 NANOSECOND, ROUNDING = 1e-9, 1e-9  # [s], [rad]: the resolution of the ends of a run
 
 
@@ -323,6 +332,8 @@ def time_at(catalogue: Catalogue, *, at: float | None = None, frame: int | None 
     if not turning:
         raise OutputError("There is no angle to go to: no drive of this mechanism turns.", "Name a time or a frame.")
     position = catalogue.coordinate(turning[0])
+    if len(position) == 1:
+        position, time = np.repeat(position, 2), np.repeat(time, 2)
     low, high = np.minimum(position[:-1], position[1:]), np.maximum(position[:-1], position[1:])
     reached = np.flatnonzero((low - ROUNDING <= angle) & (angle <= high + ROUNDING))
     if not len(reached):

@@ -20,7 +20,7 @@ from mechviz.outputs.rerun.content import html_of
 from mechviz.picture.centres import CENTRE_GROUPS
 from mechviz.picture.nodes import Picture
 from mechviz.picture.overlays import HIDDEN_DIAGRAMS, INVERSION_GROUP, INVERSION_TITLE, SECTION_DIAGRAMS
-from mechviz.quantities.catalogue import Catalogue
+from mechviz.quantities.catalogue import Catalogue, time_decimals
 from mechviz.quantities.numbers import Numbers
 from mechviz.quantities.vectors import FORCE_FAMILIES, VECTOR_FAMILIES, round_value
 from mechviz.scene.units import Units
@@ -251,6 +251,7 @@ def show_text(
         "frames": len(frames.chosen),
         "total": frames.total,
         "time": pack.floats(frames.time),
+        "time_decimals": time_decimals(frames.time),
         "axes": _axes(catalogue, frames, pack),
         "pace": pace_of(shown),
         "opening": int(np.argmin(np.abs(frames.time - catalogue.numbers.time[catalogue.opening]))),

@@ -20,7 +20,7 @@ class Player {
     this.frame = header.opening;
     this.playing = false;
     this.theme = theme();
-    this.axes = [...header.axes.map((a) => ({ ...a, values: arrays[a.values] })), { title: "time", unit: "s", values: this.times }];
+    this.axes = [...header.axes.map((a) => ({ ...a, values: arrays[a.values] })), { title: "time", unit: "s", decimals: header.time_decimals, values: this.times }];
     this.axis = this.axes[0];
     this.plots = [];
     $("learning-goal").textContent = header.learning_goal;
@@ -231,9 +231,8 @@ class Player {
     if (!$("constructions").hidden) for (const c of this.constructions) c.draw();
     $("slider").value = this.time;
     const parts = this.axes.filter((a) => !a.turn).map((a) => {
-      const [k, t] = split(this.frame, this.header.frames);
-      const v = a.values[k] * (1 - t) + a.values[Math.min(k + 1, this.header.frames - 1)] * t;
-      return a.unit === "s" ? `t = ${v.toFixed(4)} s` : `${v.toFixed(a.decimals).replace("-", "−")}${a.unit === "°" ? "" : " "}${a.unit}`;
+      const text = between(a.values, this.frame).toFixed(a.decimals).replace("-", "−");
+      return a.unit === "s" ? `t = ${text} s` : `${text}${a.unit === "°" ? "" : " "}${a.unit}`;
     });
     $("readout").textContent = parts.join("  ·  ");
     $("slider").setAttribute("aria-valuetext", parts.join(", "));

@@ -137,8 +137,8 @@ class Plot {
     const theme = player.theme;
     const axis = this.axis();
     const count = plot.names.length;
-    const frames = player.header.frames;
-    const xs = axis.turn ? Float64Array.from(axis.values, (v) => v - axis.turn * Math.floor(v / axis.turn + 1e-9)) : axis.values;
+    const cycle = axis.turn ? (v) => v - axis.turn * Math.floor(v / axis.turn + 1e-9) : (v) => v;
+    const xs = axis.turn ? Float64Array.from(axis.values, cycle) : axis.values;
     let [x0, x1] = axis.turn ? [0, axis.turn] : span(xs);
     const half = player.band ? this.half : undefined;
     const edge = (i, side) => values[i] + side * player.band * half[i];
@@ -161,7 +161,7 @@ class Plot {
     if (x0 === x1) x1 = x0 + 1;
     const X = (v) => ROOM.left + ((v - x0) / (x1 - x0)) * inner.w;
     const Y = (v) => ROOM.top + inner.h - ((v - y0) / (y1 - y0)) * inner.h;
-    this.scale = { X, Y, xs, fromX: (px) => x0 + ((px - ROOM.left) / inner.w) * (x1 - x0) };
+    this.scale = { X, Y, xs, cycle, fromX: (px) => x0 + ((px - ROOM.left) / inner.w) * (x1 - x0) };
     g.font = "11px system-ui, sans-serif";
     g.lineWidth = 1;
     g.textAlign = "right";
@@ -193,27 +193,20 @@ class Plot {
     if (plot.x === undefined)
       for (const e of player.header.events) {
         g.setLineDash([2, 3]);
-        rule(g, X(xs[Math.round(player.frameAt(e.time))]), ROOM.top, X(xs[Math.round(player.frameAt(e.time))]), ROOM.top + inner.h, e.level === "WARN" ? theme.warn : theme.soft);
+        const x = X(cycle(between(axis.values, player.frameAt(e.time))));
+        rule(g, x, ROOM.top, x, ROOM.top + inner.h, e.level === "WARN" ? theme.warn : theme.soft);
       }
     g.setLineDash([]);
     if (half) {
       g.globalAlpha = 0.22;
       for (let c = 0; c < count; c++) {
         g.fillStyle = theme.curves[c % theme.curves.length];
-        let run = []; // frames over which the band goes on
-        const fill = () => {
+        for (const strip of strips(axis, xs, (k) => Number.isFinite(half[k * count + c]))) {
           g.beginPath();
-          for (const k of run) g.lineTo(X(xs[k]), Y(edge(k * count + c, 1)));
-          for (const k of run.reverse()) g.lineTo(X(xs[k]), Y(edge(k * count + c, -1)));
+          for (const [x, k] of strip) g.lineTo(X(x), Y(edge(k * count + c, 1)));
+          for (const [x, k] of strip.reverse()) g.lineTo(X(x), Y(edge(k * count + c, -1)));
           g.fill();
-          run = [];
-        };
-        for (let k = 0; k < frames; k++) {
-          const known = Number.isFinite(half[k * count + c]);
-          if (!known || (axis.turn && k && xs[k] < xs[k - 1])) fill();
-          if (known) run.push(k);
         }
-        fill();
       }
       g.globalAlpha = 1;
     }
@@ -222,17 +215,8 @@ class Plot {
     for (let c = 0; c < count; c++) {
       g.strokeStyle = theme.curves[c % theme.curves.length];
       g.beginPath();
-      let down = false;
-      for (let k = 0; k < frames; k++) {
-        const v = values[k * count + c];
-        if (axis.turn && k && xs[k] < xs[k - 1]) down = false; // the next cycle begins at the left again
-        if (!Number.isFinite(v)) down = false;
-        else if (down) g.lineTo(X(xs[k]), Y(v));
-        else {
-          g.moveTo(X(xs[k]), Y(v));
-          down = true;
-        }
-      }
+      for (const strip of strips(axis, xs, (k) => Number.isFinite(values[k * count + c])))
+        strip.forEach(([x, k], i) => (i ? g.lineTo(X(x), Y(values[k * count + c])) : g.moveTo(X(x), Y(values[k * count + c]))));
       g.stroke();
     }
     g.restore();
@@ -245,12 +229,8 @@ class Plot {
     const g = this.canvas.getContext("2d");
     g.putImageData(this.background, 0, 0);
     const count = plot.names.length;
-    const [k, t] = split(player.frame, player.header.frames);
-    const next = Math.min(k + 1, player.header.frames - 1);
-    const between = (list, width, c) => list[k * width + c] * (1 - t) + list[next * width + c] * t;
-    const wrapped = this.scale.xs[next] < this.scale.xs[k] && this.axis().turn;
-    const x = wrapped ? this.scale.xs[t < 0.5 ? k : next] : between(this.scale.xs, 1, 0);
-    const px = this.scale.X(x);
+    const now = (list, c = 0) => between(list, player.frame, count, c);
+    const px = this.scale.X(this.scale.cycle(between(this.axis().values, player.frame)));
     const theme = player.theme;
     const height = this.canvas.clientHeight;
     if (plot.x === undefined) {
@@ -259,10 +239,10 @@ class Plot {
       this.cursorX = px;
     } else if (plot.equal) {
       g.lineWidth = 1.5;
-      rule(g, this.scale.X(0), this.scale.Y(0), px, this.scale.Y(between(values, count, 0)), theme.cursor);
+      rule(g, this.scale.X(0), this.scale.Y(0), px, this.scale.Y(now(values)), theme.cursor);
     }
     const parts = plot.names.map((name, c) => {
-      const v = between(values, count, c);
+      const v = now(values, c);
       dot(g, px, this.scale.Y(v), theme.curves[c % theme.curves.length], theme.card);
       return [name, v, theme.curves[c % theme.curves.length]];
     });
@@ -276,7 +256,7 @@ class Plot {
       const span = this.readout.children[c];
       span.firstChild.style.setProperty("--c", color);
       span.firstChild.textContent = name;
-      const off = this.half ? between(this.half, count, c) : NaN;
+      const off = this.half ? now(this.half, c) : NaN;
       const unit = { 1: "", "°": "°" }[plot.unit] ?? ` ${plot.unit}`;
       span.lastChild.data = `${words(v)}${Number.isFinite(off) ? ` ± ${words(off, 2)}` : ""}${unit}`;
     });
@@ -290,6 +270,38 @@ class Plot {
     const turns = Math.floor(axis.values[Math.round(this.player.frame)] / axis.turn + 1e-9);
     return inverse(axis.values, x + turns * axis.turn);
   }
+}
+
+/** The value of one of some columns at a frame, or between two. */
+function between(list, frame, width = 1, column = 0) {
+  const [k, t] = split(frame, list.length / width);
+  const next = Math.min(k + 1, list.length / width - 1);
+  return list[k * width + column] * (1 - t) + list[next * width + column] * t;
+}
+
+/** Frames one after the other at which something is known, with their places along an axis. A cycle ends at one edge, and the next
+    begins at the other: the step across is in both. */
+function strips(axis, xs, known) {
+  const all = [];
+  let strip = [];
+  const end = () => {
+    if (strip.length) all.push(strip);
+    strip = [];
+  };
+  for (let k = 0; k < xs.length; k++) {
+    if (!known(k)) end();
+    else {
+      const step = strip.length ? axis.values[k] - axis.values[k - 1] : 0;
+      if (axis.turn && strip.length && Math.abs(xs[k] - xs[k - 1] - step) > axis.turn / 2) {
+        strip.push([xs[k - 1] + step, k]);
+        end();
+        strip.push([xs[k] - step, k - 1]);
+      }
+      strip.push([xs[k], k]);
+    }
+  }
+  end();
+  return all;
 }
 
 /** The frame at which rising or falling values reach one. */

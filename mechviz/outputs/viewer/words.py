@@ -11,6 +11,7 @@ import numpy as np
 
 from mechviz.outputs.viewer.world.camera import grid_cell
 from mechviz.outputs.viewer.world.marks import PATH_COLORS
+from mechviz.quantities.catalogue import time_decimals
 from mechviz.quantities.vectors import FORCE_FAMILIES, VECTOR_FAMILIES, Scales, round_value
 
 if TYPE_CHECKING:
@@ -226,7 +227,7 @@ def values(item: str, rows: Iterable[tuple[str, Iterable[str], Iterable[float], 
 def place_in_run(view_model: ViewModel, frame: int) -> str:
     """Drive positions, time and frame number."""
     parts = [f'{escape(d.name)} <b data-mv="drive:{k}">{_position(d, frame)}</b>' for k, d in enumerate(view_model.drives)]
-    parts.append(f'time <b data-mv="time">{view_model.time[frame]:.4f} s</b>')
+    parts.append(f'time <b data-mv="time">{view_model.time[frame]:.{time_decimals(view_model.time)}f} s</b>')
     parts.append(f'<span style="opacity:0.7">frame <span data-mv="frame">{frame}</span> of {view_model.frames - 1}</span>')
     ends = float(view_model.time[0]), float(view_model.time[-1])
     part_of_run = (float(view_model.time[frame]) - ends[0]) / max(ends[1] - ends[0], 1e-300)  # for the cursor of the health strip
@@ -247,7 +248,7 @@ def scale(units: Units, si: str, per_metre: float, size: float) -> str:
     unit, factor = units.reads(si)
     value = round_value(LEGEND_ARROW * size * per_metre * factor)
     long, metre = units.reads("m")
-    length = f"{number(round(value / factor / per_metre * metre, units.decimals('m') - 1))} {long}"
+    length = f"{number(float(f'{value / factor / per_metre * metre:.3g}'))} {long}"
     for big, small in (("kN", "N"), ("km/s²", "m/s²")):
         if unit == small and value >= 1000.0:
             return f"Scale: {number(value / 1000.0)} {big} = {length}"

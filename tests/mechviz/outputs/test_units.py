@@ -32,6 +32,7 @@ from mechviz.outputs.viewer.panels.diagrams import diagram_svg, diagrams_of
 from mechviz.outputs.viewer.view_model import ViewModel
 from mechviz.outputs.viewer.world.marks import hover_names
 from mechviz.picture.nodes import Points
+from mechviz.quantities.catalogue import time_decimals
 from mechviz.runs import Run, run_scene
 from mechviz.scene.folder import gallery
 from mechviz.scene.scene import dump, load
@@ -208,3 +209,9 @@ def test_the_units_that_people_read():
 
 def test_scenes_of_the_gallery_state_degrees():
     assert {load(entry.name).document.units.angle for entry in gallery()} == {"deg"}
+
+
+def test_scales_of_arrows_and_times_of_small_and_quick_mechanisms_are_legible():
+    assert words.scale(MILLIMETRES, "N", 100.0, 3e-4) == "Scale: 0.005 N = 0.05 mm"
+    assert words.scale(MILLIMETRES, "N", 1e3, 0.3) == "Scale: 50 N = 50 mm"
+    assert [time_decimals(np.linspace(0.0, end, 101)) for end in (0.0, 1.0, 0.01, 3e-6)] == [4, 4, 4, 8]

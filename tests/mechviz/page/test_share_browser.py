@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 from collections.abc import Iterator
 from html import escape
 from pathlib import Path
@@ -13,10 +14,12 @@ import pytest
 from browsers import ONE_SAMPLE, REQUESTING, STILL, browser, chromium_or_skip, elsewhere, pulling
 from pixels import same
 
+import mechviz
 from mechviz.facade import Result
 from mechviz.outputs.images.pictures import Look, PictureTime, film, shot
 from mechviz.outputs.page.page import make_page
 from mechviz.outputs.presentation import presentation_of
+from mechviz.runs import run_scene
 from recordings import Made, made, ran
 
 __all__ = ["browser"]  # a fixture
@@ -274,15 +277,40 @@ def test_buttons_and_lists_of_the_page(wide):
     assert page.evaluate("mechviz.player.frame") == pytest.approx(last), "without the loop it ends at the last frame"
     page.get_by_label("Loop").check()
     page.get_by_label("Speed").select_option("1")
-    page.get_by_label("Against").select_option(label="time [s]")
+    page.locator("#axis").select_option(label="time [s]")
     assert page.evaluate("mechviz.player.axis.title") == "time"
-    page.get_by_label("Against").select_option("0")
+    page.locator("#axis").select_option("0")
     count = page.locator("figure:visible").count()
     page.get_by_role("button", name="Add a plot").click()
     assert page.locator("figure:visible").count() == count + 1
     page.get_by_role("button", name="Remove this plot").last.click()
     assert page.locator("figure:visible").count() == count
     page.get_by_role("button", name="3D", exact=True).click()
+
+
+@pytest.mark.parametrize("speed", ["60 rpm", "-60 rpm"])
+def test_cycles_lie_on_each_other_whichever_way_the_drive_turns(browser, tmp_path, speed):
+    """Curves of three turns on one, from edge to edge: all corners are where the run says."""
+    scene = mechviz.load("crank-rocker").changed({("joints", "A", "drive", "speed"): speed})
+    run = run_scene(scene, frames=72, cycles=3)
+    file = tmp_path / "page.html"
+    file.write_text(make_page(presentation_of(run))[0], encoding="utf-8")
+    opened = Opened(browser, file, viewport=WIDE)
+    page = opened.page
+    page.locator("#axis").select_option(label="angle of drive A, cycles overlaid [°]")
+    figure = page.locator("figure").first
+    figure.locator(".what").select_option(label="Joint D: angle [°]")
+    with page.expect_download() as offered:
+        figure.get_by_role("button", name="SVG").click()
+    (curve,) = re.findall(r'd="([^"]*)" fill="none"[^>]*stroke-width="1.8"', Path(offered.value.path()).read_text(encoding="utf-8"))
+    x, y = np.array([pair.split() for pair in re.split("[ML]", curve)[1:]], float).T
+    scale = page.evaluate("(({ X, Y }) => [X(0), X(360), Y(0), Y(1)])(mechviz.player.plots[0].scale)")
+    angle, output = 360.0 * (x - scale[0]) / (scale[1] - scale[0]), (y - scale[2]) / (scale[3] - scale[2])
+    turned, swung = (np.degrees(run.motion.coordinate(joint)[:, 0]) for joint in "AD")
+    assert output == pytest.approx(np.interp(angle, turned[:24], swung[:24], period=360.0), abs=0.2)  # a hundredth of a pixel
+    assert angle.min() <= 0.01 and angle.max() >= 359.99 and curve.count("M") >= 3
+    assert opened.troubles == []
+    opened.context.close()
 
 
 def test_bands_and_constructions_are_shown_where_there_are_any(browser, tmp_path):

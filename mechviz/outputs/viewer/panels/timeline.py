@@ -18,7 +18,7 @@ from mechviz.outputs.viewer.playback import NumberTrack
 from mechviz.outputs.viewer.player import Player
 from mechviz.outputs.viewer.server import Callback, finite
 from mechviz.outputs.viewer.view_model import ViewModel
-from mechviz.quantities.catalogue import Health
+from mechviz.quantities.catalogue import Health, time_decimals
 
 STRIP_COLUMNS = 240
 WRONG_SHARE = 0.5  # of the way from sound to bad, on a logarithmic scale
@@ -238,7 +238,7 @@ class Timeline:
         """How the numbers above the slider move over the run."""
         for k, d in enumerate(self._view_model.drives):
             yield NumberTrack(f"drive:{k}", d.position, d.decimals, words.after(d.unit))
-        yield NumberTrack("time", self._view_model.time, 4, " s")
+        yield NumberTrack("time", self._view_model.time, time_decimals(self._view_model.time), " s")
         yield NumberTrack("frame", np.arange(self._view_model.frames), 0)
 
     def frame_at(self, time: float) -> int:
