@@ -88,7 +88,7 @@ class EditSession:
         self._present, self._report, self._contributed, self._settled = present, report, contributed, settled
         self._lock = threading.RLock()
         self._asking = threading.Lock()  # not held for long: browsers wait for it
-        self._pending: dict[str, DraftChange | _Value | str] = {}
+        self._pending: list[tuple[str, DraftChange | _Value | str]] = []  # in the order in which they were asked for
         self._working: frozenset[str] = frozenset()  # keys of what is in work and not yet shown
         self.history = History(Draft.of(run.scene))
         self._built: Built = build(run)
@@ -141,7 +141,7 @@ class EditSession:
     def is_pending(self, key: str) -> bool:
         """Whether a change of this value has been asked for and is neither shown nor refused yet."""
         with self._asking:
-            return key in self._pending or key in self._working
+            return key in self._working or any(key == waiting for waiting, _ in self._pending)
 
     def close(self) -> None:
         self._worker.close()
@@ -155,23 +155,31 @@ class EditSession:
     # -- the worker's thread ------------------------------------------------------------------------------------------
     def _ask(self, key: str, what: DraftChange | _Value | str) -> None:
         with self._asking:
-            self._pending.pop(key, None)
-            self._pending[key] = what
+            steps = [n for n, (_, other) in enumerate(self._pending) if isinstance(other, str)]
+            first = len(self._pending) if isinstance(what, str) else steps[-1] + 1 if steps else 0
+            older, newer = self._pending[:first], self._pending[first:]  # a value takes the place of one that no step has followed
+            self._pending = [*older, *(other for other in newer if other[0] != key), (key, what)]
         self._worker.submit(None)
 
     def _work(self, _: None) -> None:
         with self._asking:
-            pending, self._pending = self._pending, {}
-            self._working = frozenset(pending)
+            pending, self._pending = self._pending, []
+            self._working = frozenset(key for key, _ in pending)
         start = time.perf_counter()
         history = self.history.copied()
-        draft, moved, remembered = history.present, None, True
+        draft, moved = history.present, None
+        changed: list[str] = []  # since the last step of the history
+        key = "+".join(dict.fromkeys(key for key, _ in pending))
         try:
-            for what in pending.values():
+            for name, what in pending:
                 if isinstance(what, str):
+                    if changed:
+                        history.change(draft, "+".join(changed))
+                        changed = []
                     draft = {"undo": history.undo, "redo": history.redo, "reset": history.reset}[what]()
-                    remembered = False
-                elif isinstance(what, _Value):
+                    continue
+                changed.append(name)
+                if isinstance(what, _Value):
                     moved = what
                     draft = draft.with_value(what.parameter.path, what.written())
                 else:
@@ -187,16 +195,16 @@ class EditSession:
                     self.run, self.view_model = before
                     self._present(self.view_model)  # instead of the half of another one
                     raise
-            if remembered:
-                history.change(draft, "+".join(pending))
+            if changed:
+                history.change(draft, "+".join(changed))
             self.history = history
-            self._report_to(Status(key="+".join(pending), seconds=time.perf_counter() - start, swings=swings(run.scene)))
+            self._report_to(Status(key=key, seconds=time.perf_counter() - start, swings=swings(run.scene)))
         except (MechanismError, ValueError) as error:
-            self._report_to(Status(_words(error), "+".join(pending), moved.value if moved else float("nan")))
+            self._report_to(Status(_words(error), key, moved.value if moved else float("nan")))
             if moved is not None and len(pending) == 1:
                 self._find_reach(moved, _words(error))
         except Exception as error:
-            self._report_to(Status(f"{type(error).__name__}: {error}", "+".join(pending)))
+            self._report_to(Status(f"{type(error).__name__}: {error}", key))
             raise
 
     def _solved(self, draft: Draft) -> tuple[Draft, Run]:

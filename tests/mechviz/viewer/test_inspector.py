@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 import threading
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
@@ -395,6 +397,53 @@ def test_an_edit_solves_the_whole_cycle_anew_and_undo_brings_it_back(session):
     session.undo()
     assert session.wait()
     np.testing.assert_allclose(session.run.forces.effort("A"), before, rtol=1e-12)
+
+
+@contextmanager
+def at_work(session: EditSession) -> Iterator[None]:
+    """While the session solves something else."""
+    begun, done = threading.Event(), threading.Event()
+    session.change("another", lambda draft: begun.set() or (done.wait(PATIENCE) and draft))
+    assert begun.wait(PATIENCE)
+    yield
+    done.set()
+    assert session.wait() and not session.status.fault
+
+
+def test_steps_of_the_history_that_wait_are_all_done_in_their_order(session):
+    """Undo and redo pressed, and values moved, while an earlier change is being solved: as if each had been waited for."""
+
+    def mass() -> tuple[float, float]:
+        shown = _value(session, "crank mass").value
+        assert value_at(session.history.present.document, ("links", "crank", "mass")) == shown, "what is shown is what is kept"
+        return shown
+
+    slider, values = _value(session, "crank mass"), (1.1, 1.2, 1.3, 1.4)
+    for n, value in enumerate(values):
+        session.change(f"mass {n}", lambda draft, value=value: draft.with_value(slider.path, value))
+        assert session.wait()
+    with at_work(session):
+        for _ in range(4):  # the other change, then three of the four values
+            session.undo()
+    assert mass() == 1.1
+    with at_work(session):  # a step back from a change that still waits
+        session.move(slider, 1.7)
+        session.move(slider, 1.8)
+        session.undo()
+    assert mass() == 1.1
+    with at_work(session):  # a change of what the step leads to
+        session.undo()
+        session.undo()
+        session.move(slider, 1.6)
+    assert mass() == 1.6
+    session.undo()
+    assert session.wait() and mass() == 1.1
+    with at_work(session):
+        session.undo()
+        session.move(slider, 1.5)
+        session.undo()
+        session.redo()
+    assert mass() == 1.5
 
 
 def test_solids_are_built_anew_for_lengths_and_not_for_masses(session, monkeypatch):
