@@ -138,8 +138,9 @@ def _peaks(recording: Recording, model: RecordedModel) -> list[Peak]:
     for joint in model.joints:
         path = ("data", "joints", joint, "reaction")
         peaks.append(_peak(recording, path, f"reaction {joint}", "N", [0, 1]))
-        if model.joints[joint].type == "prismatic":
+        if model.joints[joint].type in ("prismatic", "weld"):
             peaks.append(_peak(recording, path, f"couple {joint}", "N m", [2], signed=True))
+        if model.joints[joint].type == "prismatic":
             ends = ("data", "joints", joint, "bearing")
             peaks += [
                 _peak(recording, ends, f"bearing force {end} {joint}", "N", [k], signed=True) for k, end in enumerate(GUIDE_ENDS)

@@ -74,6 +74,25 @@ def test_pages_drawings_and_plots_are_written_and_equal_from_both(run, played, t
     assert len(run.plot().axes) == 3
 
 
+def test_drives_whose_names_have_spaces_are_axes_of_plots():
+    b = mv.SceneBuilder("two arms", length="mm", angle="deg")
+    b.link("frame", {"shaft: 1": (0, 0)})
+    b.link("arm", {"shaft: 1": (0, 0), "shaft 2": (60, 0)}).link("hand", {"shaft 2": (0, 0), "E": (50, 0)})
+    b.revolute("shaft: 1", "frame", "arm", drive={"speed": "60 rpm"}).revolute("shaft 2", "arm", "hand", drive={"speed": "-30 rpm"})
+    run = mv.run(b.trace("E").scene(), frames=8)
+    for against in ("shaft: 1", "shaft 2"):
+        (panel,) = run.plot("point.hand.E.position", against=against).axes
+        np.testing.assert_array_equal(panel.lines[0].get_xdata(), run[f"joint.{against}.angle"][:, 0])
+
+
+def test_a_drive_that_stands_still_is_found_at_its_angle(tmp_path):
+    scene = mv.load("kinetostatic-four-bar").changed({("joints", "A", "drive"): {"speed": 0, "start": 30}, ("run",): None})
+    run = mv.run(scene)
+    assert len(run.time) == 1 and run.shot(tmp_path / "a.svg", angle=30).is_file()
+    with pytest.raises(OutputError, match="outside what the drive does, 30° to 30°"):
+        run.shot(tmp_path / "a.svg", angle=31)
+
+
 def test_what_cannot_be_done_is_refused_with_a_remedy(run, played, tmp_path):
     for ask, words in (
         (lambda: played.motion, r"is a recording.*mechviz\.run\(result\.scene\)"),

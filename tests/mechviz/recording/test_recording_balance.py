@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import mechviz
-from mechviz.outputs.inspection import inspect
+from mechviz.outputs.inspection import format_inspection, inspect
 from mechviz.outputs.rerun.reader import Recording
 from mechviz.outputs.rerun.writer import write_recording
 from mechviz.quantities.tables import without_noise
@@ -236,3 +236,12 @@ Q = { force = ["-60 N", 0], on = "wheel" }
     inspection = inspect(write_recording(run_scene(scene, frames=8), tmp_path / "wheel.rrd").path)
     assert (inspection.peaks[0].item, inspection.peaks[0].unit) == ("driving force W", "N")
     assert inspection.peaks[0].value == pytest.approx(60.0)
+
+
+def test_inspection_tells_the_couple_of_a_weld(tmp_path):
+    """A cantilever with a force across its end."""
+    b = mechviz.SceneBuilder("cantilever", length="in", force="lbf", torque="lbf in")
+    b.link("frame", O=(0, 0)).link("arm", O=(0, 0), P=(20, 0)).joint("O", "weld", "frame", "arm")
+    b.force("F", (0, -3), on="arm", at="P")
+    inspection = inspect(write_recording(run_scene(b.scene()), tmp_path / "arm.rrd").path)
+    assert "couple O              60 lbf in" in format_inspection(inspection)
