@@ -47,7 +47,7 @@ class Instants(NamedTuple):
 def instants(forces: Forces) -> Instants:
     """The frames of a run and both sides of its jumps; frames only where the motion cannot be had at other times."""
     time = forces.motion.time
-    pairs = _pairs(forces)
+    pairs = sides_of_jumps(forces.motion, forces.jumps)
     if not len(pairs):
         return Instants(time, np.zeros(0, int), (forces,), np.arange(len(time)))
     k = np.searchsorted(pairs[:, 1], time, side="left")
@@ -58,14 +58,14 @@ def instants(forces: Forces) -> Instants:
                     (forces, forces.again(pairs.ravel())), order)  # fmt: skip
 
 
-def _pairs(forces: Forces) -> Real:
-    """Times (n, 2) [s] just before and just after the jumps of a run, in order and apart from each other."""
-    motion = forces.motion
+def sides_of_jumps(motion: Motion, under_forces: Callable[[float], Real] | None = None) -> Real:
+    """Times (n, 2) [s] just before and just after the jumps of a run, in order and apart from each other; none where the motion
+    cannot be had at other times. ``under_forces``: those of a motion under forces until a time, see `Simulation.jumps`."""
     if motion.again is None or motion.frames < 2:
         return np.zeros((0, 2))
     start, end = float(motion.time[0]), float(motion.time[-1])
-    if forces.jumps is not None:
-        pairs_of_run = forces.jumps(end)
+    if under_forces is not None:
+        pairs_of_run = under_forces(end)
         return pairs_of_run[pairs_of_run[:, 0] > start]
     near = max(NEAR * (end - start) / (motion.frames - 1), NEAR_IN_RUN * (end - start), ROUNDING * float(np.spacing(end)))
     pairs: list[list[float]] = []

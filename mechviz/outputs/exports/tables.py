@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from io import BytesIO, StringIO
 from itertools import cycle
 from pathlib import Path
@@ -12,13 +13,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mechcore.arrays import Real
+from mechcore.arrays import Index, Real
+from mechcore.constructions.studies import StudyResults
 from mechcore.errors import Fault, MechanismError
+from mechcore.forces.instants import sides_of_jumps
 from mechviz.figures import DOTS_AN_INCH, chart, chart_svg
 from mechviz.files import replacing
 from mechviz.outputs.rerun.content import model_json, scene_text
 from mechviz.quantities.catalogue import Axis, Quantity, QuantityGroup
-from mechviz.quantities.items import read_between
+from mechviz.quantities.items import ItemTable, read_between
 from mechviz.runs import Run, package_version
 
 if TYPE_CHECKING:
@@ -31,22 +34,47 @@ MOST_ROWS = 10_000_000
 def wide_table(run: Run, times: Real | None = None) -> dict[str, Real]:
     """All results of a run as columns (F,) under names with units, such as ``crank.x [m]``; ``time [s]`` comes first.
 
-    With ``times`` (n,) [s] the columns (n,) are read between the frames, by the interpolation that the run's accuracy states. What
-    was not computed is left out.
+    With ``times`` (n,) [s] the columns (n,) are read between the frames, by the interpolation that the run's accuracy states; next
+    to impacts and whatever else jumps, through which no polynomial goes, they are solved for. What was not computed is left out.
     """
     at_frames = np.asarray(run.motion.time, float)
+    beside, solved = _beside_jumps(run, times)
     columns: dict[str, Real] = {"time [s]": at_frames if times is None else np.asarray(times, float)}
     tables = run.numbers.tables.values()
     for table in sorted(tables, key=lambda t: t.path[:2] != ("data", "drive")):  # drives first, the rest as it comes
         rows = table.values
         if times is not None:
             rows = read_between(table.path, at_frames, lambda path: run.numbers.values(*path), times, run.accuracy.interpolation)
+            if table.path in solved:
+                rows = rows.copy()
+                rows[beside] = solved[table.path].values
         for name, values in zip(table.headers(), rows.T, strict=True):
             while name in columns:  # a link may be named so that its columns look like a joint's
                 name += "'"
             if not np.isnan(values).all():
                 columns[name] = values
     return columns
+
+
+def _beside_jumps(run: Run, times: Real | None) -> tuple[Index, Mapping[tuple[str, ...], ItemTable]]:
+    """Which of some times (n,) [s] a polynomial through frames would read across a jump, and the tables of the run there. Works
+    so far and health are known at frames only."""
+    order, motion, forces = run.accuracy.interpolation, run.motion, run.forces
+    nothing: tuple[Index, Mapping[tuple[str, ...], ItemTable]] = np.zeros(0, int), {}
+    if times is None or motion.again is None or order == 0 or run.accuracy.differentiation != "exact":
+        return nothing
+    pairs = sides_of_jumps(motion, None if run.simulation is None else run.simulation.jumps)
+    time, count = np.asarray(motion.time, float), min(order + 1, motion.frames)  # frames that decide a value
+    first = np.clip(np.searchsorted(time, times, side="right") - count // 2, 0, motion.frames - count)
+    low, high = time[first], time[first + count - 1]
+    beside = np.flatnonzero(np.searchsorted(pairs[:, 1], low) < np.searchsorted(pairs[:, 0], high, side="right"))
+    if not len(beside):
+        return nothing
+    there = motion.again(times[beside])
+    here = replace(run, motion=there, forces=None if forces is None else forces.again(times[beside]), studies=StudyResults())
+    known = here.numbers.tables
+    left = {("data", "energy")} if run.simulation is None else set()
+    return beside, {path: table for path, table in known.items() if path[0] == "data" and path not in left}
 
 
 def even_times(run: Run, step: float) -> Real:

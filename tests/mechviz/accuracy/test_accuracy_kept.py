@@ -22,6 +22,7 @@ from mechviz.outputs.rerun.writer import write_recording
 from mechviz.picture.build import solids_of
 from mechviz.quantities.items import read_between, slopes_of
 from mechviz.runs import run_scene
+from mechviz.scene.builder import SceneBuilder
 from mechviz.scene.scene import Scene, load
 
 
@@ -220,6 +221,38 @@ def test_a_table_has_a_row_every_so_often(tmp_path):
     assert np.allclose(np.diff(times), 0.02)
     wrong = CliRunner().invoke(app, ["export", "crank-rocker", "--csv", str(path), "--every", "0 s"])
     assert wrong.exit_code == 2 and "no distance of rows" in wrong.stderr
+
+
+@pytest.mark.parametrize("order", [1, 3, 5])
+def test_rows_next_to_impacts_are_those_of_the_motion(order):
+    """A ball that bounces: parabolas between its impacts, through which no polynomial over frames goes."""
+    b = SceneBuilder("ball").link("frame", O=(0, 0)).link("ball", O=(0, 0), mass=2)
+    stops = [{"at": 0, "side": "lower", "restitution": 0.5}]
+    b.joint("O", "prismatic", "frame", "ball", along=(0, 1), free={"position": 1}, stops=stops).effect("gravity").effect("inertia")
+    run = run_scene(b.run(duration="1.2 s", frames=40).scene(), accuracy=Accuracy(interpolation=order))
+    t = np.linspace(0.0, 1.2, 501)
+    first = np.sqrt(2.0 / 9.81)
+    speed = 9.81 * first  # at the first impact, half of it after that
+    lands = np.array([0.0, first, first + speed / 9.81, first + 1.5 * speed / 9.81])
+    leaves, phase = speed * np.array([0.0, 0.5, 0.25, 0.125]), np.searchsorted(lands, t, side="right") - 1
+    since, leaving = t - lands[phase], leaves[phase]
+    columns = wide_table(run, t)
+    step = 1.2 / 40 if order == 1 else 0.0  # chords of parabolas
+    height = (phase <= 0) + (leaving - 0.5 * 9.81 * since) * since
+    assert np.abs(columns["ball.vy [m/s]"] - (leaving - 9.81 * since)).max() < 1e-8
+    assert np.abs(columns["ball.y [m]"] - height).max() < 1e-8 + 9.81 * step**2 / 8.0
+    assert np.abs(columns["stop O lower.load.Fy [N]"]).max() < 1e-8
+    assert np.abs(columns["energy.kinetic [J]"] - columns["ball.vy [m/s]"] ** 2).max() < 1e-8 + (9.81 * step / 2.0) ** 2
+
+
+def test_rows_next_to_a_step_have_both_sides_of_it_and_turns_stay_counted():
+    scene = load("gear-train").changed({("loads", "late"): {"torque": "1 N m", "on": "output", "step": {"at": "3.01 s"}}})
+    run = run_scene(scene, frames=48)
+    t = np.linspace(0.0, float(run.motion.time[-1]), 301)
+    columns, fine = wide_table(run, t), wide_table(run_scene(scene, frames=300))
+    np.testing.assert_allclose(columns["late.load.moment [N m]"], 1.0 * (t > 3.01), atol=1e-12)
+    for link in ("motor", "output"):
+        np.testing.assert_allclose(columns[f"{link}.angle [rad]"], fine[f"{link}.angle [rad]"], atol=1e-9)
 
 
 def test_traced_points_go_along_arcs_even_where_links_turn_evenly():
