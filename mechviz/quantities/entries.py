@@ -171,7 +171,7 @@ def _grouped(
     for k in range(len(columns)) if chosen is None else chosen:
         groups.setdefault((columns[k][1], columns[k][0] if what in APART else ""), []).append(k)
     for (unit, _), group in groups.items():
-        names = tuple(columns[k][0].replace("_", " ") for k in group)
+        names = tuple(columns[k][0] if what == "power" else columns[k][0].replace("_", " ") for k in group)  # powers: of the scene
         name = _name(what, unit, names)
         shown, factor = units.reads(unit)
         length = LENGTHS.get(names) if len(names) == 2 else None

@@ -10,6 +10,8 @@ import pytest
 import mechviz as mv
 from mechcore.errors import MechanismError
 from mechviz.files import OutputError
+from mechviz.outputs.page.pack import find_frames
+from mechviz.outputs.page.page import find_plots
 
 
 @pytest.fixture(scope="module")
@@ -83,6 +85,17 @@ def test_drives_whose_names_have_spaces_are_axes_of_plots():
     for against in ("shaft: 1", "shaft 2"):
         (panel,) = run.plot("point.hand.E.position", against=against).axes
         np.testing.assert_array_equal(panel.lines[0].get_xdata(), run[f"joint.{against}.angle"][:, 0])
+
+
+def test_names_of_a_scene_are_kept_in_titles_and_curves(tmp_path):
+    """Underscores in the table of powers, colons before what is plotted."""
+    b = mv.SceneBuilder("arm", length="mm", angle="deg")
+    b.link("frame", {"pin: a": (0, 0)}).link("arm_1", {"pin: a": (0, 0), "P": (60, 0)}, mass=1, centre=(30, 0), inertia=1)
+    b.revolute("pin: a", "frame", "arm_1", drive={"speed": "30 rpm", "sine": {"period": "1 s"}})
+    run = mv.run(b.force("pull_2", (0, -5), on="arm_1", at="P").effect("gravity").scene(), frames=16)
+    assert run.quantity("power").curves == ("drive pin: a", "gravity/arm_1", "pull_2")
+    titles = [plot.title for plot in find_plots(run.catalogue, find_frames(run.presentation, 100), {})]
+    assert {"Joint pin: a: polar plot of the reaction", "Joint pin: a: phase diagram, velocity against angle"} <= set(titles)
 
 
 def test_a_drive_that_stands_still_is_found_at_its_angle(tmp_path):

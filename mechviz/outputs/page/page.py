@@ -148,7 +148,7 @@ def _polar(plot: Plot) -> Plot | None:
     """The polar plot of a joint's reaction: the tip of the force over the run."""
     if not plot.key.startswith("joint.") or not plot.key.endswith(".reaction"):
         return None
-    title = f"{plot.title.partition(':')[0]}: polar plot of the reaction"
+    title = f"{plot.title.rpartition(': ')[0]}: polar plot of the reaction"
     across = f"Fx [{plot.unit}]"
     return Plot(title, plot.unit, ("Fy",), plot.values[:, 1:2], f"{plot.key}.polar", plot.values[:, 0], across, equal=True)
 
@@ -164,7 +164,7 @@ def _phases(plots: list[Plot]) -> list[Plot]:
             continue
         steps = np.diff(p.values[:, 0])
         if not (np.all(steps >= 0.0) or np.all(steps <= 0.0)):
-            title = f"{p.title.partition(':')[0]}: phase diagram, velocity against {what}"
+            title = f"{p.title.rpartition(': ')[0]}: phase diagram, velocity against {what}"
             phases.append(
                 Plot(title, rate.unit, ("velocity",), rate.values, f"{joint}.phase", p.values[:, 0], f"{what} [{p.unit}]")
             )

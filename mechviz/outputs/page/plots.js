@@ -66,7 +66,7 @@ class Plot {
     this.values = arrays[first.values];
     this.half = arrays[first.half]; // of the tolerance band, where there is one
     if (parts.length > 1) {
-      const item = (p) => p.title.split(":")[0];
+      const item = (p) => p.title.split(": ").slice(0, -1).join(": ") || p.title;
       const names = parts.flatMap((p) => p.names.map((name) => (p.names.length > 1 ? `${item(p)}: ${name}` : p.title)));
       this.plot = { title: parts.map((p) => p.title).join(", "), unit: first.unit, names };
       this.values = new Float32Array(header.frames * names.length);

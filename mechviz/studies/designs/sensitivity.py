@@ -248,7 +248,7 @@ def _rows(exact: Derivatives, quantity: Quantity) -> Any:
         case ("energy",):
             return exact.energy
         case ("power",):
-            powers = {label.replace("_", " "): power for label, power in powers_by_label(exact.forces).items()}
+            powers = dict(powers_by_label(exact.forces))
             names = quantity.curves if len(quantity.curves) > 1 else list(powers)  # a single one is called power
             nothing = np.zeros(exact.nominal.frames)  # of a stop on which nothing rests
             return np.stack([powers.get(name, nothing) for name in names], axis=-1)

@@ -102,7 +102,7 @@ class DetailPanel:
         rows = []
         for q, values, least in self._tables.values():
             at = [0.0 if abs(v) <= least else float(v) for v in values[frame]]
-            rows.append((q.label.split(": ", 1)[1], q.curves, at, q.unit))
+            rows.append((q.name, q.curves, at, q.unit))
         self._values.content = words.values(self.item, rows)
         self.slot.show(frame)
 

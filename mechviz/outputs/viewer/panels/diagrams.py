@@ -121,10 +121,9 @@ def cam_charts(view_model: ViewModel) -> list[Chart]:
     if turn is not None and not np.all((axis.values > -1e-8 * turn) & (axis.values < (1.0 + 1e-8) * turn)):
         turn = None
     for q in view_model.quantities:
-        if q.label.startswith("cam ") and q.label.endswith((": pressure angle", ": curvature")):
-            item, what = q.label.split(": ", 1)
-            title = f"{what.capitalize()} [{q.unit}] of {item}"
-            curve = ChartCurve(item, axis.values, q.values()[:, 0])
+        if q.item.startswith("cam ") and q.name in ("pressure angle", "curvature"):
+            title = f"{q.name.capitalize()} [{q.unit}] of {q.item}"
+            curve = ChartCurve(q.item, axis.values, q.values()[:, 0])
             charts.append(Chart(q.label, title, axis.title, f"[{q.unit}]", (curve,), turn=turn))
     return charts
 
