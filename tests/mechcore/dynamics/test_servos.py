@@ -263,6 +263,16 @@ def test_small_vibrations_are_those_of_its_gains():
     assert any("servo" in note for note in small_vibrations(scene('target = "10 mm"').mechanism).notes)
 
 
+@pytest.mark.parametrize(
+    "target", ['{ oscillation = { centre = 10, amplitude = 5, period = "1 s" } }', '10, ramp = { begin = "-1 s", end = "0 s" }']
+)
+def test_small_vibrations_are_about_a_target_that_stands_still(target: str):
+    """The rate of the target at the start is no force: by the derivative gain it moved the equilibrium."""
+    vibrations = small_vibrations(scene(f"target = {target}", PD).mechanism)
+    assert vibrations.equilibrium.position == pytest.approx([0.01], abs=1e-12)
+    assert vibrations.modes[0].damping_ratio == pytest.approx(KD / (2.0 * np.sqrt(KP * 2.0)), rel=1e-6)
+
+
 def test_a_prescribed_motion_knows_no_integral():
     mechanism = scene('target = "10 mm"').mechanism
     (servo,) = mechanism.loads

@@ -22,13 +22,13 @@ from mechcore.dynamics.events import EndStop, with_slot_ends
 from mechcore.effects.base import power_of
 from mechcore.effects.registry import applied_effects, effects_of
 from mechcore.errors import Fault, MechanismError
-from mechcore.laws.timed import Free
+from mechcore.laws.timed import Free, Law
 from mechcore.motion.compiled import Compiled
 from mechcore.motion.motion import Motion
 from mechcore.motion.solve import compile_mechanism
 from mechcore.records import dataclass
 from mechcore.spec.clearance import journals_of
-from mechcore.spec.loads import Bushing, Spring, TorsionSpring
+from mechcore.spec.loads import Bushing, Servo, Spring, TorsionSpring
 from mechcore.spec.mechanism import Mechanism
 from mechcore.texts import Text, as_coordinate, as_quantity
 
@@ -71,7 +71,7 @@ class Equilibrium:
 
 @dataclass(frozen=True)
 class _Held:
-    """A prescribed drive that stands still at its start."""
+    """A prescribed drive, or the target of a servo, that stands still at its start."""
 
     start: float
     duration: float = 1.0
@@ -83,12 +83,18 @@ class _Held:
 
 
 def _still(compiled: Compiled) -> Compiled:
-    """The same mechanism with its prescribed drives held at their start; itself where there are none."""
-    drives = compiled.mechanism.drives
-    if all(isinstance(d.law, Free) for d in drives):
+    """The same mechanism with its prescribed drives, and the targets of its servos, held at their start; itself where there are
+    none."""
+    mechanism = compiled.mechanism
+    if all(isinstance(d.law, Free) for d in mechanism.drives) and not any(isinstance(x, Servo) for x in mechanism.loads):
         return compiled
-    held = tuple(d if isinstance(d.law, Free) else replace(d, law=_Held(float(d.law(np.zeros(1))[0][0]))) for d in drives)
-    return replace(compiled, model=replace(compiled.model, mechanism=replace(compiled.mechanism, drives=held)))
+    drives = tuple(d if isinstance(d.law, Free) else replace(d, law=_Held(_start(d.law))) for d in mechanism.drives)
+    loads = tuple(replace(x, target=_Held(_start(x.target))) if isinstance(x, Servo) else x for x in mechanism.loads)
+    return replace(compiled, model=replace(compiled.model, mechanism=replace(mechanism, drives=drives, loads=loads)))
+
+
+def _start(law: Law) -> float:
+    return float(law(np.zeros(1))[0][0])
 
 
 def force_at_rest(compiled: Compiled, q: Real, v: Real | None = None, *, only: str = "positions") -> Real:
