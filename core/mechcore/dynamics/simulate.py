@@ -30,12 +30,14 @@ from mechcore.dynamics.segments import MotionSegment
 from mechcore.dynamics.simulation import Simulation
 from mechcore.effects.registry import effects_of
 from mechcore.errors import Fault, MechanismError
+from mechcore.laws.course import end_of, first_knock
 from mechcore.laws.curve import MotionCurve
 from mechcore.laws.factors import VELOCITY_JUMP, jumps
 from mechcore.laws.signals import Chirp, Sine
 from mechcore.laws.timed import Free
 from mechcore.motion.compiled import Compiled
 from mechcore.motion.solve import compile_mechanism
+from mechcore.spec.loads import Servo
 from mechcore.spec.mechanism import Drive, Mechanism
 from mechcore.texts import as_angle, as_length
 
@@ -237,10 +239,28 @@ def _validate(compiled: Compiled, duration: float, tolerance: float, separable_c
         faults.append(Fault("effects", "motion under forces needs masses, and inertia is not named.", 'Add "inertia" to effects.'))
     free = [d for d in mechanism.drives if isinstance(d.law, Free)]
     _check_turns(compiled, free, duration, faults)
+    _check_laws(mechanism, duration, faults)
     if not free and not separable_cams:
         faults.append(Fault("joints", "every drive is prescribed: no coordinate is free.", "Give a joint a free start."))
     if faults:
         raise MechanismError(faults)
+
+
+def _check_laws(mechanism: Mechanism, duration: float, faults: list[Fault]) -> None:
+    """Drives whose velocity jumps, as the impact on what forces move is not computed; laws that end before the run does."""
+    drives = {f"joints.{d.joint}.drive": d.law for d in mechanism.drives if not isinstance(d.law, Free)}
+    targets = {f"loads.{x.name}.target": x.target for x in mechanism.loads if isinstance(x, Servo)}
+    for path, law in {**drives, **targets}.items():
+        end = end_of(law)
+        if duration > end * (1.0 + 1e-9):
+            why = f"{duration:.6g} s are wanted, and {path} ends after {end:.6g} s."
+            faults.append(Fault("run.duration", why, f"Give at most {end:.6g} s, or a law that goes on."))
+    for path, law in drives.items():
+        knock = first_knock(law, min(duration, end_of(law)))
+        if knock is not None:
+            why = f"its speed jumps at {knock:.6g} s: on what forces move it would be an impact, which is not computed."
+            remedy = f"Choose laws of continuous velocity, end at the speed of the start, or run at most {knock:.6g} s."
+            faults.append(Fault(path, why, remedy))
 
 
 def _check_turns(compiled: Compiled, free: Sequence[Drive], duration: float, faults: list[Fault]) -> None:

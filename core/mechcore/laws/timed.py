@@ -95,11 +95,13 @@ def moves(law: Law) -> bool:
 
 @dataclass(frozen=True)
 class ConstantSpeed:
-    """``start + speed t``; one cycle is one turn, or ``travel`` where that is given (sliding drives, limited ranges)."""
+    """``start + speed t``; one cycle is one turn, or ``travel`` where that is given (sliding drives, limited ranges). ``ends``:
+    with the cycle, at the end of a range."""
 
     start: float
     speed: float
     travel: float = 2.0 * np.pi
+    ends: bool = False
 
     @property
     def duration(self) -> float:
@@ -355,7 +357,8 @@ def _overshoot(x: Real, y: Real, curve: Any) -> tuple[float, int]:
 
 @dataclass(frozen=True, eq=False)
 class TableLaw:
-    """A drive given by a table of position against time: quintic spline, so that the acceleration is smooth too.
+    """A drive given by a table of position against time: quintic spline, so that the acceleration is smooth too; of five rows or
+    four a cubic one, of three a parabola.
 
     ``periodic``: the last row is the end of the cycle and continues smoothly into the next one, shifted by ``advance``.
     """
@@ -369,9 +372,7 @@ class TableLaw:
         from scipy.interpolate import make_interp_spline
 
         t, q = np.asarray(self.t, float), np.asarray(self.q, float)
-        degree = min(5, len(t) - 1)
-        if degree % 2 == 0:
-            degree -= 1
+        degree = min(len(t) - 1, 5 if len(t) > 5 else 3)
         if self.periodic:
             trend = self.advance * (t - t[0]) / (t[-1] - t[0])
             spline = make_interp_spline(t, q - trend, k=degree, bc_type="periodic")

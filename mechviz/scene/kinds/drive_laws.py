@@ -102,7 +102,7 @@ def _constant(drive: DriveDocument, coordinate: _Coordinate, drawn: float, cycle
             )
         if any(map(math.isnan, (speed, least, greatest))):
             return None
-        return ConstantSpeed(start=least if speed > 0 else greatest, speed=speed, travel=greatest - least)
+        return ConstantSpeed(start=least if speed > 0 else greatest, speed=speed, travel=greatest - least, ends=True)
     start = _start(drive, coordinate, drawn)
     if drive.travel is not None:
         travel = coordinate.distance(drive.travel, "travel")

@@ -1,0 +1,39 @@
+"""How a law of time goes on beyond its first cycle: whether it ends, and when its velocity jumps, within a cycle or between two."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from mechcore.laws.factors import VELOCITY_JUMP
+from mechcore.laws.program import CurveOverMaster
+from mechcore.laws.timed import ConstantSpeed, Law, TableLaw
+
+BESIDE = 1e-11  # of a cycle: times at which a law changes its form are known better than that
+SAMPLES = 257  # of a cycle, for its largest velocity
+
+
+def end_of(law: Law) -> float:
+    """Time [s] beyond which a law says nothing, as a table that does not repeat; infinite where it goes on."""
+    if isinstance(law, CurveOverMaster):
+        return end_of(law.master)
+    ends = (isinstance(law, TableLaw) and not law.periodic) or (isinstance(law, ConstantSpeed) and law.ends)
+    return law.duration if ends else math.inf
+
+
+def first_knock(law: Law, until: float) -> float | None:
+    """The first time [s], later than zero and before ``until``, at which the velocity of a law jumps; None where it does not."""
+    cycle = law.duration
+    if not math.isfinite(cycle):
+        return None
+    times = np.unique([*law.breaks, cycle])  # a cycle like the first follows
+    times = times[(times > 0.0) & (times < until * (1.0 - BESIDE))]
+    if not len(times):
+        return None
+    step = BESIDE * cycle
+    size = np.abs(law(np.linspace(0.0, cycle, SAMPLES))[1]).max()
+    (_, before, rising), (_, after, risen) = law(times - step), law(times + step)
+    leap = np.abs((after - step * risen) - (before + step * rising))
+    knocks = times[leap > VELOCITY_JUMP * size]
+    return float(knocks[0]) if len(knocks) else None
