@@ -33,7 +33,6 @@ from mechcore.dynamics.events import (
     Reaction,
     SeparableCam,
     SimulationEvent,
-    event_function_of,
     first_exceeding,
     first_zero,
 )
@@ -43,6 +42,7 @@ from mechcore.dynamics.integration.windows import Integrator, Solution
 from mechcore.dynamics.phases import run_phases
 from mechcore.dynamics.segments import MotionSegment, segment_forces
 from mechcore.dynamics.simulation import Simulation
+from mechcore.dynamics.watched import Watch
 from mechcore.effects.base import Effect
 from mechcore.effects.registry import applied_effects
 from mechcore.errors import Fault, MechanismError
@@ -80,9 +80,10 @@ class EventIntegrator:
         self.duration, self.tolerance, self.method = duration, tolerance, method
         self.like = like
         self.observe = observe
-        self.triggers, self.progress = triggers, progress
+        self.progress = progress
         self.original = compiled
         self.log = Log()
+        self.watch = Watch(triggers, self.log)
         self.stops = EndStops(stops, duration, self.log)
         self.friction = FrictionState("friction" in compiled.mechanism.effects, SOON_AFTER * duration, self.log)
         self.separable_cams = tuple(separable_cams)
@@ -93,7 +94,6 @@ class EventIntegrator:
         self._chart_changed()
         self.segments: list[MotionSegment] = []
         self.evaluations = 0
-        self.over = False  # ended by an event
 
     @property
     def compiled(self) -> Compiled:
@@ -110,7 +110,7 @@ class EventIntegrator:
         compiled = self.compiled
         read = self.chart.coordinates if compiled.angles.exact else {}
         self.stops.use(compiled)
-        self.trigger_functions = [(x, event_function_of(x, read, partial(motion_at, compiled))) for x in self.triggers]
+        self.watch.use(compiled, read)
 
     def go(self, q: Real, v: Real) -> Simulation:
         """Run from q, v (f,) to the end."""
@@ -125,7 +125,7 @@ class EventIntegrator:
         while t < self.duration * (1.0 - 1e-13):
             began = t
             t, q, v = self._integrate_segment(t, q, v)
-            if self.over:
+            if self.watch.over:
                 break
             standing = standing + 1 if t <= began else 0
             if standing > MOST_AT_ONCE:
@@ -137,8 +137,10 @@ class EventIntegrator:
         return self._simulation(self.segments, self.evaluations, self.log.all_entries())
 
     def _integrate_segment(self, t: float, q: Real, v: Real) -> tuple[float, Real, Real]:
-        """Integrate until the first event; time, position and speed after it. ``over``: the motion ends there."""
+        """Integrate until the first event; time, position and speed after it."""
         q, v = self._meet_stops(t, q, v)
+        if self.watch.over:
+            return t, q, v
         by_program = self._phases(t, q, v)
         if by_program is not None:
             return by_program
@@ -237,7 +239,13 @@ class EventIntegrator:
     def _phases(self, t: float, q: Real, v: Real) -> tuple[float, Real, Real] | None:
         """Integrate, by a compiled program, over events as long as it decides what follows; time, position and speed after the last
         one. None where it has to be done window by window."""
-        if not len(q) or isinstance(self.chart.system, CurveEquations) or self.triggers or self.chart.boundaries or self.separation:
+        if (
+            not len(q)
+            or isinstance(self.chart.system, CurveEquations)
+            or self.watch.triggers
+            or self.chart.boundaries
+            or self.separation
+        ):
             return None
         friction = self.friction.known_signs(self.compiled)
         if friction is None or not (len(friction[1]) or self.stops.stops):
@@ -296,10 +304,7 @@ class EventIntegrator:
             out.append(PossibleEvent(partial(first_exceeding, function, after=t, noise=noise), partial(self._end_stop, stop)))
         for function, noise, loose in self.friction.stick_ends(q, v, t):
             out.append(PossibleEvent(partial(first_exceeding, function, after=t, noise=noise), partial(self._slide, loose=loose)))
-        for trigger, function in self.trigger_functions:
-            out.append(
-                PossibleEvent(partial(first_zero, function, after=soon, rising=trigger.rising), partial(self._pass, trigger))
-            )
+        out += self.watch.possible_events(soon)
         sliding, prescribed = self.friction.slip_ends()
         for function, rising in sliding:
             out.append(PossibleEvent(partial(first_zero, function, after=soon, rising=rising), self._slide))
@@ -317,14 +322,6 @@ class EventIntegrator:
 
     def _slide(self, t: float, q: Real, v: Real, loose: tuple[int, float] | None = None) -> tuple[Real, Real]:
         return q, self._settle(t, q, v, loose)
-
-    def _pass(self, trigger: EventTrigger, t: float, q: Real, v: Real) -> tuple[Real, Real]:
-        rotary = trigger.joint is not None and self.compiled.model.rotary(trigger.joint)
-        self.log.add(
-            SimulationEvent(t, EventKind.END if trigger.ends else EventKind.TRIGGER, trigger.name, trigger.passed(rotary=rotary))
-        )
-        self.over = self.over or trigger.ends
-        return q, v
 
     def _check(self, window: Window, until: float, limited: Sequence[Effect]) -> None:
         """Raise `MechanismError` where loads are asked for more than their laws say, until a time [s] in a window."""
@@ -388,8 +385,9 @@ class EventIntegrator:
             dry = self.friction.equations_of(self.compiled, q, rates, t, rests=rests)
             return Chart(self.compiled, rests) if dry is None else dry
 
-        v, changed = self.stops.meet(q, v, t, equations)
-        return q, self._settle(t, q, v) if changed else v
+        after, changed = self.stops.meet(q, v, t, equations)
+        self.watch.leap(t, q, v, after)
+        return q, self._settle(t, q, after) if changed else after
 
     def _system(self) -> System:
         """The equations of motion of the present segment."""
@@ -476,6 +474,7 @@ class EventIntegrator:
         stays = pull <= 0.0 and 2.0 * e * hit <= -pull * LEAST_BOUNCE * self.duration
         energy_lost = all_lost if stays else lost
         account_for_impact(self.log, self.compiled, t, q, v, stay if stays else rebound, energy_lost)
+        self.watch.leap(t, q, v, stay if stays else rebound)
         where = self.separation.where(name, self.compiled, q, v, t)
         pace = as_quantity(hit, "angular speed" if self.separation.contacts[name].rotary else "linear speed", 4)
         what = "contact regained" if stays else "bounces"

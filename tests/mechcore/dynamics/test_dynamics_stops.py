@@ -9,10 +9,11 @@ import pytest
 from dynamic_mechanisms import double_pendulum, pendulum, swinging_five_bar
 from mechanisms import case
 
+import mechviz
 from mechcore.dynamics.contact.end_stops import impact
 from mechcore.dynamics.equations.charts import Chart, jacobian_of
 from mechcore.dynamics.equations.reduced import constrained, motion_at, moving, reduce
-from mechcore.dynamics.events import EndStop
+from mechcore.dynamics.events import EndStop, EventTrigger
 from mechcore.dynamics.simulate import simulate
 from mechcore.laws.signals import Step
 from mechcore.laws.timed import ConstantSpeed
@@ -25,6 +26,20 @@ def half_driven(speed: float = 0.8) -> Mechanism:
     """A five-bar whose left arm turns at a prescribed speed; the right one swings freely on its spring."""
     body = swinging_five_bar(stiffness=1.0)
     return replace(body, drives=(Drive(joint="A", law=ConstantSpeed(2.2, speed, 4.0)), body.drives[1]))
+
+
+def ball(height: float) -> Mechanism:
+    """A mass that falls along an upright guide."""
+    text = f"""
+effects = ["inertia", "gravity"]
+run = {{ duration = 1 }}
+[links]
+frame = {{ points = {{ S = [0, 0] }} }}
+ball = {{ points = {{ S = [0, 0] }}, mass = 1, shape = "point" }}
+[joints]
+S = {{ prismatic = ["frame", "ball"], along = [0, 1], free = {{ position = {height} }} }}
+"""
+    return mechviz.loads(text).mechanism
 
 
 def coordinate(compiled, joint: str, q, t) -> np.ndarray:
@@ -208,3 +223,25 @@ def test_accelerations_and_what_holds_them_satisfy_the_bordered_equations():
     again, _ = constrained(inertia, force, g, second)
     assert np.isnan(again[2]).all()
     np.testing.assert_allclose(np.delete(again, 2, axis=0), np.delete(a, 2, axis=0), rtol=1e-10)
+
+
+@pytest.mark.parametrize(("rising", "hits"), [(None, [1, 1, 1]), (True, [1, 1, 1]), (False, [0, 0, 0])])
+def test_a_velocity_that_passes_a_value_in_an_impact_is_told(rising: bool | None, hits: list[int]):
+    """A bouncing ball goes up at once at each impact; the passage was told only where it slows down again."""
+    e, g = 0.7, 9.81
+    floor = [EndStop(name="floor", joint="S", at=0.0, side="lower", restitution=e)]
+    up = EventTrigger(name="up", joint="S", of="velocity", at=0.5, rising=rising)
+    run = simulate(ball(1.0), 1.7, stops=floor, triggers=[up])
+    fall = np.sqrt(2.0 / g)
+    struck = [fall, fall * (1.0 + 2.0 * e), fall * (1.0 + 2.0 * e + 2.0 * e * e)]
+    told = np.array([x.time for x in run.events if x.item == "up"])
+    assert [int(np.isclose(told, t, atol=1e-9).sum()) for t in struck] == hits
+    assert len(told) == {None: 6, True: 3, False: 3}[rising]
+    assert np.abs(run.drift(np.linspace(0.0, 1.7, 50))).max() < 1e-9
+
+
+def test_a_motion_ends_with_the_impact_in_which_a_velocity_passes_a_value():
+    up = EventTrigger(name="up", joint="S", of="velocity", at=0.5, rising=True, ends=True)
+    run = simulate(ball(1.0), 1.7, stops=[EndStop(name="floor", joint="S", at=0.0, side="lower", restitution=0.7)], triggers=[up])
+    assert run.duration == pytest.approx(np.sqrt(2.0 / 9.81), abs=1e-9)
+    assert [x.kind for x in run.events] == ["impact", "end"]
