@@ -30,7 +30,7 @@ from mechcore.dynamics.segments import MotionSegment
 from mechcore.dynamics.simulation import Simulation
 from mechcore.effects.registry import effects_of
 from mechcore.errors import Fault, MechanismError
-from mechcore.laws.course import end_of, first_knock
+from mechcore.laws.course import early_ends, knocks
 from mechcore.laws.curve import MotionCurve
 from mechcore.laws.factors import VELOCITY_JUMP, jumps
 from mechcore.laws.signals import Chirp, Sine
@@ -239,28 +239,13 @@ def _validate(compiled: Compiled, duration: float, tolerance: float, separable_c
         faults.append(Fault("effects", "motion under forces needs masses, and inertia is not named.", 'Add "inertia" to effects.'))
     free = [d for d in mechanism.drives if isinstance(d.law, Free)]
     _check_turns(compiled, free, duration, faults)
-    _check_laws(mechanism, duration, faults)
+    laws = {f"joints.{d.joint}.drive": d.law for d in mechanism.drives if not isinstance(d.law, Free)}
+    targets = {f"loads.{x.name}.target": x.target for x in mechanism.loads if isinstance(x, Servo)}
+    faults += [*early_ends({**laws, **targets}, duration), *knocks(laws, duration)]
     if not free and not separable_cams:
         faults.append(Fault("joints", "every drive is prescribed: no coordinate is free.", "Give a joint a free start."))
     if faults:
         raise MechanismError(faults)
-
-
-def _check_laws(mechanism: Mechanism, duration: float, faults: list[Fault]) -> None:
-    """Drives whose velocity jumps, as the impact on what forces move is not computed; laws that end before the run does."""
-    drives = {f"joints.{d.joint}.drive": d.law for d in mechanism.drives if not isinstance(d.law, Free)}
-    targets = {f"loads.{x.name}.target": x.target for x in mechanism.loads if isinstance(x, Servo)}
-    for path, law in {**drives, **targets}.items():
-        end = end_of(law)
-        if duration > end * (1.0 + 1e-9):
-            why = f"{duration:.6g} s are wanted, and {path} ends after {end:.6g} s."
-            faults.append(Fault("run.duration", why, f"Give at most {end:.6g} s, or a law that goes on."))
-    for path, law in drives.items():
-        knock = first_knock(law, min(duration, end_of(law)))
-        if knock is not None:
-            why = f"its speed jumps at {knock:.6g} s: on what forces move it would be an impact, which is not computed."
-            remedy = f"Choose laws of continuous velocity, end at the speed of the start, or run at most {knock:.6g} s."
-            faults.append(Fault(path, why, remedy))
 
 
 def _check_turns(compiled: Compiled, free: Sequence[Drive], duration: float, faults: list[Fault]) -> None:
@@ -279,11 +264,11 @@ def _refuse_knocks(compiled: Compiled, q: Real, v: Real, separable_cams: Sequenc
     """Refuse cams that free coordinates (f,) move, or that followers may leave, whose law's velocity jumps: its impact is not
     computed."""
     laws = [(r, r.geometry.cam.law) for r in compiled.model.relations if r.kind == "cam"]
-    knocks = [(r, steps[0].angle) for r, law in laws if isinstance(law, MotionCurve) and (steps := jumps(law, (1,), VELOCITY_JUMP))]
-    units = moving(compiled, q[None], v[None], np.zeros(1))[1] if knocks and len(q) else []
+    abrupt = [(r, steps[0].angle) for r, law in laws if isinstance(law, MotionCurve) and (steps := jumps(law, (1,), VELOCITY_JUMP))]
+    units = moving(compiled, q[None], v[None], np.zeros(1))[1] if abrupt and len(q) else []
     names = {each.joint for each in separable_cams}
     faults = []
-    for r, angle in knocks:
+    for r, angle in abrupt:
         turned = any(float(np.abs(unit.velocity(link)).max()) > 0.0 for unit in units for link in r.links)
         if turned or r.name in names:
             at = as_length(angle) if getattr(r.geometry, "bed", None) is not None else as_angle(angle)

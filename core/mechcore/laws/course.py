@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
+from mechcore.errors import Fault
 from mechcore.laws.factors import VELOCITY_JUMP
 from mechcore.laws.program import CurveOverMaster
 from mechcore.laws.timed import ConstantSpeed, Law, TableLaw
@@ -37,3 +39,22 @@ def first_knock(law: Law, until: float) -> float | None:
     leap = np.abs((after - step * risen) - (before + step * rising))
     knocks = times[leap > VELOCITY_JUMP * size]
     return float(knocks[0]) if len(knocks) else None
+
+
+def early_ends(laws: Mapping[str, Law], duration: float) -> Iterator[Fault]:
+    """Laws, by what follows them, that end before a motion under forces of a ``duration`` [s] does."""
+    for path, law in laws.items():
+        end = end_of(law)
+        if duration > end * (1.0 + 1e-9):
+            why = f"{duration:.6g} s are wanted, and {path} ends after {end:.6g} s."
+            yield Fault("run.duration", why, f"Give at most {end:.6g} s, or a law that goes on.")
+
+
+def knocks(laws: Mapping[str, Law], duration: float) -> Iterator[Fault]:
+    """Laws of drives whose velocity jumps within a motion under forces of a ``duration`` [s]: the impact is not computed."""
+    for path, law in laws.items():
+        knock = first_knock(law, min(duration, end_of(law)))
+        if knock is not None:
+            why = f"its speed jumps at {knock:.6g} s: on what forces move it would be an impact, which is not computed."
+            remedy = f"Choose laws of continuous velocity, end at the speed of the start, or run at most {knock:.6g} s."
+            yield Fault(path, why, remedy)

@@ -39,7 +39,7 @@ from mechviz.scene.convert import Converter, JoinedSegments, probable_sort
 from mechviz.scene.document import SceneDocument
 from mechviz.scene.faults import MOST_SOUGHT, document_path, first_ones, listing
 from mechviz.scene.folder import SceneFolder
-from mechviz.scene.kinds.drive_laws import jumping_speeds, law_of
+from mechviz.scene.kinds.drive_laws import law_of, laws_under_forces
 from mechviz.scene.kinds.drives import DriveDocument
 from mechviz.scene.kinds.friction import clearances_of, idle_effect
 from mechviz.scene.kinds.joints.cam_documents import LEAST
@@ -110,9 +110,10 @@ def assemble_scene(
         idle_effect(document.effects, document.joints, [friction_of(joint) for joint in joints], convert)
     moved = document.joints | reading.shapeless
     driven = {key: joint.drive for key, joint in moved.items() if joint.drive is not None}
-    laws = _drive_laws(document, moved, driven, placement, convert)
+    lasts = stated_duration(document, Converter.of(document.units, folder))  # its faults are noted where the run is read
+    laws = _drive_laws(document, moved, driven, lasts, placement, convert)
     starts = _free_starts(moved, placement, convert)
-    convert.faults += jumping_speeds(laws, free=bool(starts))
+    convert.faults += laws_under_forces(laws, lasts) if starts else ()
     own_laws = {**laws, **starts}
     drives = [Drive(joint=name, law=own_laws[name]) for joint in joints for name in coordinates_of(joint) if name in own_laws]
     drives.sort(key=lambda drive: not moves(drive.law))  # one that moves is the first, against which a run is shown
@@ -220,13 +221,13 @@ def _drive_laws(
     document: SceneDocument,
     joints: Mapping[str, JointDocument],
     driven: Mapping[str, DriveDocument],
+    lasts: float | None,
     placement: Placement,
     convert: Converter,
 ) -> dict[str, Law]:
-    """The laws of the drives of ``joints``, by joint; faults are noted in ``convert``."""
+    """The laws of the drives of ``joints``, by joint; faults are noted in ``convert``. ``lasts``: duration of the run [s]."""
     laws: dict[str, Law] = {}
     masters: dict[str, Law | None] = {}
-    lasts = stated_duration(document, Converter.of(document.units, convert.folder))  # its faults are noted where the run is read
     for key in sorted(driven, key=lambda k: driven[k].program is not None):  # programs may follow the others
         joint, path = joints[key], f"joints.{key}.drive"
         clear = joint.traits.driven if len(joint.kinds) == 1 else ""

@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from mechcore.errors import Fault
+from mechcore.laws.course import early_ends, knocks
 from mechcore.laws.program import CurveOverMaster, over_time
 from mechcore.laws.signals import SignalSpeed, Step
 from mechcore.laws.timed import ConstantSpeed, Law, Oscillation, Rest, TableLaw, moves, zones
@@ -308,9 +309,16 @@ def _master(given: ProgramDocument, convert: Converter, path: str, masters: Mapp
     return masters.get(given.master)  # None also where the master's own law is faulty
 
 
-def jumping_speeds(laws: Mapping[str, Law], *, free: bool) -> Iterator[Fault]:
-    """Drives whose speed jumps beside joints that are ``free``: the jump would be an impact on them."""
+def laws_under_forces(laws: Mapping[str, Law], lasts: float | None) -> Iterator[Fault]:
+    """Drives beside free joints whose speed jumps, as the jump would be an impact on them, or that end before the run does, which
+    ``lasts`` so long [s]."""
+    others = {}
     for name, law in laws.items():
-        if free and isinstance(law, SignalSpeed) and isinstance(law.signal, Step) and law.breaks:
+        if isinstance(law, SignalSpeed) and isinstance(law.signal, Step) and law.breaks:
             why = "the speed jumps: beside free joints it would be an impact."
             yield Fault(f"joints.{name}.drive.step", why, "Write ramp = { begin = ..., end = ... }, however short.")
+        else:
+            others[f"joints.{name}.drive"] = law
+    if lasts is not None:
+        yield from early_ends(others, lasts)
+        yield from knocks(others, lasts)
