@@ -219,7 +219,7 @@ CASES = (
         "input",
         "a freedom without a drive",
         "refused, says where to add one",
-        lambda: refused(lambda: _solved(Scene.build(**_changed(joints__A__drive=None))), "no drive takes.*at A, B, C, D. Add"),
+        lambda: refused(lambda: _solved(Scene.build(**_changed(joints__A__drive=None))), "without a drive.*at A, B, C, D. Add"),
     ),
     Case(
         "links that cannot meet",

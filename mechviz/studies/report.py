@@ -95,7 +95,7 @@ def check_lines(scene: Scene, *, equations: bool = False, modes: bool = False) -
     lines.append("groups     in the order in which they are solved")
     lines += [f"  {i}. {g}; {'driven' if g.solved_by == 'drive' else g.solved_by}" for i, g in enumerate(groups(model), 1)]
     vectors, closing = len(model.loops), sum(r.name not in model.joint_index for r in model.relations)
-    others = f", {vectors} of vectors; the others are closed by cams, gears, racks or belts" if closing else ""
+    others = f": {vectors} closed by joints, {closing} by cams, gears, racks or belts" if closing else ""
     lines.append(f"loops      {vectors + closing} independent{others}")
     lines += [f"  {i}. {' - '.join(joints)}" for i, joints in enumerate(loop_joints(model), 1)]
     lines += [f"law        {words}" for words in continuity_words(scene.mechanism, scene.units)]
@@ -159,7 +159,9 @@ def _friction(forces: Forces, units: Units) -> list[str]:
     warned = [e for e in events if e.level == "WARN" or e.text.startswith("self-locking")]
     if not warned:
         return ["friction   no jam and no self-locking over the run"]
-    lines = [f"{e.item}: from {e.time:.6g} s it {e.text}" if e.text.startswith("jams") else f"{e.item}: {e.text}" for e in warned]
+    lines = [
+        f"{e.item}: jams from {e.time:.6g} s {e.text[5:]}" if e.text.startswith("jams") else f"{e.item}: {e.text}" for e in warned
+    ]
     return _section("friction", lines)
 
 

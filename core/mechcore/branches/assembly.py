@@ -115,7 +115,10 @@ def _idle_modes(model: Model, stated: Mapping[str, Sequence[str]]) -> list[Fault
         drives, over = len(model.mechanism.drives), _overdriven(model, joint)
         if drives > 1 and over:
             why = f"the {drives} drives leave no choice."
-            remedy = f"Take {min(over, drives - 1)} of the {drives} drives away: they are more than the mechanism has freedoms."
+            remedy = f"Take {min(over, drives - 1)} of the {drives} drives away: the mechanism has fewer degrees of freedom."
+        elif over:
+            why = "the constraints leave no choice."
+            remedy = f"Leave it out. The group has {over} more constraint{'s' * (over > 1)} than it needs: is a joint too many?"
         why = f"an assembly mode ('{word}') is stated here, but {why}"
         faults.append(Fault(f"joints.{joint}.{KEYS[word]}", why, remedy + choice))
     return faults
@@ -126,7 +129,7 @@ def _overdriven(model: Model, joint: str) -> int:
     j = model.joint_index.get(joint)
     classes = set() if j is None else {model.angles.rotation_class[k] for k in model.ends[j] if k}
     turned = {block: {s for c in block.loops for s, _ in model.loop_sums[c].arms} for block in model.blocks if block.redundant}
-    return sum(block.redundant for block, own in turned.items() if classes & own)
+    return sum(block.redundant for block, own in turned.items() if classes & own or block.name == joint)
 
 
 def _fitting_mode(model: Model, drives: Sequence[float]) -> str:
@@ -267,22 +270,25 @@ def _fix_relation(model: Model, block: Block, state: State, constants: list[floa
     for (what, i), c in unknown.items():
         start = sketched_angle(model, i, state) if what == "angle" else sketched_slide(model, i)
         if start is None and what == "angle":
-            start = 0.0
-            for k in model.angles.links_of[i]:
-                arms = {point for p, q in ((0, 0), (1, 1)) for j, e in enumerate(model.ends) if e[p] == k
-                        for point in [model.joints[j].b if q else model.joints[j].a]}  # fmt: skip
-                if len(arms) > 1:  # pins off its axis: where they stand at the start matters
-                    faults.append(
-                        Fault(
-                            f"joints.{model.constraints[r].name}",
-                            f"nothing says how '{model.links[k]}' stands at the start.",
-                            f"Sketch it: [sketch] {model.links[k]} = {{ at = [x, y], angle = ... }}.",
-                        )
-                    )
-                    break
+            link = _placed_by_angle(model, i)
+            faults += [_unsketched(model.constraints[r].name, link)] if link else []
         total += c * (start or 0.0)
     constants[r] = total
     return faults
+
+
+def _placed_by_angle(model: Model, group: int) -> str:
+    """The first link of a group of parallel links with joints off its axis, whose angle at the start matters; "" for none."""
+    ends = [(e[p], joint.b if p else joint.a) for joint, e in zip(model.joints, model.ends, strict=True) for p in (0, 1)]
+    for k in model.angles.links_of[group]:
+        if len({place for link, place in ends if link == k}) > 1:
+            return model.links[k]
+    return ""
+
+
+def _unsketched(joint: str, link: str) -> Fault:
+    remedy = f"Sketch it: [sketch] {link} = {{ at = [x, y], angle = ... }}."
+    return Fault(f"joints.{joint}", f"nothing says how '{link}' stands at the start.", remedy)
 
 
 def _sketched_mode(model: Model, block: Block, state: State) -> float | None:
@@ -347,7 +353,7 @@ def _fix_relations_of_group(
 ) -> list[Fault]:
     """Constants of the relations inside a simultaneous group, from the sketch, which then has to be exact in their phase."""
     start = dict(zip([("angle", g) for g in block.angles] + [("slide", j) for j in block.slides], [*angles, *slides], strict=True))
-    faults = []
+    faults: dict[str, Fault] = {}
     constants = cast(list[float], state.constants)  # while the mechanism is put together
     for r in block.relations:
         given = model.constraints[r].constant
@@ -355,17 +361,18 @@ def _fix_relations_of_group(
             constants[r] = given
             continue
         known, unknown = relation_sum(model, r, state, block)
-        if any(start[u] is None for u in unknown):
-            faults.append(
-                Fault(
-                    f"joints.{model.constraints[r].name}",
-                    "nothing says how its links stand to each other at the start.",
-                    "Give a [sketch] with the angles of its links: the sketch sets the phase of the gears.",
-                )
-            )
-            continue
+        name = model.constraints[r].name
+        for what, i in unknown:
+            if start[what, i] is not None:
+                continue
+            if what == "slide":
+                why = f"nothing says where '{model.joints[i].name}' stands at the start."
+                remedy = "Give a [sketch] with both of its links: it sets the phase of the gears."
+                faults.setdefault(model.joints[i].name, Fault(f"joints.{name}", why, remedy))
+            elif link := _placed_by_angle(model, i):
+                faults.setdefault(link, _unsketched(name, link))
         constants[r] = float(known) + sum(c * float(start[u] or 0.0) for u, c in unknown.items())
-    return faults
+    return list(faults.values())
 
 
 def _describe(model: Model, block: Block, x: Real) -> str:

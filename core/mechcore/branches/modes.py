@@ -72,11 +72,13 @@ def _sign(model: Model, block: Block, state: State, joint: str, word: str) -> tu
         open_sign = _open_mode(model, block, state)
         if open_sign is not None:
             return (open_sign if word == "open" else -open_sign), []
-        message, remedy = f"'{word}' needs a four-bar loop, which this group does not close.", "State side instead."
+        message = f"'{word}' needs a four-bar loop, which this group does not close."
+        if _closed_four_bar(model, block) is not None:
+            message = f"'{word}' does not decide: at the start, no links cross in either assembly mode."
     else:
         message = f"'{word}' is not an assembly mode of this group."
-        remedy = f"Use {' or '.join(words)}."
-    return 1.0, [Fault(f"joints.{joint}", message, remedy)]
+    remedy = f'Write {KEYS[words[0]]} = "{words[0]}" or "{words[1]}" instead.'
+    return 1.0, [Fault(f"joints.{joint}.{KEYS[word]}", message, remedy)]
 
 
 def other_modes(mechanism: Mechanism, beside: str = "") -> Iterator[tuple[Mechanism, str]]:
@@ -105,8 +107,9 @@ def orientation(model: Model, block: Block, joint: str) -> float:
     return 1.0 if block.kind == "arm_slide" else -1.0
 
 
-def _open_mode(model: Model, block: Block, state: State) -> float | None:
-    """The mode in which a four-bar's links do not cross at the start."""
+def _closed_four_bar(model: Model, block: Block) -> tuple[int, int, int, int, int] | None:
+    """The outer pins of two links that close a four-bar, each with the known link that it is on, and the pin of these two links:
+    (joint, link, joint, link, joint). None where no four-bar is closed."""
     u, v = block.angles
     pins = []
     for g, other in ((u, v), (v, u)):
@@ -120,8 +123,15 @@ def _open_mode(model: Model, block: Block, state: State) -> float | None:
         return None
     (jb, kb), (jd, kd) = pins
     hinge = next((j for j, e in enumerate(model.ends) if set(e) == {kb, kd} and model.joints[j].slide is None), None)
-    if hinge is None:
+    return None if hinge is None else (jb, kb, jd, kd, hinge)
+
+
+def _open_mode(model: Model, block: Block, state: State) -> float | None:
+    """The mode in which a four-bar's links do not cross at the start; None where that does not tell the two modes apart."""
+    four_bar = _closed_four_bar(model, block)
+    if four_bar is None:
         return None
+    jb, kb, jd, kd, hinge = four_bar
     inner = model.joint_index[block.name]
 
     def crossing(mode: float) -> bool:

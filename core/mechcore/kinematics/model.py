@@ -53,7 +53,7 @@ class Model:
     constraints: tuple[LinearConstraint, ...]  # of the relations
     multi_turn: tuple[int, ...]  # groups with a closed form whose angle a relation needs beyond one turn
     blocks: tuple[Block, ...]
-    free: tuple[str, ...]  # joints around freedoms that no drive takes
+    free: tuple[str, ...]  # joints around degrees of freedom without a drive
     turn: tuple[complex, ...]  # of each link: rotation from its rotation class's axes to its own
     length_scale: float  # largest extent of a moving link [m]
     index: Mapping[str, int] = field(default_factory=dict)  # of links

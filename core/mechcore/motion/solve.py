@@ -34,6 +34,7 @@ from mechcore.motion.structure import gruebler, rank_mobility
 from mechcore.numerics.frames import keep_freed_memory
 from mechcore.spec.mechanism import Mechanism, PinSlot, Prismatic
 from mechcore.texts import Text, as_coordinate, as_length
+from mechcore.topology.checks import missing_joint
 
 MOST_CYCLES = 1e9  # of a drive in a run: beyond, times of 16 digits are known to less than a millionth of a cycle
 
@@ -51,13 +52,15 @@ def compile_mechanism(mechanism: Mechanism, accuracy: Accuracy = DEFAULT, execut
     if model.free:
         n, left = len(model.free), max(len(model.order.free), 1)
         where = ", ".join(model.free[:8]) + (" ..." if n > 8 else "")
-        freedoms, drives = ("a freedom", "a drive") if left == 1 else (f"{left} freedoms", f"{left} drives")
+        freedoms, drives = ("a degree", "a drive") if left == 1 else (f"{left} degrees", f"{left} drives")
         to = "one" if left == 1 else str(left)
+        joint = missing_joint(mechanism)
+        joint += "; or " if joint else ""
         raise MechanismError(
             Fault(
                 "drives",
-                f"the mechanism has {freedoms} that no drive takes: nothing decides the motion at {where}.",
-                f"Add {drives}, such as drive = {{ speed = 0 }}, at {to} of these joints, or fix a link.",
+                f"the mechanism has {freedoms} of freedom without a drive: nothing determines the motion at {where}.",
+                f"Add {joint}{drives}, such as drive = {{ speed = 0 }}, at {to} of these joints, or fix a link.",
             )
         )
     start = tuple(float(d.law(0.0)[0]) for d in mechanism.drives)
@@ -297,13 +300,14 @@ def _out_of_reach(compiled: Compiled, block: Block, motion: Motion, bad: Flags, 
     if block.redundant:
         *_, mobility = gruebler(model)
         over = len(model.mechanism.drives) - mobility
+        freedoms = "1 degree of freedom" if mobility == 1 else f"{mobility} degrees of freedom"
         if over > 0 and len(model.mechanism.drives) > 1:
             words = words.replace("cannot be assembled", "the drives contradict each other")
-            freedoms = "1 freedom" if mobility == 1 else f"{mobility} freedoms"
             remedy = f"Take {over} of the {len(model.mechanism.drives)} drives away: the mechanism has {freedoms}"
         else:
             words = words.replace("cannot be assembled", "the redundant constraint does not close")
             remedy = "Correct the lengths so that the extra constraint agrees, or leave it out"
+            remedy += f": by Gruebler-Kutzbach the mechanism has {freedoms} for its drive" if over > 0 else ""
     if not block.redundant:
         remedy += _within_reach(compiled, motion, bad, time, reach) + _in_other_mode(compiled, block, time)
     return Fault(f"joints.{block.name}", words, f"{remedy}.")

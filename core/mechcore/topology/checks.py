@@ -168,6 +168,25 @@ def check_items(m: Mechanism) -> None:
         raise MechanismError(faults)
 
 
+def missing_joint(m: Mechanism) -> str:
+    """Where a joint may be missing, in words: at points of one name, one of which no joint joins; "" for nowhere."""
+    joined: dict[str, list[set[str]]] = {}
+    for joint in m.joints:
+        first, second = getattr(joint, "points", (None, None))
+        if first is not None and first == second:
+            own = set(joint.links)
+            apart = [links for links in joined.get(first, ()) if links.isdisjoint(own)]
+            joined[first] = [*apart, own.union(*(links for links in joined.get(first, ()) if links & own))]
+    for point in dict.fromkeys(point for link in m.links for point in link.points):
+        owners = [link.name for link in m.links if point in link.points]
+        one = next((links for links in joined.get(point, ()) if owners[0] in links), {owners[0]})
+        other = next((owner for owner in owners if owner not in one), None)
+        if other is not None:
+            others = " or ".join(f"'{owner}'" for owner in owners if owner in one)
+            return f"a joint at {point}, where none joins '{other}' to {others}"
+    return ""
+
+
 def check_lengths(
     joints: tuple[LoopJoint, ...], ends: tuple[tuple[int, int], ...], names: tuple[str, ...], decided: set[str]
 ) -> None:

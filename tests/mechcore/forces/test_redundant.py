@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -15,7 +16,7 @@ from mechcore.motion.at_once import indeterminate
 from mechcore.motion.solve import compile_mechanism, solve_motion
 from mechcore.motion.structure import gruebler, rank_mobility
 from mechcore.spec.loads import Force
-from mechcore.spec.mechanism import Drive, Link, Mechanism, Prismatic
+from mechcore.spec.mechanism import Drive, Link, Mechanism, Prismatic, Weld
 
 POINTS = {"A": (0, 0), "E": (3, 0), "G": (1.5, 0), "B": (0.6, 0.8), "D": (3.6, 0.8), "H": (2.1, 0.8)}
 LINKS = {"c1": "AB", "bar": "BDH", "c2": "ED", "c3": "GH"}
@@ -143,9 +144,27 @@ def chain_of_four() -> Mechanism:
 
 def test_more_than_one_freedom_left_is_counted():
     with pytest.raises(
-        MechanismError, match=r"2 freedoms that no drive takes: .* at B, C\. Add 2 drives, such as .*, at 2 of these joints"
+        MechanismError, match=r"2 degrees of freedom without a drive: .* at B, C\. Add 2 drives, such as .*, at 2 of these joints"
     ):
         compile_mechanism(chain_of_four())
+
+
+def test_a_missing_joint_is_named_by_the_points_that_none_joins():
+    m = four_bar(E=(0.28, 0.0), AB=0.1, BD=0.3, DE=0.25)
+    for missing in m.joints:
+        left = tuple(joint for joint in m.joints if joint is not missing)
+        drives = tuple(drive for drive in m.drives if drive.joint != missing.name)
+        with pytest.raises(MechanismError) as e:
+            compile_mechanism(replace(m, joints=left, drives=drives, modes={}))
+        said = re.search(rf"Add a joint at {missing.name}, where none joins '(\w+)' to '(\w+)'; or ", str(e.value))
+        assert said is not None and set(said.groups()) == set(missing.links)
+
+
+def test_a_joint_too_many_is_no_choice():
+    m = four_bar(E=(0.28, 0.0), AB=0.1, BD=0.3, DE=0.25)
+    welded = tuple(Weld(name=j.name, links=j.links, points=j.points) if j.name == "D" else j for j in m.joints)
+    with pytest.raises(MechanismError, match=r"leave no choice\. Leave it out\. The group has 1 more constraint than it needs"):
+        compile_mechanism(replace(m, joints=welded, modes={"E": "left"}))
 
 
 def test_impossible_input_has_its_own_message_each():
@@ -160,8 +179,8 @@ def test_impossible_input_has_its_own_message_each():
         "it has no length": replace(m, links=none),
         "drives contradict each other": both,
         "redundant constraint does not close": wrong,
-        "a freedom that no drive takes": replace(m, drives=()),
-        "2 freedoms that no drive takes": chain_of_four(),
+        "a degree of freedom without a drive": replace(m, drives=()),
+        "2 degrees of freedom without a drive": chain_of_four(),
     }
     said = []
     for words, mechanism in cases.items():

@@ -234,8 +234,8 @@ def test_core_mechanisms_rest_too():
     ("text", "path", "words", "remedy"),
     [
         (TRUSS.replace("C = [500, 0]", "C = [50, 0]"), "joints.C", "miss each other by 250 mm", "length"),
-        (LOOSE, "joints", "3 freedoms", "drive"),
-        (FREE, "joints", "a freedom that no drive takes", "speed = 0"),
+        (LOOSE, "joints", "3 degrees of freedom", "drive"),
+        (FREE, "joints", "a degree of freedom without a drive", "speed = 0"),
         (TRUSS.replace("[links]", 'metrics = ["velocity_ratio"]\n[links]'), "metrics[0]", "no drive", "Leave it out"),
         (TRUSS.replace('"C" }\n', '"C", table = { position = [0, 1], factor = [0, 1] } }\n'), "loads.W.table", "no drive", "time"),
         (four_bar_text("speed = 9", 'run = { duration = "1 s" }'), "run.duration", "nothing is free", "cycles"),

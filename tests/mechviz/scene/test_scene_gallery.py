@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import mechviz
+from mechcore.errors import MechanismError
 from mechcore.forces.kinetostatics import Forces, solve_forces
 from mechcore.motion.motion import Motion
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
@@ -172,6 +173,37 @@ def test_planetary_gear_turns_its_sun_as_willis_says():
     np.testing.assert_allclose(spin(motion, "sun"), 3.5 * spin(motion, "arm"), rtol=1e-12)
     for planet in ("planet", "planet2", "planet3"):
         np.testing.assert_allclose(spin(motion, planet), (1 - 60 / 18) * spin(motion, "arm"), rtol=1e-12)
+
+
+SUN_DRIVEN = """
+units = { length = "in" }
+[links]
+frame = { points = { O = [0, 0] } }
+sun = { points = { O = [0, 0] } }
+arm = { points = { O = [0, 0], P = [2.5, 0] } }
+planet = { points = { P = [0, 0] } }
+[joints]
+O = { revolute = ["frame", "sun"], drive = { speed = "100 rpm" } }
+A = { revolute = ["frame", "arm"], at = "O" }
+P = { revolute = ["arm", "planet"] }
+G = { gear = ["sun", "planet"], teeth = [20, 30] }
+R = { gear = ["planet", "frame"], teeth = [30, 80], internal = true }
+"""
+
+
+def test_an_arm_driven_by_its_sun_needs_a_place_and_its_wheels_do_not():
+    """The planetary train of Shigley's textbook: at 100 rpm of the sun with 20 teeth the arm turns at 20 rpm."""
+    with pytest.raises(MechanismError) as error:
+        compile_mechanism(mechviz.loads(SUN_DRIVEN).mechanism)
+    (fault,) = error.value.faults
+    assert (fault.path, fault.message) == ("joints.G", "nothing says how 'arm' stands at the start.")
+    assert fault.remedy == "Sketch it: [sketch] arm = { at = [x, y], angle = ... }."
+    mechanism = mechviz.loads(SUN_DRIVEN + "[sketch]\narm = { at = [0, 0], angle = 0.3 }\n").mechanism
+    motion = solve_motion(compile_mechanism(mechanism), np.linspace(0.0, 0.5, 5))
+    rpm = np.pi / 30.0
+    np.testing.assert_allclose(spin(motion, "arm"), 20.0 * rpm, rtol=1e-12)
+    np.testing.assert_allclose(spin(motion, "planet"), -100.0 / 3.0 * rpm, rtol=1e-12)
+    assert motion.pose("arm")[0, 2] == pytest.approx(0.3, abs=1e-12)
 
 
 def test_a_point_on_the_pitch_circle_of_a_planet_rests_where_it_touches_the_ring():
