@@ -66,7 +66,7 @@ class Expression:
         for name in self.names:
             if name not in known:
                 what = did_you_mean(name, [*known, *FUNCTIONS, "pi"], what="Parameters and functions")
-                raise ExpressionError(f"'{self.text}' names '{name}', which is no parameter.", what)
+                raise ExpressionError(f"unknown parameter '{name}'" + (f" in '{self.text}'." if name != self.text else "."), what)
         with np.errstate(all="ignore"):
             amount = self._evaluate(known)
         if not np.all(np.isfinite(amount.number)) and np.ndim(amount.number) == 0:
@@ -334,7 +334,7 @@ class _Parser:
         if not is_unit(_bare(word)):
             self.at -= 1
             raise ExpressionError(
-                f"'{self.text}' holds '{word}' right behind a value, where a unit stands.", f"Write *{word} if it is a factor."
+                f"'{word}' in '{self.text}' stands directly after a value and is no unit.", f"Write *{word} if it is a factor."
             )
         if self.peek() in ("^", "**") and self.kind(1 + (self.peek(1) == "-")) == "number":
             self.at += 2 + (self.peek(1) == "-")

@@ -298,6 +298,7 @@ def split(text: str) -> tuple[str, str]:
     except ValueError:
         comma = re.match(r"\s*[+-]?[0-9]+,[0-9]", text)
         hint = "Write a decimal point instead of the comma." if comma else "Write a number, or a number with its unit."
+        hint = "Write the minus sign as a hyphen, '-'." if text.strip()[:1] in "\u2212\u2013" else hint
         raise QuantityError(f"'{text}' is not a number with a unit.", hint) from None
     if not math.isfinite(bare):
         raise QuantityError(f"'{text}' is not a finite number.", "Give a finite one.")

@@ -199,6 +199,8 @@ def links_that_cannot_turn(document: SceneDocument, touched: Mapping[str, tuple[
     held, grew = {document.frame}, True
     if document.frame not in document.links:
         held.update(*rigid)
+    if not document.joints:  # which is a fault of its own
+        held.update(document.links)
     while grew:
         grew = False
         for links in rigid:

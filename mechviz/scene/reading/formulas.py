@@ -231,7 +231,7 @@ def _value_at(leaf: Leaf, expression: Expression, known: Mapping[str, Amount], u
     kind = next((kind for kind in quantity.kinds if wanted_powers(kind) == amount.powers), None)
     if kind is None:
         words = " or ".join(UNIT_KINDS[each].words for each in quantity.kinds)
-        remedy = f"Multiply a plain number by a unit, such as {UNIT_KINDS[quantity.kinds[0]].example.split(' ', 1)[1]}."
+        remedy = f"Multiply a plain number by its unit, such as 1 {units.symbol(quantity.kinds[0])}."
         remedy = remedy if not any(amount.powers) else "Check its parameters and units."
         remedy = angle_remedy(amount.powers, wanted_powers(quantity.kinds[0]), remedy)
         raise QuantityError(f"'{expression.text}' is {amount.words}, {words} is wanted.", remedy)

@@ -7,7 +7,7 @@ import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import field
+from dataclasses import field, replace
 from functools import cached_property
 from typing import Any, Literal, cast, get_args, get_origin
 
@@ -41,7 +41,8 @@ class SpellingRepairs(str):
 def read_table(cls: type[DocumentTable], raw: object, loc: Loc, faults: list[Fault]) -> DocumentTable:
     """A table of the document from plain data, with stand-ins for what could not be read; the faults of form are noted."""
     if not isinstance(raw, Mapping):
-        faults += [fault for place, detail in _validated(cls, raw)[1] for fault in words_of(detail, (*loc, *place))]
+        said = [fault for place, detail in _validated(cls, raw)[1] for fault in words_of(detail, (*loc, *place))]
+        faults += [replace(f, remedy=_TABLE[1].replace("key", next(iter(hints_of(cls))))) for f in said]
         return _blank(cls)
     hints, before = hints_of(cls), len(faults)
     values: dict[str, Any] = {}
@@ -77,9 +78,9 @@ MOST_GUESSED = 200  # unknown keys of a table of which is said what they may sta
 def _keys_repaired(cls: type[DocumentTable], raw: Mapping[str, Any], loc: Loc, faults: list[Fault]) -> dict[str, str]:
     """Known key -> the key as it is written. Unknown keys are noted; they stand for one that their value fits."""
     hints = hints_of(cls)
-    taken = {key: key for key in raw if key in hints}
     beside = cls.keys_beside(raw)
-    unknown = [written for written in raw if written not in hints]
+    taken = {key: key for key in raw if key in hints and not _is_synonym(str(key), raw, beside, hints, loc)}
+    unknown = [written for written in raw if written not in taken]
     for k, written in enumerate(unknown):
         if written in cls.ELSEWHERE:
             faults.append(Fault(path_text(loc), f"'{written}' does not belong here.", cls.ELSEWHERE[written]))
@@ -94,6 +95,14 @@ def _keys_repaired(cls: type[DocumentTable], raw: Mapping[str, Any], loc: Loc, f
             if guess and not inside:
                 taken.setdefault(guess, written)
     return taken
+
+
+def _is_synonym(key: str, raw: Mapping[str, Any], beside: Sequence[str], hints: Mapping[str, Any], loc: Loc) -> bool:
+    """Whether a known key has the value of another one that people call by its name, such as `slider` that of `prismatic`."""
+    meant = _SYNONYMS.get(key, "")
+    if meant not in beside or meant in raw:
+        return False
+    return not _fits(hints[key], raw[key], (*loc, key)) and _fits(hints[meant], raw[key], (*loc, key))
 
 
 def _keys_within(annotation: object, raw: object) -> Iterable[str]:
@@ -330,6 +339,7 @@ _SYNONYMS = {
     "rest_length": "free_length", "natural_length": "free_length", "length": "free_length", "coefficient": "linear",
     "c": "linear", "damping": "linear", "indicator": "diagram", "diameter": "bore", "function": "table", "otto": "four_stroke",
     "diesel": "four_stroke", "engine": "four_stroke", "compression_ratio": "ratio", "preloaded": "preload",
+    "constraints": "joints", "connections": "joints",
     "opposite": "against", "mu": "coefficient", "rolling_resistance": "lever", "rho": "density", "material": "density",
     "diagrams": "polygons", "outputs": "metrics", "counterweight": "point_masses", "balance": "counterweights",
 }  # fmt: skip
@@ -356,7 +366,7 @@ def misspelt(key: str, known: str) -> bool:
 def unknown_key(loc: Loc, known: Sequence[str], guess: str, inside: str = "") -> Fault:
     """The fault of a key that a table does not have; ``guess``: the one that it probably stands for, ``inside``: the table in this
     one that has it, if any."""
-    remedy = f"Did you mean '{guess}'?" if guess else f"Known: {listing(known, most=20)}."
+    remedy = f"Did you mean '{guess}'?" if guess else f"Known: {listing(known, most=40)}."
     remedy = f"Write it in {inside}." if inside else remedy
     return Fault(path_text(loc[:-1] or loc), f"unknown key '{loc[-1]}'.", remedy)
 
@@ -394,7 +404,7 @@ def words_of(detail: Any, loc: Loc) -> list[Fault]:
 
 
 _LIST = ("a list", "Write it in brackets: [ ... ].")
-_TABLE = ("a table", "Write it in braces: { key = value, ... }.")
+_TABLE = ("a table", "Write it in braces, such as { key = ... }.")
 _WHOLE = ("a whole number", "Write it like 360.")
 _WANTED = {
     "list_type": _LIST,

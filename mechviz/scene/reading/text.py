@@ -109,13 +109,14 @@ def read_text(path: Path) -> str:
     return text
 
 
+_TWICE = "A key stands twice in the same table. Keep one."
 _REMEDIES = (
-    ("Cannot overwrite a value", "A key stands twice in the same table. Keep one."),
-    ("Duplicate inline table key", "A key stands twice in the same table. Keep one."),
+    ("Cannot overwrite a value", _TWICE),
+    ("Duplicate inline table key", _TWICE),
     ("Cannot declare", "The same table is opened twice. Join the two."),
     ("Cannot mutate immutable", "A table in braces cannot be extended below. Put everything inside the braces."),
-    ("Invalid value", 'Texts need quotes, numbers a decimal point and no unit: 60, "60 rpm", true, [1, 2], { a = 1 }.'),
-    ("Expected '='", "Write key = value. Keys with spaces or other than plain letters need quotes."),
+    ("Invalid value", 'Write values like 60, 2.5, "60 rpm", true, [1, 2] or { a = 1 }: texts and numbers with a unit need quotes.'),
+    ("Expected '='", "Write key = value, or the name of a table in brackets: [links]. Other keys than plain words need quotes."),
     (
         "Unclosed inline table",
         "Close the braces on the same line, with commas between the entries; or write a table such as [links.crank].",
@@ -172,6 +173,9 @@ def _syntax_fault(said: str, text: str) -> Fault:
     shown = rows[line - 1].strip() if 0 < line <= len(rows) else ""
     quoted = f", in: {shown[:60]}{'...' if len(shown) > 60 else ''}" if shown else "."
     remedy = next((hint for start, hint in _REMEDIES if message.startswith(start)), "Check brackets and quotes there.")
+    frozen = re.search(r"immutable namespace .*'([^']*)'", message)
+    if frozen and len(re.findall(rf"\b{re.escape(frozen[1])}\s*=", shown)) > 1:  # so tomllib calls a second list or table, too
+        message, remedy = f"the key '{frozen[1]}' stands twice", _TWICE
     return Fault(where, f"not valid TOML: {message[:1].lower()}{message[1:]}{quoted}", remedy)
 
 

@@ -92,13 +92,13 @@ def test_expressions_have_the_value_of_the_formula(text, number, powers):
         ("r^n^2 + r", "'\\^' stands where"),
         ("r^0.5", "no whole power"),
         ("1/(r - 30 mm)", "no finite value"),
-        ("2 r", "right behind a value"),
+        ("2 r", "'r' in '2 r' stands directly after a value"),
         ("2*r +", "ends too early"),
         ("(r", "ends too early"),
         ("r; r", "holds ';'"),
         ("cosh(n)", "no function"),
         ("sin(phi, phi)", "has 2 values"),
-        ("radius", "no parameter"),
+        ("radius", "unknown parameter 'radius'\\."),
         ("__import__('os')", "holds '''|no function"),
         ("(" * 100 + "r" + ")" * 100, "nests brackets"),
     ],
@@ -168,12 +168,12 @@ def test_expressions_of_default_values_are_kept():
 @pytest.mark.parametrize(
     ("before", "after", "path", "said"),
     [
-        ('l = "5*r"', 'l = "5*q"', "parameters.l", "names 'q', which is no parameter"),
+        ('l = "5*r"', 'l = "5*q"', "parameters.l", "unknown parameter 'q' in '5*q'"),
         ('l = "5*r"', 'l = "5*tillt"', "parameters.l", "Did you mean 'tilt'?"),
         ('l = "5*r"', 'l = "2*k"\nk = "l/3"', "parameters.l", "follows from itself: l -> k -> l"),
         ('l = "5*r"', 'l = "l + r"', "parameters.l", "names itself"),
         ('l = "5*r"', 'l = "5 deg"', "links.rod.points.C[0]", "'l' is an angle, a length is wanted"),
-        ('l = "5*r"', "l = 150", "links.rod.points.C[0]", "'l' is a plain number, a length is wanted. Multiply"),
+        ('l = "5*r"', "l = 150", "links.rod.points.C[0]", "a length is wanted. Multiply a plain number by its unit, such as 1 mm"),
         ('"omega/n"', '"2 m/s/r"', "joints.A.drive.speed", "multiply by 1 rad"),
         ('"12*n"', '"n/2"', "run.frames", "1.5, a whole number is wanted"),
         ('"12*n"', '"1 mm"', "run.frames", "1 mm"),
@@ -192,6 +192,11 @@ def test_every_fault_names_its_place(before, after, path, said):
     (fault,) = caught.value.faults
     assert fault.path == path
     assert said in f"{fault.message} {fault.remedy}"
+
+
+def test_a_plain_number_is_to_be_multiplied_by_a_unit_of_the_scene():
+    with pytest.raises(SceneError, match=r"its unit, such as 1 in\."):
+        mechviz.loads(TEXT.replace('length = "mm"', 'length = "in"').replace('l = "5*r"', "l = 6"))
 
 
 def test_parameters_are_told_in_the_units_of_the_scene(scene):

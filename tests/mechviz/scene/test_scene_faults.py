@@ -74,6 +74,8 @@ CASES = [
     ("joints/B/revolute", ["crank", 5], "joints.B.revolute[1]", "5 where a text is wanted.", "quotes"),
     ("joints/B", {}, "joints.B", "has none of revolute, prismatic, weld", "Give one"),
     ("joints/B/prismatic", ["crank", "coupler"], "joints.B", "revolute and prismatic at once.", "Keep one"),
+    ("joints/B/friction", 0.1, "joints.B.friction", "0.1 where a table is wanted.", "such as { coefficient = ... }."),
+    ("loads/P/force", ["\u22122 kN", 0], "loads.P.force[0]", "is not a number with a unit.", "as a hyphen, '-'."),
     ("joints/B/at", "Q", "joints.B.at", "link 'crank' has no point 'Q'.", "Points of 'crank': 'A', 'B'."),
     ("joints/B/at", ["B", "F"], "joints.B.at[1]", "link 'coupler' has no point 'F'.", "'B', 'C', 'E'"),
     ("joints/B/along", [1, 0], "joints.B.along", "along does not go with a revolute joint.", "Leave it out."),
@@ -379,6 +381,7 @@ def test_all_faults_of_a_file_come_at_once_in_the_order_of_the_file():
         ("links/coupler/points", 5),
         ("joints/A/drve", 1),
         ("joints/B/revolut", ["crank", "coupler"]),
+        ("constraints", BASE["joints"]),
         (f"{DRIVE}/sped", 5),
         (f"{DRIVE}/speed", "60 rmp"),
         ("joints/C/side", "lefft"),
@@ -394,6 +397,8 @@ def test_one_slip_is_one_fault(change):
     data = changed(change)
     if change[0] == "joints/B/revolut":
         del data["joints"]["B"]["revolute"]
+    if change[0] == "constraints":
+        del data["joints"]
     assert len(faults_of(data)) == 1
 
 
@@ -405,6 +410,7 @@ def test_one_slip_is_one_fault(change):
         (("loads/S", {"torque": 1, "on": "coupler", "agenst": "frame"}), "against"),
         (("links/crank/centr", True), "centre"),
         ((f"{DRIVE}/strt", [1, 2]), "start"),
+        (("joints/B", {"slider": ["crank", "coupler"]}), "prismatic"),  # a key of racks, but with what a slide has
     ],
 )
 def test_a_guess_fits_the_value_and_makes_no_second_fault(change, meant):
@@ -421,6 +427,13 @@ def test_a_guess_goes_with_the_kind_of_its_table():
     assert (fault.path, fault.remedy) == ("joints.A", "Write it in drive.")
     (fault,) = faults_of(changed(("frames", 100)))
     assert fault.remedy == "Write it in run."
+
+
+def test_without_joints_no_moment_of_inertia_is_missed():
+    """Whether a link can turn shows once the joints are there."""
+    data = changed(("effects", ["inertia"]), ("links/crank/centre", [30, 0]))
+    del data["joints"]
+    assert [f.path for f in faults_of(data)] == ["joints"]
 
 
 def test_without_a_drive_no_drive_decides():
@@ -501,7 +514,9 @@ def fault_of_text(text: str) -> Fault:
         ("a = { b = 1,\n c = 2 }", "line 1, column 13", "in: a = { b = 1,", "stays on one line"),
         ("a = [1, 2", "line 1, end of file", "unclosed array", "Close the bracket"),
         ('a = "x\n', "line 1, column 7", "in: a = ", "stays on one line"),
-        ("links\n\n", "line 1, column 6", "expected '='", "key = value"),
+        ("links\n\n", "line 1, column 6", "expected '='", "in brackets: [links]"),
+        ("p = { B = [1, 0], B = [2, 0] }", "line 1, column 29", "the key 'B' stands twice", "Keep one."),
+        ("a = { b = 1 }\na.c = 2", "line 2, end of file", "immutable namespace", "inside the braces"),
         ("a = " + "[" * 60 + "]" * 60, "file", "nested too deep", "levels"),
         ("a = " + "[" * 9000 + "]" * 9000, "file", "nested too deep", "levels"),
         ("a = " + "1" * 5000, "file", "cannot be read", "1e6"),

@@ -110,6 +110,7 @@ LOWER = {
         make=_prismatic,
         keys=("at", "along", "guide", "angle", "length", "branch", *MOTION),
         modes=("branch",),
+        synonyms=("slider", "slide", "translational"),
         driven="length",
         viscous="damping",
         rubs=SLIDER,
