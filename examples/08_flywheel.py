@@ -1,4 +1,4 @@
-"""The flywheel that keeps a machine's speed within two per cent, from the torque over its cycle."""
+"""The flywheel for a coefficient of fluctuation of 0.02, from the torque over the cycle."""
 
 import numpy as np
 

@@ -94,10 +94,10 @@ def force_lines(forces: Forces) -> list[str]:
         if np.isnan(share.power).all():
             lines.append(f"drive {share.joint}: its power is unknown throughout")
             continue
-        when = ", ".join(f"{a if abs(a) > least else 0.0:.4g} to {b:.4g} s" for a, b in share.delivers[:6]) or "never"
+        when = ", ".join(f"from {a if abs(a) > least else 0.0:.4g} to {b:.4g} s" for a, b in share.delivers[:6]) or "never"
         more = f" and {len(share.delivers) - 6} times more" if len(share.delivers) > 6 else ""
         lines.append(
-            f"drive {share.joint} delivers power {when}{more}: {share.supplied:.5g} J in all; it takes {share.absorbed:.5g} J back"
+            f"drive {share.joint} delivers power {when}{more}: {share.supplied:.5g} J in all, and takes back {share.absorbed:.5g} J"
         )
     return lines
 
@@ -105,7 +105,7 @@ def force_lines(forces: Forces) -> list[str]:
 def flywheel_lines(wheel: Flywheel, units: Units) -> list[str]:
     """The flywheel in words."""
     return [
-        f"flywheel: {units.text(wheel.inertia, 'kg m^2')} keeps the speed within {100 * wheel.fluctuation:g} % of its mean",
+        f"flywheel: {units.text(wheel.inertia, 'kg m^2')} for a coefficient of fluctuation of {wheel.fluctuation:g}",
         f"  mean torque {units.text(wheel.mean, 'N m')}; excess work {wheel.excess:.5g} J between the slowest place, "
         f"{units.text(wheel.slowest, 'rad')}, and the fastest, {units.text(wheel.fastest, 'rad')}",
     ]
@@ -116,20 +116,22 @@ def steady_lines(run: SteadyRun) -> list[str]:
     turns = f"{run.turns} turn{'s' * (run.turns > 1)}"
     multiplier = abs(run.multiplier)
     change = (
-        "stays" if abs(multiplier - 1.0) < 1e-9 else f"{'shrinks' if multiplier < 1 else 'grows'} to {multiplier:.3g} of it a cycle"
+        "does not change from cycle to cycle"
+        if abs(multiplier - 1.0) < 1e-9
+        else f"is multiplied by {multiplier:.3g} in every cycle"
     )
     mean, least, greatest = (x * 30.0 / np.pi for x in (run.sense * run.mean, run.least, run.greatest))
     return [
         f"steady run over {turns}: mean speed {mean:.6g} rpm, from {least:.6g} to {greatest:.6g} rpm, coefficient of fluctuation "
         f"{run.fluctuation:.4g}",
-        f"a cycle takes {run.period:.6g} s; a disturbance of the energy {change}",
+        f"a cycle takes {run.period:.6g} s; a small change of the kinetic energy {change}",
     ]
 
 
 def sized_lines(wheel: SizedFlywheel, units: Units) -> list[str]:
     """The flywheel that the steady run needs."""
     if wheel.inertia == 0.0:
-        return [f"flywheel: none needed, {wheel.link} keeps the speed within {100 * wheel.run.fluctuation:.4g} % of its mean"]
+        return [f"flywheel: none needed, {wheel.link} has a coefficient of fluctuation of {wheel.run.fluctuation:.4g} without one"]
     more = units.text(wheel.inertia, "kg m^2")
     return [f"flywheel: {more} more on {wheel.link}; with it: {steady_lines(wheel.run)[0]}"]
 

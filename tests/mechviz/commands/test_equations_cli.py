@@ -32,7 +32,7 @@ def test_equations_at_an_angle_are_solved_there():
 
 def test_a_drive_that_begins_by_delivering_does_so_from_zero_on():
     """Not from the rounding of its power at the dead point."""
-    assert "drive A delivers power 0 to 0.004282 s" in said("connecting-rod-bending").stdout
+    assert "drive A delivers power from 0 to 0.004282 s" in said("connecting-rod-bending").stdout
 
 
 def test_latex_is_mathematics():

@@ -168,24 +168,28 @@ def friction_events(forces: Forces) -> list[Event]:
         events.append(Event(jam.start, "WARN", jam.joints[0] if jam.joints else "mechanism", text))
     for first, last in runs(friction.ambiguous):
         text = (
-            f"more than one state of friction is in equilibrium until {time[last]:.6g} s, {at_drive(motion, float(time[first]))}: "
-            "given is the one that grows out of the frictionless state"
+            f"more than one state of friction is in equilibrium {_span(motion, first, last)}: the results are those of the state "
+            "that is reached continuously from the frictionless one"
         )
         events.append(Event(float(time[first]), "WARN", "mechanism", text))
     drives = ", ".join(d.joint for d in motion.mechanism.drives) or "mechanism"
     locked = friction.self_locking
     for first, last in runs(locked):
-        start, end = float(time[first]), float(time[last])
-        there = at_drive(motion, end)
-        if len(motion.mechanism.drives) == 1:  # it need not be named twice
-            there = there.removeprefix(f"drive {drives} at ")
-        span = f"from {start:.6g} s to {end:.6g} s ({at_drive(motion, start)} to {there})"
-        if first == last:
-            span = f"at {start:.6g} s ({at_drive(motion, start)})"
-        whole = "over the whole run" if locked.all() else span
-        events.append(Event(start, "INFO", drives, f"self-locking {whole}: the loads cannot move the drive"))
+        where = "over the whole run" if locked.all() else _span(motion, first, last)
+        events.append(Event(float(time[first]), "INFO", drives, f"self-locking {where}: the loads cannot move the drive"))
     events += _cost(forces, friction)
     return sorted(events, key=lambda e: e.time)
+
+
+def _span(motion: Motion, first: int, last: int) -> str:
+    """The frames from the first to the last in words: their times and where the drives are."""
+    start, end = float(motion.time[first]), float(motion.time[last])
+    if first == last:
+        return f"at {start:.6g} s ({at_drive(motion, start)})"
+    there, drives = at_drive(motion, end), motion.mechanism.drives
+    if len(drives) == 1:  # it need not be named twice
+        there = there.removeprefix(f"drive {drives[0].joint} at ")
+    return f"from {start:.6g} s to {end:.6g} s ({at_drive(motion, start)} to {there})"
 
 
 def _cost(forces: Forces, friction: FrictionResult) -> Iterator[Event]:
