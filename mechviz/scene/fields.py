@@ -274,7 +274,8 @@ class UnitName:
             unit_factor(value.strip(), self.kind)
         except QuantityError as error:
             if str(error).endswith("is wanted."):
-                raise fault(f"'{value}' is the unit of {error}", f"Write it like '{self._example}'.") from None
+                remedy = error.remedy.replace(UNIT_KINDS[self.kind].example, self._example)
+                raise fault(f"'{value}' is the unit of {error}", remedy) from None
             raise fault(str(error), error.remedy) from None
         return value.strip()
 

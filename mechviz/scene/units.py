@@ -57,8 +57,9 @@ _DEFINITIONS = (  # names, how many, of what; the first four measure one dimensi
     ("tonne t", "1000", "kg"),
     ("inch in", "0.0254", "m"),
     ("foot ft", "0.3048", "m"),
-    ("pound lb", "0.45359237", "kg"),
+    ("pound lb lbm", "0.45359237", "kg"),
     ("lbf", "4.4482216152605", "N"),
+    ("slug", "1", "lbf s^2/ft"),
     ("kgf", "9.80665", "N"),
 )
 
@@ -285,7 +286,10 @@ def unit_factor(text: str, kind: str) -> Decimal:
     actual = measured(unit)
     if (actual, kind) == ("a frequency", "angular speed"):
         raise QuantityError(f"{actual}, {wanted.words} is wanted.", "Write turns as rpm or turn/s, angles as deg/s or rad/s.")
-    raise QuantityError(f"{actual}, {wanted.words} is wanted.", f"Write it like '{wanted.example}'.")
+    remedy = f"Write it like '{wanted.example}'."
+    if (actual, kind) == ("a mass", "force"):
+        remedy = f"{remedy[:-1]}; pounds and kilograms of force are lbf and kgf."
+    raise QuantityError(f"{actual}, {wanted.words} is wanted.", remedy)
 
 
 def split(text: str) -> tuple[str, str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -31,7 +31,7 @@ from mechcore.motion.metrics import grashof
 from mechcore.motion.motion import Motion
 from mechcore.motion.reach import reachable_ranges
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
-from mechcore.motion.structure import groups, gruebler, loop_equations, loop_joints, rank_mobility, redundant_joints
+from mechcore.motion.structure import Group, groups, gruebler, loop_equations, loop_joints, rank_mobility, redundant_joints
 from mechcore.spec.clearance import journals_of, made_joints
 from mechcore.spec.loads import BeltTension, Factor, GasPressure, GasSpring, Spring
 from mechcore.spec.mechanism import CamJoint, Mechanism, PinSlot, Planar
@@ -93,7 +93,7 @@ def check_lines(scene: Scene, *, equations: bool = False, modes: bool = False) -
             lines.append("           it moves only because its lengths and angles agree: a little off, and it cannot be assembled")
         lines.append(f"           statics alone does not determine the reactions at {', '.join(indeterminate(motion))}")
     lines.append("groups     in the order in which they are solved")
-    lines += [f"  {i}. {g}; {'driven' if g.solved_by == 'drive' else g.solved_by}" for i, g in enumerate(groups(model), 1)]
+    lines += [f"  {i}. {g}; {_solved_by(g, free)}" for i, g in enumerate(groups(model), 1)]
     vectors, closing = len(model.loops), sum(r.name not in model.joint_index for r in model.relations)
     others = f": {vectors} closed by joints, {closing} by cams, gears, racks or belts" if closing else ""
     lines.append(f"loops      {vectors + closing} independent{others}")
@@ -151,6 +151,12 @@ def _at_once(motion: Motion) -> str:
         f"{words}: the same velocities, to {check.velocity:.1e} of the largest, and accelerations, to {check.acceleration:.1e}, "
         f"at {check.frames} frames"
     )
+
+
+def _solved_by(group: Group, free: Collection[str]) -> str:
+    if group.solved_by != "drive":
+        return group.solved_by
+    return "free" if set(free) & set(group.joints) else "driven"
 
 
 def _friction(forces: Forces, units: Units) -> list[str]:
@@ -334,7 +340,7 @@ def _slots(motion: Motion, units: Units) -> list[str]:
             travel = motion.coordinate(joint.name)[:, 0]
             low, high = (units.show(_plain(float(x)), "length", 6) for x in (travel.min(), travel.max()))
             lines.append(
-                f"slot       {joint.name}: its pin goes from {low} to {high}; no length says where the slot ends and lets it go"
+                f"slot       {joint.name}: its pin goes from {low} to {high}; the slot has no length, so it never leaves it"
             )
     return lines
 

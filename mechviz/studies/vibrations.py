@@ -85,7 +85,7 @@ def vibration_lines(scene: Scene, vibrations: Vibrations) -> list[str]:
         scene.title,
         f"equilibrium: {', '.join(places)}",
         f"  {words[vibrations.stability]}",
-        f"  found in {eq.steps} steps, what is left of the forces there is {eq.residual:.1e} of them",
+        f"  found in {eq.steps} steps; the forces balance to {eq.residual:.1e} of the largest",
         *(f"  {note}" for note in vibrations.notes),
         "",
     ]

@@ -320,10 +320,9 @@ def flywheel_of_torque(
     the machine needs at these jumps, of impacts."""
     from scipy.interpolate import CubicSpline, PPoly
 
-    if not fluctuation > 0.0:
-        raise MechanismError(
-            Fault("flywheel", f"a coefficient of fluctuation of {fluctuation:g}.", "Give a positive one, such as 0.02.")
-        )
+    if not 0.0 < fluctuation <= 1.0:  # beyond, the formula for small ones means nothing
+        remedy = "Give one between 0 and 1, such as 0.02 for 2 %."
+        raise MechanismError(Fault("flywheel", f"a coefficient of fluctuation of {fluctuation:g}.", remedy))
     curve: PPoly
     sense = 1.0 if omega > 0.0 else -1.0
     x, y = sense * np.asarray(position, float), sense * np.asarray(torque, float)

@@ -158,7 +158,7 @@ def groups(model: Model) -> tuple[Group, ...]:
     left = dict.fromkeys(sorted(range(1, len(model.links)), key=lambda k: rank[k]))
     place = {k: n for n, k in enumerate(left)}
     followed = {angle for b in model.blocks if b.kind == "general" for angle in b.angles}
-    geared = {link for r in model.relations for link in r.links}
+    coupled = {link: "geared" if r.curve is None else "with a higher pair" for r in model.relations for link in r.links}
     solved, out = {0}, []
     links = [(n, k) for k, n in place.items()]  # heaps: what has to be looked at again, for its neighbourhood has changed
     pairs = [i for i, (e, _) in enumerate(constraints) if len(set(e)) == 2]
@@ -185,7 +185,7 @@ def groups(model: Model) -> tuple[Group, ...]:
         members = sorted(own)
         solved |= own
         at_them = sorted({i for k in own for i in at.get(k, ()) if i < len(model.ends)})
-        out.append(_group(model, members, followed, geared, [j for j in at_them if set(model.ends[j]) <= solved]))
+        out.append(_group(model, members, followed, coupled, [j for j in at_them if set(model.ends[j]) <= solved]))
         for k in own:
             del left[k]
         for n in {n for k in own for i in at.get(k, ()) for n in constraints[i][0] if n not in solved}:
@@ -196,7 +196,7 @@ def groups(model: Model) -> tuple[Group, ...]:
     return tuple(out)
 
 
-def _group(model: Model, own: Sequence[int], followed: set[int], geared: set[str], joints: Sequence[int]) -> Group:
+def _group(model: Model, own: Sequence[int], followed: set[int], coupled: Mapping[str, str], joints: Sequence[int]) -> Group:
     inside = set(own)
     inner = [j for j in joints if set(model.ends[j]) <= inside]
     outer = [j for j in joints if j not in inner]
@@ -208,7 +208,8 @@ def _group(model: Model, own: Sequence[int], followed: set[int], geared: set[str
         return Group(names, joint_names, "I", "", "drive")
     if len(own) == 1:
         over = sum(3 - model.joints[j].freedoms for j in joints) > 3
-        how = "geared" if names[0] in geared else "redundant" if over else "with a higher pair" if len(joints) > 1 else "fixed"
+        alone = "redundant" if over else "with a higher pair" if len(joints) > 1 else "fixed"
+        how = coupled.get(names[0], alone)
         return Group(names, joint_names, "I", how, "closed form")
     kind = ""
     if len(own) == 2 and len(inner) == 1 and len(outer) == 2:

@@ -83,8 +83,8 @@ def even_times(run: Run, step: float) -> Real:
     start, end = float(run.motion.time[0]), float(run.motion.time[-1])
     takes = end - start
     if not (np.isfinite(step) and step > 0.0 and (takes == 0.0 or 1.0 - 1e-12 <= takes / step <= MOST_ROWS)):
-        remedy = f"Give a time from {takes / MOST_ROWS:.3g} s to {takes:.6g} s, which the run takes."
-        raise MechanismError(Fault("every", f"{step:g} s is no distance of rows.", remedy))
+        remedy = f"Give a time from {takes / MOST_ROWS:.3g} s to {takes:.6g} s, the length of the run."
+        raise MechanismError(Fault("--every", f"{step:g} s between rows is too {'long' if step > takes else 'short'}.", remedy))
     return np.asarray(start + step * np.arange(int(np.floor(takes / step * (1.0 + 1e-12))) + 1), float)
 
 

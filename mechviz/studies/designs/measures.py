@@ -136,8 +136,10 @@ def quantity_of(measure: Measure, catalogue: Catalogue) -> Quantity:
     """The quantity that a measure is of. Raises `MechanismError` where the catalogue has none of its key."""
     quantity = catalogue.by_key.get(measure.key)
     if quantity is None:
-        remedy = did_you_mean(measure.key, catalogue.by_key, what="There are")
-        if not catalogue.numbers.has_forces and any(word in measure.key.rpartition(".")[2] for word in OF_FORCES):
+        last = measure.key.rpartition(".")[2]
+        alike = [key for key in catalogue.by_key if key.rpartition(".")[2] == last]
+        remedy = did_you_mean(measure.key, alike or catalogue.by_key, what="There are")
+        if not catalogue.numbers.has_forces and any(word in last for word in OF_FORCES):
             remedy = 'The scene names no effects and no loads, so there are no forces. Add effects = ["inertia"].'
         raise _wrong(measure.text, f"there is no quantity '{measure.key}'.", remedy)
     return quantity

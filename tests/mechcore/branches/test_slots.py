@@ -141,7 +141,7 @@ def test_check_tells_how_far_a_pin_goes_in_a_slot_without_ends():
     """A Geneva drive that goes on as a crank: the pin is 20.7 mm to 120.7 mm from the wheel's pivot, 70.7 mm more than it may."""
     text = geneva('speed = "60 rpm"', "LENGTH").replace(", length = LENGTH", "")
     (line,) = (line for line in check_lines(mechviz.loads(text)) if line.startswith("slot"))
-    assert "P: its pin goes from 20.7107 mm to 120.711 mm; no length" in line
+    assert "P: its pin goes from 20.7107 mm to 120.711 mm; the slot has no length" in line
     assert not any(line.startswith("slot") for line in check_lines(mechviz.loads(geneva(SWING.replace("AMPLITUDE", "40"), "50"))))
 
 

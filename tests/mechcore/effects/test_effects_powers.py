@@ -189,6 +189,8 @@ def test_the_command_prints_and_exports_the_table(tmp_path):
     refused = CliRunner().invoke(app, ["forces", "crank-rocker"])
     assert refused.exit_code == 2 and "names no effects and no loads" in refused.output
     assert CliRunner().invoke(app, ["forces", "door-closer", "--flywheel", "0.02"]).exit_code == 2
+    result = CliRunner().invoke(app, ["forces", "compressor-cycle", "--flywheel", "2"])  # two per cent are 0.02
+    assert result.exit_code == 2 and "between 0 and 1, such as 0.02 for 2 %" in result.stderr
     costs = CliRunner().invoke(app, ["plan", "door-closer", "--cost"])
     assert costs.exit_code == 0 and "us/frame" in costs.output and "load damper" in costs.output
 

@@ -217,3 +217,12 @@ def test_the_joint_at_which_a_mode_is_stated_is_named():
     assert stated in text and pin in text
     scene = mechviz.loads(text.replace(stated, "").replace(pin, pin + stated))
     assert next(line for line in check_lines(scene) if line.startswith("  C:")) == "  C: left (stated at D)"
+
+
+def test_a_free_link_is_not_called_driven_and_a_follower_not_geared():
+    def groups(name: str) -> str:
+        return " ".join(line for line in check_lines(load(name)) if "class " in line)
+
+    assert "; free" in groups("swinging-double-pendulum") and "driven" not in groups("swinging-double-pendulum")
+    assert "with a higher pair" in groups("cam-roller") and "geared" not in groups("cam-roller")
+    assert "geared" in groups("gear-train")

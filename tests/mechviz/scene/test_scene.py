@@ -99,6 +99,8 @@ def test_the_scene_of_the_examples_becomes_this_mechanism():
         ("12 kg·cm²", "inertia", 0.0012),
         ("12 kg cm2", "inertia", 0.0012),
         ("400 g", "mass", 0.4),
+        ("2 slugs", "mass", 29.187805874412728),
+        ("0.5 lbm", "mass", 0.5 * 0.45359237),
         ("2 kN", "force", 2000.0),
         ("2 min", "time", 120.0),
         ("2 minutes", "time", 120.0),

@@ -74,6 +74,8 @@ CASES = [
     ("joints/B/revolute", ["crank", 5], "joints.B.revolute[1]", "5 where a text is wanted.", "quotes"),
     ("joints/B", {}, "joints.B", "has none of revolute, prismatic, weld", "Give one"),
     ("joints/B/prismatic", ["crank", "coupler"], "joints.B", "revolute and prismatic at once.", "Keep one"),
+    ("loads/P/force", ["3 lbs", 0], "loads.P.force[0]", "'3 lbs' is a mass, a force is wanted.", "of force are lbf and kgf."),
+    ("units/force", "kg", "units.force", "'kg' is the unit of a mass, a force is wanted.", "Write it like 'N'; pounds"),
     ("joints/B/friction", 0.1, "joints.B.friction", "0.1 where a table is wanted.", "such as { coefficient = ... }."),
     ("loads/P/force", ["\u22122 kN", 0], "loads.P.force[0]", "is not a number with a unit.", "as a hyphen, '-'."),
     ("joints/B/at", "Q", "joints.B.at", "link 'crank' has no point 'Q'.", "Points of 'crank': 'A', 'B'."),

@@ -295,6 +295,7 @@ def test_samples_fill_their_ranges_and_repeat(press):
         (["--vary", "links.crank.points.B[0]=40..50mm:3", "--of", "drive.A.torque"], "only those vary in sweeps. Name its value"),
         (["--vary", "stroke", "--of", "drive.A.torque"], "how many values"),
         (["--vary", "stroke:3", "--of", "drive.A.torqe:max"], "Did you mean 'drive.A.torque'"),
+        (["--vary", "stroke:3", "--of", "joint.A.torque"], "Did you mean 'drive.A.torque'"),
         (["--vary", "stroke:3", "--of", "drive.A.torque:maximum"], "Did you mean 'max'"),
         (["--vary", "stroke", "--of", "drive.A.torque", "--sample", "sobol:100"], "Take 64 or 128"),
     ],

@@ -386,9 +386,8 @@ def size_flywheel(mechanism: Mechanism, fluctuation: float, *, turns: int = 1, t
     the inertia.
     """
     if not 0.0 < fluctuation < 2.0:
-        raise MechanismError(
-            Fault("flywheel", f"a coefficient of fluctuation of {fluctuation:g}.", "Give a positive one, such as 0.02.")
-        )
+        remedy = "Give one between 0 and 2, such as 0.02 for 2 %."
+        raise MechanismError(Fault("flywheel", f"a coefficient of fluctuation of {fluctuation:g}.", remedy))
     link = shaft_of(mechanism)
 
     def trial(inertia: float) -> SteadyRun:
