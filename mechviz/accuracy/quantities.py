@@ -22,16 +22,14 @@ from mechcore.numerics.interpolation import between
 from mechcore.records import dataclass
 from mechviz.quantities.items import joints_of, links_of
 
-QUANTITY_KINDS = ("position", "velocity", "acceleration", "reaction")
-"""Of the quantities; efforts of drives count as reactions."""
-
 LEAST_SCALE = 1e-6  # of the largest of its kind: what never grows beyond that is compared with it
 STILL_TRAVEL = 1e-9  # of the mechanism's size, or radians: a motion that never goes farther is rounding, or next to it
 
 
 @dataclass(frozen=True, eq=False)
 class CheckedQuantity:
-    """``values`` (F, n) with first and second derivatives by time where they are known; ``scale``: what errors are relative to."""
+    """``values`` (F, n) with first and second derivatives by time where they are known; ``scale``: what errors are relative to;
+    ``kind``: "position", "velocity", "acceleration" or "reaction", as which efforts of drives count, too."""
 
     name: str
     kind: str

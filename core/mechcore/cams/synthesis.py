@@ -32,6 +32,8 @@ from mechcore.numerics.frames import keep_freed_memory
 from mechcore.records import dataclass
 from mechcore.texts import as_length
 
+STRAIGHT = 1e9  # distances of the reference point: larger radii of curvature count as straight
+
 
 @dataclass(frozen=True, eq=False)
 class Synthesis:
@@ -333,11 +335,8 @@ class EquivalentLinkage:
     acceleration: Real
 
 
-def equivalent_linkage(s: Synthesis, straight: float = 1e9) -> EquivalentLinkage:
-    """The linkage and its motion, solved as a linkage from the geometry alone (K, T and the guide; not from the law's derivatives).
-
-    ``straight``: radii larger than this many times the distance of the reference point count as straight.
-    """
+def equivalent_linkage(s: Synthesis) -> EquivalentLinkage:
+    """The linkage and its motion, solved as a linkage from the geometry alone: K, T and the guide, not the derivatives of the law."""
     cam, follower = s.cam, s.cam.follower
     t = s.reference[0]
     # how T moves with the coordinate
@@ -349,7 +348,7 @@ def equivalent_linkage(s: Synthesis, straight: float = 1e9) -> EquivalentLinkage
         by_q, by_qq, turning = np.full(t.shape, 1j), np.zeros(t.shape, complex), 0.0
     rho = s.pitch_radius
     flat = isinstance(follower.face, Flat)
-    endless = ~(np.abs(rho) < straight * (np.abs(t) + 1e-300))
+    endless = ~(np.abs(rho) < STRAIGHT * (np.abs(t) + 1e-300))
     n = s._normal
     with np.errstate(invalid="ignore"):
         k = (s.contact if flat else t) - np.where(endless, np.nan, rho) * n

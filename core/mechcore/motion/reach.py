@@ -32,27 +32,28 @@ from mechcore.numerics.newton import Residual, least_squares
 from mechcore.records import dataclass
 from mechcore.spec.mechanism import Cylinder
 
+REACH_SAMPLES = 1441  # positions of the first drive at which its reach is looked for
 POSITION_SAMPLES, MOST_SAMPLES = 361, 2001  # of the first drive's positions, and of times
 MOST_HALVINGS = 40
 SLOT_SLACK = 1e-9  # of the mechanism's size: rounding may carry a pin so far beyond an end of its slot
 RANGE_INSET = 1e-6  # of an end: so far within a range is proposed, for it is shown with seven digits
 
 
-def reachable_ranges(compiled: Compiled, *, samples: int = 1441) -> list[tuple[float, float]]:
+def reachable_ranges(compiled: Compiled) -> list[tuple[float, float]]:
     """Ranges of the first drive's position (rad or m) in which every group can be put together, the others held at their start.
 
     A rotary drive is looked at over one turn about its start, a sliding one within five sizes of the mechanism. Ends are located
     to 1e-10 of that range. Groups that have to be followed, see `branches.paths`, are followed from the start, so only the range
     around it is known.
     """
-    ranges = _ranges(compiled, samples)
+    ranges = _ranges(compiled)
     joints = compiled.mechanism.joints
     if any(isinstance(joint, Cylinder) and joint.name == compiled.mechanism.drives[0].joint for joint in joints):
         return [(max(low, 0.0), high) for low, high in ranges if high > 0.0]  # the distance of two points
     return ranges
 
 
-def _ranges(compiled: Compiled, samples: int) -> list[tuple[float, float]]:
+def _ranges(compiled: Compiled) -> list[tuple[float, float]]:
     model = compiled.model
     q0 = compiled.start[0]
     rotary = model.joints[model.joint_index[model.mechanism.drives[0].joint]].coordinate == "angle"
@@ -84,7 +85,7 @@ def _ranges(compiled: Compiled, samples: int) -> list[tuple[float, float]]:
         )
         return np.asarray(fits & within_slots(motion), bool)
 
-    grid = np.linspace(low, high, samples)
+    grid = np.linspace(low, high, REACH_SAMPLES)
     state, places = solved(grid).state, [grid]
     for block in model.blocks:
         if block.kind in TWO_MODES:  # unreachable ranges narrower than the grid

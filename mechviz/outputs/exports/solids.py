@@ -87,9 +87,9 @@ def _hex(color: tuple[int, int, int, int]) -> str:
     return "#" + "".join(f"{v:02X}" for v in color[:3])
 
 
-def export_3mf(run: Run, path: Path | str, *, solids: Solids | None = None) -> Path:
+def export_3mf(run: Run, path: Path | str) -> Path:
     """Write the solids of all links as 3MF."""
-    text = model_xml(run, solids or solids_of(run))
+    text = model_xml(run, solids_of(run))
     with replacing(Path(path)) as temporary:
         write_3mf(temporary, text)
     return Path(path)

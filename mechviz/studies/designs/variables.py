@@ -18,7 +18,6 @@ from mechviz.scene.scene import Scene
 from mechviz.scene.units import QuantityError, split, unit_of
 
 SLOPE_WIDTH = 0.02  # of a value: over so much either way it is looked at for its slope
-MASSES = ("mass", "centre", "inertia")
 
 
 @dataclass(frozen=True)
