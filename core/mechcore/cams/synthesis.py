@@ -336,7 +336,7 @@ class EquivalentLinkage:
 
 
 def equivalent_linkage(s: Synthesis) -> EquivalentLinkage:
-    """The linkage and its motion, solved as a linkage from the geometry alone: K, T and the guide, not the derivatives of the law."""
+    """The linkage and its motion, solved as a linkage from its geometry: K, T and the guide, not the law's derivatives."""
     cam, follower = s.cam, s.cam.follower
     t = s.reference[0]
     # how T moves with the coordinate
