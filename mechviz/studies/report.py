@@ -42,6 +42,8 @@ from mechviz.scene.units import Units
 from mechviz.studies.cam_report import cam_facts, cam_lines, law_facts, size_facts
 from mechviz.studies.designs.goals import check_goal
 
+WIDE_MASS = 10.0  # sizes of the mechanism: no radius of gyration is larger, that of a flywheel neither
+
 if TYPE_CHECKING:
     from mechviz.scene.scene import Scene
     from mechviz.scene.units import Units
@@ -98,6 +100,7 @@ def check_lines(scene: Scene, *, equations: bool = False, modes: bool = False) -
     others = f": {vectors} closed by joints, {closing} by cams, gears, racks or belts" if closing else ""
     lines.append(f"loops      {vectors + closing} independent{others}")
     lines += [f"  {i}. {' - '.join(joints)}" for i, joints in enumerate(loop_joints(model), 1)]
+    lines += _section("masses", list(_wide_masses(scene, model.length_scale)))
     lines += [f"law        {words}" for words in continuity_words(scene.mechanism, scene.units)]
     lines += [f"table      {e.item}: {e.text}" for e in overshoots(scene.mechanism)]
     lines += _modes(compiled)
@@ -151,6 +154,17 @@ def _at_once(motion: Motion) -> str:
         f"{words}: the same velocities, to {check.velocity:.1e} of the largest, and accelerations, to {check.acceleration:.1e}, "
         f"at {check.frames} frames"
     )
+
+
+def _wide_masses(scene: Scene, size: float) -> Iterator[str]:
+    """Moments of inertia that no link of a mechanism of this size [m] has with its mass: their unit is probably another one."""
+    for link in scene.mechanism.links:
+        radius = float(np.sqrt(link.inertia / link.mass)) if link.mass > 0.0 else 0.0
+        if radius > WIDE_MASS * size and "inertia" in scene.mechanism.effects and link.name != scene.mechanism.frame:
+            yield (
+                f"{link.name}: its radius of gyration is {scene.units.show(radius, 'length', 4)}, {radius / size:.3g} times "
+                f"the size of the mechanism: is its moment of inertia in {scene.units.symbol('inertia')}?"
+            )
 
 
 def _solved_by(group: Group, free: Collection[str]) -> str:

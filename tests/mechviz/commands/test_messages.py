@@ -226,3 +226,13 @@ def test_a_free_link_is_not_called_driven_and_a_follower_not_geared():
     assert "; free" in groups("swinging-double-pendulum") and "driven" not in groups("swinging-double-pendulum")
     assert "with a higher pair" in groups("cam-roller") and "geared" not in groups("cam-roller")
     assert "geared" in groups("gear-train")
+
+
+def test_a_moment_of_inertia_in_another_unit_is_noticed():
+    """In a scene in mm, kg mm^2 are written for kg m^2: the radius of gyration is a thousand times too large."""
+    sound = load("slider-crank-compressor")
+    place = ("links", "rod", "inertia")
+    wrong = sound.changed({place: 1e6 * sound.mechanism.links[[x.name for x in sound.mechanism.links].index("rod")].inertia})
+    assert not [line for line in check_lines(sound) if line.startswith("masses")]
+    (line,) = (line for line in check_lines(wrong) if line.startswith("masses"))
+    assert line.startswith("masses     rod: its radius of gyration is ") and line.endswith("is its moment of inertia in kg m²?")
