@@ -70,6 +70,13 @@ def check_link_names(reading: Reading) -> Iterator[Fault]:
     for name, entry in document.sketch.items():
         if isinstance(entry, Pose):
             yield from known_link(reading, f"sketch.{name}", name)
+    owners: dict[str, tuple[str, str]] = {}
+    for name, link in document.links.items():
+        for point in link.points:
+            owner, other = owners.setdefault(f"{name}.{point}", (name, point))
+            if owner != name:
+                why = f"point '{point}' of '{name}' and point '{other}' of '{owner}' are both called '{name}.{point}'."
+                yield Fault(f"links.{name}", why, "Rename one of the links, best without dots.")
 
 
 def _joints(reading: Reading) -> Iterator[Fault]:

@@ -565,6 +565,14 @@ def test_a_byte_order_mark_is_no_fault(tmp_path: Path):
     assert load(source) == load("triad")
 
 
+def test_no_two_points_have_one_name():
+    """A recording would hold one of the two."""
+    links = {"crank.B": {"points": {"C": [0.0, 0.0]}}, "crank": {"points": {"A": [0.0, 0.0], "B": [0.1, 0.0], "B.C": [0.1, 0.1]}}}
+    (fault,) = (f for f in faults_of(changed(*((f"links/{name}", link) for name, link in links.items()))) if "called" in f.message)
+    assert (fault.path, fault.remedy) == ("links.crank.B", "Rename one of the links, best without dots.")
+    assert "'crank.B.C'" in fault.message
+
+
 def test_an_unknown_gallery_scene_is_answered_with_the_list():
     fault = fault_of_file("crank-roker")
     assert fault.path == "scene"
