@@ -223,10 +223,13 @@ def _indicator(run: Run) -> Diagram | None:
     if not loads or run.forces is None or run.simulation is not None:
         return None
     gases = [CylinderGas(load) for load in loads]
-    unit, factor = run.scene.units.reads("m")
-    curves = tuple(Curve(g.name, factor * np.asarray(g.displacement(motion)), 1e-5 * np.asarray(g.pressure(motion))) for g in gases)
-    title = f"Indicator diagram: pressure [bar] against displacement [{unit}]" + (f", {loads[0].name}" if len(loads) == 1 else "")
-    return Diagram("indicator", title, f"displacement [{unit}]", "[bar]", curves)
+    (unit, factor), (upwards, scale) = (run.scene.units.reads(si) for si in ("m", "Pa"))
+    curves = tuple(
+        Curve(gas.name, factor * np.asarray(gas.displacement(motion)), scale * np.asarray(gas.pressure(motion))) for gas in gases
+    )
+    title = f"Indicator diagram: pressure [{upwards}] against displacement [{unit}]"
+    title += f", {loads[0].name}" if len(loads) == 1 else ""
+    return Diagram("indicator", title, f"displacement [{unit}]", f"[{upwards}]", curves)
 
 
 def _phase(run: Run) -> Diagram | None:

@@ -136,7 +136,7 @@ def test_the_area_of_an_indicator_diagram_is_the_work_of_the_gas(name):
     diagram = next(d for d in find_diagrams(run) if d.name == "indicator")
     (curve,) = diagram.curves
     load = next(load for load in run.motion.mechanism.loads if load.name == curve.name)
-    area = np.trapezoid(1e5 * curve.y, 1e-3 * curve.x)  # the back pressure gives back what it takes
+    area = np.trapezoid(1e6 * curve.y, 1e-3 * curve.x)  # the back pressure gives back what it takes
     gas = next(power for w, power in run.forces.powers() if w.name == curve.name)
     assert load.area * area == pytest.approx(np.trapezoid(gas, run.motion.time), rel=2e-2)
     assert curve.x.min() == pytest.approx(0.0, abs=1e-6) and curve.x.max() == pytest.approx(1e3 * load.cycle.stroke, rel=1e-3)

@@ -797,7 +797,7 @@ def test_the_indicator_diagram_shows_pressure_against_displacement_where_the_run
     x0, x1, y0, y1 = chart.ranges
     assert (dot[0] - charts.AXES_LEFT) / charts.AXES_WIDTH == pytest.approx((chart.curves[0].x[10] - x0) / (x1 - x0), abs=1e-3)
     assert (dot[1] - charts.AXES_TOP) / charts.AXES_HEIGHT == pytest.approx((y1 - chart.curves[0].y[10]) / (y1 - y0), abs=1e-3)
-    assert first != later and "displacement [mm]" in first and "[bar]" in first
+    assert first != later and "displacement [mm]" in first and "[MPa]" in first
 
 
 # -- cameras, names ---------------------------------------------------------------------------------------------------
