@@ -364,6 +364,11 @@ def test_what_a_kind_of_cam_has_no_use_for_is_refused(name, line, words):
         mechviz.loads(text.replace("[joints.K.profile]", f"[joints.K.profile]\n{line}"))
 
 
+def test_only_an_arm_has_sides():
+    with pytest.raises(MechanismError, match=r"joints\.K\.follower\.side  a follower in a straight guide has no arm"):
+        mechviz.loads(text_of("cam-roller").replace("guide =", 'side = "left", guide =', 1))
+
+
 @pytest.mark.parametrize(("name", "link", "axis", "base", "moved"), [
     ("cam-inverse", "lever", 2, -30.0, np.radians(-30.0)),
     ("cam-wedge", "follower", 1, -10.0, -22e-3),

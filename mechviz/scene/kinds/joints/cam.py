@@ -81,6 +81,8 @@ def _cam(m: JointMaker) -> Joint | None:
     solid = any(getattr(profile, key) is not None for key in SOLIDS)
     if base < 0.0 and not (profile.bed or solid or follower.groove is not None):  # else it is a place
         convert.note(f"{path}.profile.base", f"{as_length(base)} is negative.", "Give a positive value.")
+    if follower.side is not None and guide is not None and not oscillates:
+        convert.note(f"{path}.follower.side", "a follower in a straight guide has no arm with sides.", "Leave it out.")
     _note_unused(profile, f"{path}.profile", convert, inverse=follower.groove is not None, solid=solid)
     hub, sharpest = (
         None if value is None else convert.si(value, "length", f"{path}.profile.{key}")
