@@ -1,7 +1,7 @@
 """mechviz: a desktop-free 3D inspector and recorder of mechanisms.
 
-``run("crank-rocker")`` solves a scene of the gallery or a file and gives a ``Result``; ``open("a.rrd")`` gives one of a
-recording. ``load`` reads a scene; ``Scene.build`` and ``SceneBuilder`` make one in Python; ``scene.mechanism`` is what
+``run("crank-rocker")`` solves a gallery scene or a scene file and returns a ``Result``; ``open("a.rrd")`` reads one from a
+recording. ``load`` reads a scene; ``Scene.build`` and ``SceneBuilder`` create one in Python; ``scene.mechanism`` is the model that
 ``mechcore`` computes.
 """
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def __getattr__(name: str) -> Any:
-    """Names on first use: ``import mechviz`` alone loads nothing heavy."""
+    """The public name, imported on first use: ``import mechviz`` alone loads nothing heavy."""
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     return getattr(import_module(".facade" if name in ("Result", "open", "run") else ".scene", __name__), name)

@@ -1,5 +1,5 @@
-"""The façade of ``import mechviz as mv``: ``run`` solves a scene, ``open`` reads a recording, and both give a
-`Result`: quantities by name, plots, pictures, pages, the browser view."""
+"""Public interface of ``import mechviz as mv``: ``run`` solves a scene and ``open`` reads a recording. Both return a `Result`,
+which gives quantities by name, plots, pictures, pages and the browser view."""
 
 from __future__ import annotations
 
@@ -41,13 +41,13 @@ if TYPE_CHECKING:
     from mechcore.motion.motion import Motion
     from mechviz.outputs.viewer.app import Viewer
 
-FRAME_HEIGHT = 640  # [px] of the frame
+FRAME_HEIGHT = 640  # [px] of the frame in a notebook
 
 
 def bundle_of(shown: Presentation, text: str) -> dict[str, str]:
-    """The page as HTML, a drawing as SVG, a line of text.
+    """MIME bundle for a notebook: the page as HTML, a drawing as SVG, and ``text`` as plain text.
 
-    A notebook shows the page; what cannot run it, such as a printed notebook, shows the drawing.
+    A notebook shows the page. Where the page cannot run, as in a printed notebook, the drawing is shown.
     """
     page, _ = make_page(shown)
     frame = (
@@ -63,21 +63,22 @@ def _check_ending(path: str | Path, ending: str) -> None:
         raise OutputError(f"'{path}' does not end in {ending}.", "Give a name that does.")
 
 
-LONG_RUN = 1.0  # [s] from which on a run shows its progress
+LONG_RUN = 1.0  # [s] after which a run shows its progress
 
 
 class UnknownKey(KeyError):
-    """A quantity that a result does not have; its text names the one that was probably meant."""
+    """A result has no quantity, or a plot no axis, of this name. The message suggests the known name that was probably meant."""
 
     def __str__(self) -> str:
         return str(self.args[0])
 
 
 class Result:
-    """A solved scene or a recording; made by `run` and by `open`.
+    """Results of a solved scene or of a recording, returned by `run` and `open`.
 
-    ``result["joint.B.reaction"]`` is a quantity over the frames, ``result.keys()`` lists them all. Values are in the units that
-    people read: those of the scene, such as mm, °, N, N m, with m/s, rad/s and MPa. In a notebook a result shows itself.
+    ``result["joint.B.reaction"]`` gives the values of a quantity at the frames; ``result.keys()`` lists the keys of all quantities.
+    Values are in display units: those of the scene, such as mm, °, N and N m, with m/s, rad/s and MPa. A notebook displays a result
+    as a page.
     """
 
     def __init__(self, source: Run | Recording):
@@ -85,11 +86,11 @@ class Result:
 
     # -- quantities ---------------------------------------------------------------------------------------------------
     def keys(self) -> tuple[str, ...]:
-        """The keys of all quantities, such as ``drive.A.torque``, in the order in which they are offered."""
+        """Keys of all quantities, such as ``drive.A.torque``, in the order of the catalogue."""
         return tuple(self.catalogue.by_key)
 
     def __getitem__(self, key: str) -> Real:
-        """Values (F, n) of a quantity, a column for each curve, in its unit: see `quantity`. Raises `UnknownKey`."""
+        """Values (F, n) of a quantity in its unit, with a column for each of its curves: see `quantity`. Raises `UnknownKey`."""
         return self.quantity(key).values()
 
     def __iter__(self) -> Iterator[str]:
@@ -119,13 +120,13 @@ class Result:
 
     @property
     def events(self) -> tuple[Event, ...]:
-        """Events during the run: dead points, limits, peaks, stops, jams; sorted by time, which a recording rounds to
+        """Events of the run, sorted by time: dead points, limits, peaks, stops, jams. A recording rounds their times to
         nanoseconds."""
         if not isinstance(self._source, Run):
             return self._source.events
         return events_of(self._source)
 
-    # -- what it was made from ----------------------------------------------------------------------------------------
+    # -- source ---------------------------------------------------------------------------------------------------------
     @property
     def title(self) -> str:
         """The scene's title."""
@@ -133,12 +134,12 @@ class Result:
 
     @property
     def scene(self) -> Scene:
-        """The scene that was solved; a recording carries it. Raises `SceneError`, `RecordingError`."""
+        """The scene that was solved; a recording contains it. Raises `SceneError`, `RecordingError`."""
         return self._source.scene if isinstance(self._source, Run) else self._source.scene()
 
     @property
     def solved(self) -> Run:
-        """The run with all that was computed. Raises `OutputError` of a recording."""
+        """The run with everything that was computed. Raises `OutputError` for a recording, which holds values but no solution."""
         if isinstance(self._source, Run):
             return self._source
         what = f"'{self._source.path}' is a recording: it holds values, not the solution."
@@ -146,36 +147,41 @@ class Result:
 
     @property
     def motion(self) -> Motion:
-        """Positions, velocities and accelerations in SI units. Raises `OutputError` of a recording."""
+        """Positions, velocities and accelerations in SI units. Raises `OutputError` for a recording."""
         return self.solved.motion
 
     @property
     def forces(self) -> Forces | None:
-        """Reactions, efforts and power in SI units; None where the scene names no effects and no loads. Raises `OutputError` of
-        a recording."""
+        """Reactions, efforts and power in SI units; None where the scene names no effects and no loads. Raises `OutputError` for a
+        recording."""
         return self.solved.forces
 
     @cached_property
     def presentation(self) -> Presentation:
-        """The presentation from which pages and pictures are made. Raises `RecordingError` of a damaged recording."""
+        """The presentation from which pages and pictures are made. Raises `RecordingError` for a damaged recording."""
         return presentation_of(self._source) if isinstance(self._source, Run) else presentation_in(self._source)
 
     def sensitivity(self, of: str, by: str | Sequence[str] = ()) -> Sensitivity:
-        """How a quantity, or a number of it such as ``joint.B.reaction:max``, moves with parameters of the scene, or with numbers
-        of it by their places: exact derivatives. By default by all own parameters. Raises `MechanismError`, `OutputError` of a
-        recording."""
+        """Exact derivatives of a quantity, or of one number of it such as ``joint.B.reaction:max``, with respect to inputs of the
+        scene.
+
+        ``by`` names parameters of the scene, or numbers of it by their places; by default all parameters that are not computed from
+        others. Raises `MechanismError`, and `OutputError` for a recording.
+        """
         return sensitivity(self.solved, of, by)
 
     # -- outputs ------------------------------------------------------------------------------------------------------
     def record(self, path: str | Path) -> RecordingSummary:
-        """Write a rerun recording (.rrd), replaced as a whole when complete. Raises `OutputError`, also of a recording."""
+        """Write a rerun recording (.rrd) and return a summary of it. An existing file is replaced only when the new one is
+        complete. Raises `OutputError`, also where the result is a recording."""
         _check_ending(path, ".rrd")
         return write_recording(self.solved, path)
 
     def view(self, port: int = 8080, *, open_browser: bool = False, block: bool = True) -> Viewer | None:
-        """Show it in the browser at http://127.0.0.1:PORT until Ctrl-C; port 0 takes a free one. Raises `ViewerError`.
+        """Show the result in the browser at http://127.0.0.1:PORT until Ctrl-C; port 0 selects a free one. Raises `ViewerError`.
 
-        Without ``block``, as in a notebook, it gives the `Viewer` at once, which shows it at its ``url`` until its ``close``.
+        Without ``block``, as in a notebook, it returns the `Viewer` at once, which serves the page at its ``url`` until its
+        ``close``. ``open_browser`` opens the page in a browser.
         """
         from mechviz.outputs.viewer import app
 
@@ -188,7 +194,8 @@ class Result:
         return viewer
 
     def share(self, path: str | Path, *, most: int = 1000) -> Path:
-        """Write one HTML file that plays in any browser without a network, of at most so many frames. Raises `OutputError`."""
+        """Write one HTML file that plays in any browser without a network, with at most ``most`` frames; returns its path. Raises
+        `OutputError`."""
         _check_ending(path, ".html")
         target = Path(path)
         check_target(target)
@@ -207,10 +214,12 @@ class Result:
         size: tuple[int, int] = (1280, 800),
         dark: bool = False,
     ) -> Path:
-        """Write a picture: a drawing from the front (.svg), or the solids in a view (.png), which needs Chromium.
+        """Write a picture and return its path: a drawing from the front (.svg), or the solids in a view (.png), which needs
+        Chromium.
 
-        ``at`` a time [s], at a frame, or where the drive reaches an angle [°]; else where a page opens. ``view``: 3d, front, iso,
-        top, left, right or back. Raises `OutputError`.
+        It shows the time ``at`` [s], the ``frame`` of this number, or the first frame at which the drive reaches ``angle`` [°]; by
+        default the time at which a page opens. ``view``: 3d, front, iso, top, left, right or back. ``size``: width and height [px].
+        Raises `OutputError`.
         """
         target, drawing = Path(path), Path(path).suffix.lower() == ".svg"
         if target.suffix.lower() not in (".svg", ".png"):
@@ -225,11 +234,12 @@ class Result:
         return take(self.presentation, target, Look(*size, view, dark), place)
 
     def plot(self, *keys: str | tuple[str, ...], path: str | Path | None = None, against: str | None = None) -> Figure:
-        """A figure of matplotlib, a panel for each quantity or for several of one unit in a tuple, also written to ``path`` (.svg,
-        .png, .pdf) if that is given.
+        """A matplotlib figure with a panel for each key, or for each tuple of keys of one unit. It is also written to ``path``
+        (.svg, .png, .pdf) if that is given.
 
-        ``against``: ``"time"`` or the joint of a drive; by default the first drive that runs one way, else time. Without keys it
-        shows what the viewer opens with. Raises `UnknownKey`, `OutputError` where it cannot be written.
+        ``against`` is the abscissa: ``"time"`` or the joint of a drive; by default the first drive that runs in one direction only,
+        else time. Without keys the figure shows the quantities with which the viewer opens. Raises `UnknownKey`, and `OutputError`
+        where the units in a tuple differ or the file cannot be written.
         """
         quantities = [self._together(key) for key in keys] or list(self.catalogue.first)
         figure = plot_figure(self.title, quantities, self._axis(against))
@@ -259,7 +269,7 @@ class Result:
         return f"Result of {name}: {len(self.time)} frames, {len(self)} quantities"
 
     def _repr_mimebundle_(self, include: object = None, exclude: object = None) -> dict[str, str]:
-        """In a notebook a result shows itself: solids, plots and events on one timeline."""
+        """Display in a notebook: the page with solids, plots and events on one timeline."""
         return bundle_of(self.presentation, repr(self))
 
 
@@ -272,12 +282,12 @@ def run(
     executor: Executor = "auto",
     progress: bool = True,
 ) -> Result:
-    """Solve a scene: one that is loaded or built, the name of one of the gallery, or the path of a scene file.
+    """Solve a scene and return its `Result`. ``scene``: a scene, the name of a gallery scene, or the path of a scene file.
 
-    ``frames`` over the whole run and ``cycles`` of the first drive are the scene's own where they are not given; ``accuracy`` is
-    the wanted relative error, such as 1e-6, from which frames and tolerances follow; ``executor`` is "numpy", "c" or, where
-    compiling pays, "auto". Runs of more than a second show their ``progress`` on a terminal and in a notebook.
-    Raises `SceneError` with every fault of the scene, `MechanismError` where the mechanism cannot move so.
+    ``frames`` over the whole run and ``cycles`` of the first drive are by default those of the scene. ``accuracy`` is the target
+    relative error, such as 1e-6, from which frames and tolerances follow. ``executor`` is "numpy", "c", or "auto", which uses C
+    where compiling pays. With ``progress``, runs longer than a second show it on a terminal and in a notebook. Raises `SceneError`
+    with every fault of the scene, and `MechanismError` where the mechanism cannot perform the motion.
     """
     solved = scene if isinstance(scene, Scene) else load(scene)
     settings: dict[str, Any] = {"frames": frames, "cycles": cycles, "accuracy": accuracy, "executor": executor}
@@ -288,5 +298,6 @@ def run(
 
 
 def open(path: str | Path, *, most: int | None = None) -> Result:
-    """Read a recording (.rrd); of a long one ``most`` frames, spread evenly, if that is given. Raises `RecordingError`."""
+    """Read a recording (.rrd) and return its `Result`. If ``most`` is given, only that many frames of a longer recording are read,
+    evenly spaced. Raises `RecordingError`."""
     return Result(Recording(path, most=most))

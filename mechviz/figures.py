@@ -22,20 +22,20 @@ if TYPE_CHECKING:
 
 COLOURS = ("#1b6ca8", "#c8553d", "#3a7d44", "#7b4b94", "#b08900", "#2a9d8f", "#6c757d", "#d6336c")
 PICTURE_SUFFIXES = (".svg", ".png", ".pdf")
-DOTS_AN_INCH = 160.0  # an inch of a PNG
-DECADE_RATIO = 100.0  # times the median, from which on a scale goes by decades
+DOTS_AN_INCH = 160.0  # of a PNG
+DECADE_RATIO = 100.0  # of the greatest value to the median, above which an axis is logarithmic
 STYLE = {
     "axes.prop_cycle": f"cycler('color', {list(COLOURS)})",
     "axes.axisbelow": True, "axes.edgecolor": "#9aa3ad", "axes.grid": True, "axes.labelsize": "medium",
     "axes.titlelocation": "left", "axes.titlesize": "medium", "figure.titlesize": "large", "font.size": 9.0,
     "grid.color": "#e3e6ea", "legend.fontsize": "small", "legend.frameon": False, "lines.linewidth": 1.5, "text.color": "#222222",
-    "svg.fonttype": "none", "svg.hashsalt": "mechviz",  # texts stay texts; the same names in every file
+    "svg.fonttype": "none", "svg.hashsalt": "mechviz",  # text stays text; the same ids in every file
 }  # fmt: skip
 
 
 @contextmanager
 def chart(width: float, height: float) -> Iterator[Figure]:
-    """An empty figure of some size [in] in our style, to be filled within the ``with`` block."""
+    """Context with an empty figure of a size [in] in the common style, to be filled within the ``with`` block."""
     import matplotlib
     from matplotlib.figure import Figure
 
@@ -44,7 +44,8 @@ def chart(width: float, height: float) -> Iterator[Figure]:
 
 
 def over_decades(values: Real) -> bool:
-    """Whether values are all positive, and the greatest so far beyond most of them that an even scale would show no others."""
+    """Whether values (n,) need a logarithmic axis: all are positive, and the greatest is more than `DECADE_RATIO` times their
+    median."""
     return bool(len(values)) and float(values.min()) > 0.0 and float(values.max()) > DECADE_RATIO * float(np.median(values))
 
 
@@ -55,7 +56,8 @@ def check_ending(path: Path) -> None:
 
 
 def save_chart(figure: Figure, path: Path, titles: Mapping[str, str] | None = None) -> None:
-    """Write a figure, replaced as a whole; ``titles`` as in `chart_svg`. Raises `OutputError`."""
+    """Write a figure; an existing file is replaced only when the new one is complete. ``titles`` as in `chart_svg`. Raises
+    `OutputError`."""
     check_ending(path)
     ending = path.suffix.lower()
     with replacing(path) as temporary:
@@ -68,13 +70,13 @@ def save_chart(figure: Figure, path: Path, titles: Mapping[str, str] | None = No
 
 
 def chart_svg(figure: Figure, titles: Mapping[str, str] | None = None) -> str:
-    """A figure as SVG, without a date. ``titles``: words that appear where the pointer is on an artist, by the artist's gid."""
+    """A figure as SVG, without a date. ``titles``: text that appears when the pointer is on an artist, by the artist's gid."""
     import matplotlib
 
     stream = StringIO()
     with matplotlib.rc_context(STYLE):
         figure.savefig(stream, format="svg", metadata={"Date": None, "Creator": None})
-    text = stream.getvalue().replace("*{", "#figure_1 *{", 1)  # the style of a page that shows it stays as it is
+    text = stream.getvalue().replace("*{", "#figure_1 *{", 1)  # so that the style does not apply to a page that contains it
     for gid, words in (titles or {}).items():
         text = text.replace(f'<g id="{gid}">', f'<g id="{gid}"><title>{escape(words)}</title>', 1)
     return text

@@ -1,5 +1,5 @@
-"""Files that are read only where they are regular ones of a stated size, and replaced whole or not at all, with clear words where
-that cannot be done."""
+"""Access to files: only regular files up to a stated size are read, and files are replaced as a whole or not at all. Errors state
+the cause and a remedy."""
 
 from __future__ import annotations
 
@@ -23,9 +23,10 @@ LARGE_VARIABLE = "MECHVIZ_LARGE"
 
 
 class OutputError(Exception):
-    """A file that could not be written or read: what happened and what to do about it.
+    """A file could not be written or read: what happened (``message``) and what to do about it (``remedy``).
 
-    ``code``: exit code of commands; 2 where something else has to be asked for, 1 where the machine cannot do it as it is now.
+    ``code`` is the exit code of commands: 2 where the user has to change the request, 1 where the machine cannot fulfil it as it is
+    now.
     """
 
     code = 2
@@ -39,7 +40,7 @@ class OutputError(Exception):
 
 
 def reason(error: OSError, path: Path) -> OutputError:
-    """Words for an operating system error at a path."""
+    """The `OutputError` for an operating system error at a path."""
     if error.errno in (errno.ENOSPC, errno.EDQUOT):
         return OutputError(f"'{path}' cannot be written: the disk is full.", "Free some space or write elsewhere.", 1)
     if error.errno == errno.EFBIG:
@@ -51,12 +52,12 @@ def reason(error: OSError, path: Path) -> OutputError:
 
 
 def plain_name(text: str, otherwise: str = "scene") -> str:
-    """The name of a file from any text: no folders, no hidden files, at most 100 letters."""
+    """The name of a file from any text: no folders, not hidden, at most 100 characters; ``otherwise`` where nothing remains."""
     return _UNSAFE.sub("_", str(text).strip()).strip(" .")[:100] or otherwise
 
 
 def open_regular(path: Path | str) -> BinaryIO:
-    """A regular file, open for reading. Raises OSError, also of a folder, a device or a pipe, which it never waits for."""
+    """A regular file, open for reading. Raises OSError, also for a folder, a device or a pipe, for which it never waits."""
     handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
     if not stat.S_ISREG(os.fstat(handle).st_mode):
         os.close(handle)
@@ -65,7 +66,7 @@ def open_regular(path: Path | str) -> BinaryIO:
 
 
 def read_regular(path: Path | str, most: int) -> bytes:
-    """The content of a regular file of at most so many bytes. Raises OSError."""
+    """The content of a regular file of at most ``most`` bytes. Raises OSError, also for a larger file."""
     with open_regular(path) as file:
         size = os.fstat(file.fileno()).st_size
         if size > most:
@@ -74,15 +75,15 @@ def read_regular(path: Path | str, most: int) -> bytes:
 
 
 def check_target(path: Path) -> Path:
-    """The real path of a file that is to be written; raises `OutputError` if nothing can be put there.
+    """The real path of a file to be written. Raises `OutputError` where no file can be put there.
 
-    Devices, pipes and folders are refused: a file that is renamed onto ``/dev/null`` would replace the device. So is a file into
-    which standard output or messages go, whose lines would be lost.
+    Devices, pipes and folders are refused: a file that is renamed onto ``/dev/null`` would replace the device. A file that receives
+    standard output or standard error is refused, too, since its lines would be lost.
     """
     real = Path(os.path.realpath(path))
     if real.is_dir():
         raise OutputError(f"'{path}' is a folder.", "Name a file in it.")
-    if path.exists() and not path.is_file():  # the path itself: of a pipe, as /dev/stdout may be, there is no real one
+    if path.exists() and not path.is_file():  # not ``real``: a pipe, as /dev/stdout may be, has no real path
         why = f"'{path}' is not a regular file: what is written is made beside it, and takes its place when it is complete."
         raise OutputError(why, "Name a file that may be replaced, and pass that on.")
     if path.exists() and any(_is_open_as(number, path) for number in (1, 2)):
@@ -99,7 +100,7 @@ def check_target(path: Path) -> Path:
 
 
 def _is_open_as(number: int, path: Path) -> bool:
-    """Whether a file descriptor is open on what is at a path."""
+    """Whether the file descriptor ``number`` is open on the file at a path."""
     try:
         return os.path.samestat(os.fstat(number), os.stat(path))
     except OSError:
@@ -107,7 +108,7 @@ def _is_open_as(number: int, path: Path) -> bool:
 
 
 def is_locked(handle: int, path: Path) -> bool:
-    """Whether an open file or folder is now held for this process alone, until it is closed, and still is what its path names."""
+    """Whether an exclusive lock on an open file or folder is obtained (until it is closed), and its path still leads to it."""
     try:
         fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
         own, there = os.fstat(handle), os.lstat(path)
@@ -142,7 +143,7 @@ def replacing(path: Path) -> Iterator[Path]:
     try:
         umask = os.umask(0)
         os.umask(umask)
-        temporary.chmod(0o666 & ~umask)  # mkstemp lets nobody else read
+        temporary.chmod(0o666 & ~umask)  # mkstemp allows access to the owner only
         yield temporary
         put_in_place(temporary, target)
     except OSError as error:
@@ -153,8 +154,8 @@ def replacing(path: Path) -> Iterator[Path]:
 
 @contextmanager
 def replacing_in(folder: Path) -> Iterator[Path]:
-    """A temporary folder whose files take their places in ``folder``, which is made if need be, if the block succeeds. If it does
-    not, nothing in there has changed."""
+    """A temporary folder whose files move to ``folder`` if the block succeeds; otherwise nothing there has changed. ``folder`` is
+    created if need be. Raises `OutputError`."""
     try:
         missing = [place for place in (folder, *folder.parents) if not place.exists()]
         folder.mkdir(parents=True, exist_ok=True)
@@ -171,6 +172,6 @@ def replacing_in(folder: Path) -> Iterator[Path]:
         raise reason(error, folder) from None
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
-        with suppress(OSError):  # what was made for nothing goes, what holds files stays
+        with suppress(OSError):  # remove folders that were created in vain; those with files stay
             for place in missing:
                 place.rmdir()

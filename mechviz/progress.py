@@ -1,4 +1,4 @@
-"""Progress of long work: a bar on a terminal, a line that changes in a notebook, elsewhere a line now and then."""
+"""Progress of long work: a bar on a terminal, a line that is updated in a notebook, elsewhere an occasional line."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ from contextlib import AbstractContextManager, ExitStack, contextmanager, suppre
 from dataclasses import dataclass
 from typing import Any
 
-PAUSE = 0.2  # [s] between changes of the line in a notebook
+PAUSE = 0.2  # [s] between updates of the line in a notebook
 LINE_PAUSE = 30.0  # [s] between lines where there is neither terminal nor notebook, and before the first
 
 Update = Callable[..., object]
-"""``update(description=, completed=, total=)``, each if it changes; ``total`` None while it is not known."""
+"""``update(description=, completed=, total=)`` with the values that change; ``total`` is None while it is unknown."""
 
 
 @dataclass(frozen=True)
 class Bar:
-    """How far long work is: to be called with what is done and of how much; ``stage`` gets what is done now."""
+    """Progress of long work: call it with the amount done and the total; ``stage`` names the present stage."""
 
     label: str = ""
     update: Update = lambda **_: None
@@ -27,14 +27,14 @@ class Bar:
         self.update(completed=done, total=total)
 
     def stage(self, name: str) -> None:
-        """Something else is done from now on; how long it takes nobody knows until the bar is called."""
+        """Start a new stage. Its total is unknown until the bar is called."""
         self.update(description=f"{self.label}: {name}", completed=0, total=None)
 
 
 @contextmanager
 def progress_bar(label: str, after: float = 0.0) -> Iterator[Bar]:
-    """A bar on stderr for long work, in a notebook a line, which appears with the first news ``after`` so many seconds, and goes in
-    the end; where stderr is neither, lines that stay."""
+    """Context with a progress bar on stderr, or a line in a notebook, which disappears at the end. It appears with the first update
+    after ``after`` [s]. Where stderr is neither, lines are printed, which stay."""
     show: Callable[[str], AbstractContextManager[Update]]
     show = _on_terminal if sys.stderr.isatty() else _in_notebook() or _as_lines
     with ExitStack() as stack:
@@ -81,7 +81,7 @@ def _as_lines(label: str) -> Iterator[Update]:
             last_line = now
             share = f", {100 * completed // total} %" if total else ""
             left = (now - stage_begun) * (total - completed) / completed if total and completed else 0.0
-            with suppress(OSError):  # nobody listens
+            with suppress(OSError):  # stderr may be closed
                 print(f"{words}{share}{f', about {duration(left)} left' if left else ''}", file=sys.stderr, flush=True)
 
     yield update
@@ -96,7 +96,7 @@ def duration(seconds: float) -> str:
 
 
 def _in_notebook() -> Callable[[str], AbstractContextManager[Update]] | None:
-    """Shows a line in the notebook in which this runs; None where it does not run in one."""
+    """Context that shows a line in the notebook in which the program runs; None where it does not run in one."""
     shell = getattr(sys.modules.get("IPython"), "get_ipython", lambda: None)()
     if not hasattr(shell, "kernel"):
         return None

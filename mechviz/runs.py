@@ -1,4 +1,4 @@
-"""One run of a scene: compiled, moved, its forces found, with the time that each stage took."""
+"""A run of a scene: compilation, motion, forces and studies, with the wall time of each stage."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from mechviz.scene.annotations import Place
     from mechviz.scene.scene import Scene
 
-    Resimulate = Callable[..., Simulation]  # of a tolerance, perhaps a method, perhaps a motion that is like it
+    Resimulate = Callable[..., Simulation]  # of a tolerance, optionally a method and an earlier simulation to start from
 
 
 @dataclass(frozen=True)
@@ -57,8 +57,8 @@ class Stage:
 class Run:
     """A solved scene. ``forces`` is None where the scene names no effects and no loads.
 
-    ``simulation`` is there where forces decide the motion; motion and forces then are what it gives at the frames. ``steady``: the
-    steady run in which it starts, where the scene asks for that.
+    ``simulation`` is set where forces determine the motion; ``motion`` and ``forces`` are then its values at the frames. ``steady``
+    is the steady state in which the run starts, where the scene requires it.
     """
 
     scene: Scene
@@ -71,8 +71,8 @@ class Run:
     simulation: Simulation | None = None
     steady: SteadyRun | None = None
     accuracy: Accuracy = DEFAULT
-    fit: Fit | None = None  # of the frames, where an accuracy decided them
-    again: Resimulate | None = None  # the motion under forces once more, with another tolerance
+    fit: Fit | None = None  # of the number of frames, where the accuracy determined it
+    again: Resimulate | None = None  # repeats the simulation with another tolerance
 
     @cached_property
     def numbers(self) -> Numbers:
@@ -86,12 +86,12 @@ class Run:
 
     @cached_property
     def errors(self) -> ErrorEstimate:
-        """Estimate of the run's own errors."""
+        """Estimate of the numerical errors of the run."""
         return estimate_errors(self)
 
     @cached_property
     def kept(self) -> Accuracy:
-        """The settings with those of what is drawn and recorded, which follow from the target: chord, profile, numbers,
+        """The accuracy settings, including those of drawing and recording, which follow from the target: chord, profile, numbers,
         pictures."""
         return fixed_settings(self)
 
@@ -125,21 +125,22 @@ def run_scene(
     warn: Callable[[str], None] | None = None,
     executor: Executor = "auto",
 ) -> Run:
-    """Solve a scene over its frames and cycles (the scene's own where not given). Raises `MechanismError`.
+    """Solve a scene over its frames and cycles (by default those of the scene). Raises `MechanismError`.
 
-    Where forces decide the motion it is found first, over the scene's duration; ``advance`` gets how far it is known and how
-    far it is wanted [s]; ``observe`` gets every segment of it as soon as it is known, with the whole duration; ``warn`` is told
-    before it begins what will take long.
+    ``progress`` gets the name of each stage as it begins. Where forces determine the motion, it is simulated first, over the
+    scene's duration: ``advance`` gets the time that is reached and the end time [s]; ``observe`` gets each segment as soon as it is
+    known, and the whole duration; ``warn`` gets a message before a long computation begins.
 
-    Only what the plan for ``outputs`` (of `OUTPUTS`) calls for is computed; by default all that the scene calls for.
+    Only the stages that the plan for ``outputs`` (of `OUTPUTS`) requires are computed; by default all that the scene requires.
 
-    ``accuracy``: the wanted relative error or the settings, instead of the scene's. A wanted error decides the number of frames,
-    too, unless ``frames`` or the scene's [run] says it; see `mechcore.accuracy`.
+    ``accuracy``: the target relative error or the settings, instead of the scene's. A target also determines the number of frames,
+    unless ``frames`` or the settings state it; the scene's own target leaves frames in the scene's [run] unchanged. See
+    `mechcore.accuracy`.
 
-    ``executor``: "numpy", "c" (a program of the mechanism's own, compiled once), or C only where compiling it pays; see
+    ``executor``: "numpy", "c" (a program generated for the mechanism, compiled once), or "auto": C only where compiling pays; see
     `mechcore.compiled`.
 
-    The run's scene is the one that was solved: other frames or cycles than the scene's own are part of it.
+    The scene of the run is the one that was solved, with the frames and cycles that were used.
     """
     if executor not in get_args(Executor):
         raise MechanismError(Fault("executor", f"'{executor}' is none.", f"There are: {', '.join(get_args(Executor))}."))
@@ -220,8 +221,8 @@ def _resimulate(
     observe: Callable[[Simulation, float], None] | None,
     warn: Callable[[str], None] | None,
 ) -> Resimulate:
-    """Maker of the motion under forces of a scene's free coordinates, with a tolerance and perhaps another method, perhaps
-    from a motion that is like it; only the first motion is observed while it is found, and what takes long is said once."""
+    """A function that simulates a scene's free coordinates with a tolerance, optionally with another method and from an earlier
+    simulation. Only its first simulation is observed; a warning of long computation is issued once."""
     spec = scene.simulation
     assert spec is not None
     duration = steady.period if steady is not None and np.isnan(spec.duration) else spec.duration
@@ -253,7 +254,7 @@ def _resimulate(
 
 
 def _simulate(scene: Scene, settings: Accuracy, again: Resimulate, *, asked: bool) -> Simulation:
-    """The motion under forces; ``asked``: its accuracy goes before the scene's own."""
+    """The simulation of a scene. ``asked``: the accuracy comes from the caller and overrides the scene's tolerance."""
     assert scene.simulation is not None
     if settings.target is not None and (asked or scene.document.run.tolerance is None):
         return simulated(settings, again)
@@ -261,14 +262,14 @@ def _simulate(scene: Scene, settings: Accuracy, again: Resimulate, *, asked: boo
 
 
 def _settings(scene: Scene, accuracy: Accuracy | float | None) -> Accuracy:
-    """The settings of a run: those that are asked for, else the scene's."""
+    """The accuracy settings of a run: those of the caller, else the scene's."""
     if accuracy is None:
         return scene.accuracy
     return accuracy if isinstance(accuracy, Accuracy) else accuracy_for(accuracy)
 
 
 def _fit(scene: Scene, settings: Accuracy, simulation: Simulation | None) -> Fit:
-    """The frames that an accuracy needs."""
+    """The number of frames that an accuracy requires."""
     return fit_frames(scene, settings, simulation)
 
 
@@ -280,7 +281,7 @@ def _motion(scene: Scene, compiled: Compiled, simulation: Simulation | None) -> 
 
 
 def _read(motion: Motion, stage: str) -> None:
-    """Work out a stage of a motion, or of each of its parts."""
+    """Compute a stage, which is an attribute evaluated on access, for each part of a motion."""
     for _, part in motion.parts:
         getattr(part, stage)
 
@@ -294,12 +295,12 @@ def package_version() -> str:
         return "unknown"
 
 
-BLOCKS = 40  # of a run that goes on to its end
+BLOCKS = 40  # into which the frames of a whole run are divided
 
 
 @dataclass(frozen=True, eq=False)
 class _Block:
-    """Frames at ``times`` (F,) [s]: their motion and, where the scene has forces, those."""
+    """Frames at ``times`` (F,) [s] with their motion and, where the scene has forces, their forces."""
 
     times: Real
     motion: Motion
@@ -307,10 +308,10 @@ class _Block:
 
 
 class Running:
-    """Takes the segments of a motion in order, as `mechcore.dynamics.simulate` finds them, and makes runs of them.
+    """Runs built from the segments of a motion, which are taken in order as `mechcore.dynamics.simulate` finds them.
 
-    Every frame is solved once: a run of all frames so far is put together from the blocks. ``sent``: frames that are known in
-    blocks. A block is a fortieth of the run, or, with ``due``, as many frames as there are when that says so.
+    Every frame is solved once, in a block; a run of all frames so far is joined from the blocks. ``sent`` is the number of frames
+    in blocks. A block is a fortieth of the run, or, with ``due``, all new frames as soon as ``due()`` is true.
     """
 
     def __init__(self, scene: Scene, due: Callable[[], bool] | None = None):
@@ -321,10 +322,11 @@ class Running:
         self.times: Real = np.zeros(0)  # of all frames of the whole run
         self.duration = 0.0
         self._segments: list[Simulation] = []
-        self._joined: tuple[tuple[_Block, ...], Simulation] | None = None  # replaced as one: another thread may ask for it
+        self._joined: tuple[tuple[_Block, ...], Simulation] | None = None  # assigned as one object: another thread may read it
 
     def take(self, segment: Simulation, duration: float) -> Run | None:
-        """Take a segment; the run of the frames that are new, if they are enough for a block. ``duration`` of the whole [s]."""
+        """Add a segment. Returns the run of the new frames if they are enough for a block, else None. ``duration`` of the whole
+        motion [s]."""
         if not len(self.times):
             self.duration = duration
             self.times = np.linspace(0.0, duration, self.scene.frames + 1)
@@ -345,7 +347,7 @@ class Running:
         forces = None
         if self.plan.has(StageKind.FORCES):
             forces = new.forces(motion)
-            _ = new.energies(times)  # its works: the whole then need not find them again
+            _ = new.energies(times)  # computed here, so that the whole run need not repeat it
         block = _Block(times, motion, forces)
         if self._joined is None:
             self._joined = (block,), new
@@ -355,7 +357,7 @@ class Running:
         return self._run((block,), self._joined[1])
 
     def so_far(self) -> Run:
-        """All frames that are known in blocks, of which there has to be one. Another thread may ask."""
+        """The run of all frames in blocks so far; there must be at least one block. Another thread may call it."""
         assert self._joined is not None
         return self._run(*self._joined)
 
@@ -368,7 +370,7 @@ class Running:
         motion = JoinedMotion(
             times,
             parts,
-            mechanism=self._joined[0][0].motion.mechanism,  # the same one in all runs, for which solids are made
+            mechanism=self._joined[0][0].motion.mechanism,  # the same object in all runs: solids are made for it
             again=whole.view,
             coordinates=whole.coordinates(times),
             model=first.motion.model,
