@@ -1,4 +1,4 @@
-"""The values of a document with what its types say of them."""
+"""Traversal of documents: their values together with the types of these and the marks of the types."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ T = TypeVar("T")
 
 
 class Leaf(NamedTuple):
-    """A value of a document that holds no others: where it is, its type, and the marks of that."""
+    """A value of a document that holds no others: its place, the value, its type (``kind``), and the marks of the type."""
 
     path: Place
     value: Any
@@ -27,7 +27,7 @@ class Leaf(NamedTuple):
     marks: list[Any]
 
     def mark(self, sort: type[T]) -> T | None:
-        """The first of its marks that is of a sort."""
+        """The first of its marks that is of a sort; None where there is none."""
         return next((mark for mark in self.marks if isinstance(mark, sort)), None)
 
 
@@ -41,7 +41,8 @@ def hints_of(cls: type[DocumentTable]) -> dict[str, Any]:
 
 
 def peel(annotation: object, value: object) -> tuple[Any, list[Any]]:
-    """The type under ``Annotated``, ``| None`` and unions that a value decides, plain or validated, and the marks on the way."""
+    """The type under ``Annotated``, ``| None`` and unions, and the marks on the way. The value, plain or validated, selects the
+    branch of a union."""
     marks: list[Any] = []
     while True:
         origin = get_origin(annotation)
@@ -60,14 +61,14 @@ def peel(annotation: object, value: object) -> tuple[Any, list[Any]]:
 
 
 def inner_types(kind: object, count: int) -> list[Any]:
-    """The types of so many entries of a list or tuple type."""
+    """The types of ``count`` entries of a list or tuple type."""
     inner = get_args(kind) or (Any,)
     row = get_origin(kind) is list or inner[1:] == (...,)
     return [inner[0 if row else min(k, len(inner) - 1)] for k in range(count)]
 
 
 def stated_keys(table: DocumentTable, among: Iterable[str] | None = None) -> Iterable[str]:
-    """The keys of a table, or those among some, that are stated and have a value."""
+    """The keys of a table, or those ``among`` some, that are stated and not None."""
     stated = table.model_fields_set
     return [
         key for key in (type(table).model_fields if among is None else among) if key in stated and getattr(table, key) is not None
@@ -77,7 +78,7 @@ def stated_keys(table: DocumentTable, among: Iterable[str] | None = None) -> Ite
 def leaves(
     value: object, keys: Callable[[DocumentTable], Iterable[str]] = stated_keys, annotation: object = None, path: Place = ()
 ) -> Iterator[Leaf]:
-    """The values of a document, or of one of its tables, in order; ``keys`` chooses those of a table to look at."""
+    """The leaves of a document, or of one of its tables, in order; ``keys`` selects the keys of a table that are visited."""
     kind, marks = peel(annotation, value)
     if isinstance(value, DocumentTable):
         for key in keys(value):
@@ -106,7 +107,7 @@ def leaf_at(value: Any, place: Place) -> Leaf:
 
 
 def raw_leaves(raw: object, annotation: object, path: Place = ()) -> Iterator[Leaf]:
-    """The values that hold no others of plain data for a type, as far as they are where that type has a place."""
+    """The leaves of plain data that is to be read as a type; values for which the type has no place are left out."""
     kind, marks = peel(annotation, raw)
     origin = get_origin(kind)
     if isinstance(raw, Mapping) and isinstance(kind, type) and issubclass(kind, DocumentTable):

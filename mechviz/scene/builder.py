@@ -126,9 +126,9 @@ class SceneBuilder:
         return self
 
     def friction(self, **defaults: object) -> SceneBuilder:
-        """Friction of all revolute, sliding and slot joints that do not say otherwise.
+        """Default friction of all revolute, sliding and slot joints.
 
-        ``coefficient``, ``radius`` of pins, ``length`` of bearings.
+        ``coefficient``, ``radius`` of pins, ``length`` of bearings, ``exact`` for exact friction circles.
         """
         self._data["friction"] = defaults
         return self
@@ -174,7 +174,7 @@ class SceneBuilder:
         return self
 
     def inversion(self, *joints: str) -> SceneBuilder:
-        """Disc cams whose synthesis by inversion is drawn."""
+        """Disc cams and wedges whose synthesis by inversion is drawn."""
         self._data.setdefault("inversion", []).extend(joints)
         return self
 
@@ -189,7 +189,8 @@ class SceneBuilder:
         return self
 
     def shaking(self, *, about: Sequence[Value] = (0.0, 0.0), counterweights: Mapping[str, Any] | None = None) -> SceneBuilder:
-        """Shaking force and moment on the frame; ``counterweights={"radius": ..., "fraction": ...}`` also balanced."""
+        """Shaking force and moment on the frame, with ``counterweights={"radius": ..., "fraction": ...}`` also those of the
+        balanced mechanism."""
         self._data["shaking"] = {"about": about, "counterweights": counterweights}
         return self
 
@@ -200,7 +201,7 @@ class SceneBuilder:
         return self._add("systems", name, {"on": on, "loads": list(loads), "at": at, "pole": pole})
 
     def substitute(self, link: str, *masses: Mapping[str, Any], solution: int = 1, static: bool = False) -> SceneBuilder:
-        """Substitute masses of a link, such as ``{"at": "B"}, {"at": "C"}, {"y": 0.2}``; what is not given is found."""
+        """Substitute masses of a link, such as ``{"at": "B"}, {"at": "C"}, {"y": 0.2}``; values that are not given are computed."""
         return self._add("substitutes", link, {"masses": list(masses), "solution": solution, "static": static})
 
     def section_forces(
@@ -215,12 +216,12 @@ class SceneBuilder:
         return self
 
     def trace(self, *points: str) -> SceneBuilder:
-        """Points whose paths are wanted: "E", or "coupler.E"."""
+        """Points whose paths are traced: "E", or "coupler.E"."""
         self._data["trace"].extend(points)
         return self
 
     def watch(self, name: str, **entry: object) -> SceneBuilder:
-        """A value to look out for while forces move the mechanism, by the keys of a scene file: ``joint="A", at="90 deg"``."""
+        """A value to watch in a motion under forces, by the keys of a scene file: ``joint="A", at="90 deg"``."""
         return self._add("watch", name, entry)
 
     def run(
@@ -233,7 +234,7 @@ class SceneBuilder:
         tolerance: float | None = None,
         method: str | None = None,
     ) -> SceneBuilder:
-        """Frames and drive cycles of a run; duration, steady, tolerance and method where forces decide the motion."""
+        """Frames and drive cycles of a run; duration, steady, tolerance and method where forces determine the motion."""
         run = {"frames": frames, "cycles": cycles, "duration": duration, "steady": steady, "tolerance": tolerance, "method": method}
         self._data["run"] = {key: value for key, value in run.items() if value is not None}
         return self

@@ -1,4 +1,4 @@
-"""Conversion of a scene's values to SI, and reading of its files, with notes of what fails instead of a stop at it."""
+"""Conversion of a scene's values to SI units, and reading of its files. Failures are noted as faults; the conversion continues."""
 
 from __future__ import annotations
 
@@ -22,17 +22,18 @@ LARGEST_VALUE = 1e30
 """Largest magnitude of any value in SI: far beyond any machine, short of where squares and cubes of it overflow."""
 
 LARGEST_ANGLE = 1e7
-"""Largest angle [rad]: beyond it its rounding is more than 1e-9 rad, which closures show."""
+"""Largest angle [rad]: beyond it rounding exceeds 1e-9 rad, which closure errors show."""
 
 SMALLEST_VALUE = 1e-30
-"""Smallest magnitude, apart from zero, of values that others are divided by."""
+"""Smallest magnitude, apart from zero, of values that serve as divisors."""
 
 _DIVISORS = ("time", "frequency", "linear speed", "angular speed")
 
 
 @dataclass(frozen=True)
 class JoinedSegments:
-    """Segments of a motion joined: one curve, the range of each, and the kinds of its coordinate and of its master."""
+    """Segments of a motion joined to one curve, the range of each segment (``overs``), and the kinds of the coordinate and of its
+    master."""
 
     curve: MotionCurve
     overs: Sequence[float]
@@ -44,12 +45,12 @@ class JoinedSegments:
 class Converter:
     """Values in a scene's units -> SI. A value of the wrong kind is noted as a fault and comes back as NaN.
 
-    ``kinds``: path -> kind of quantity as which a value was read; ``curves``: path of segments -> what they come to.
+    ``kinds``: path -> kind of quantity as which a value was read; ``curves``: path of segments -> their joined curve.
     """
 
     units: Units
     faults: list[Fault] = field(default_factory=list)
-    unknown: frozenset[str] = frozenset()  # kinds whose unit could not be read: bare numbers are in another one
+    unknown: frozenset[str] = frozenset()  # kinds whose unit could not be read: bare numbers are in an unknown one
     folder: SceneFolder = field(default_factory=SceneFolder)
     kinds: dict[str, str] = field(default_factory=dict)
     curves: dict[str, JoinedSegments] = field(default_factory=dict)
@@ -59,7 +60,8 @@ class Converter:
         return cls(Units(**units.model_dump()), unknown=units.invalid_keys, folder=folder)
 
     def certain(self, kind: str) -> bool:
-        """Whether values of this kind can be compared: not where some have their own unit and the scene's is not known."""
+        """Whether values of this kind can be compared. They cannot where the scene's unit is unknown, since some may have units of
+        their own."""
         return self.unknown.isdisjoint((kind, "*"))
 
     def note(self, path: str, message: str, remedy: str = "") -> None:
@@ -67,7 +69,7 @@ class Converter:
         self.faults.append(Fault(path, message, remedy).in_units(self.units))
 
     def si(self, value: float | str, kind: str, path: str) -> float:
-        if isinstance(value, float) and math.isnan(value):  # stands for one that could not be read
+        if isinstance(value, float) and math.isnan(value):  # stand-in for a value that could not be read
             return math.nan
         self.kinds[path] = kind
         try:
@@ -108,7 +110,8 @@ class Converter:
         return tuple(self.si(value, kind, f"{path}[{k}]") for k, value in enumerate(values))
 
     def increasing(self, values: Sequence[float], path: str) -> bool:
-        """Notes the first place where a table's argument does not grow."""
+        """Whether the argument of a table is known and increasing; the first place where it does not increase is noted as a
+        fault."""
         for k in range(1, len(values)):
             if values[k] - values[k - 1] < SMALLEST_VALUE:  # not where one of them is NaN
                 self.note(
@@ -121,7 +124,8 @@ class Converter:
 
 
 def probable_sort(table: DocumentTable) -> str:
-    """ "length" if a value of a table is one with its unit, else "angle": for drives whose joint is not known."""
+    """The probable coordinate of a drive whose joint is unknown: "length" if a text in its table has a unit of length or linear
+    speed, else "angle"."""
     for text in _texts(table.model_dump(exclude_none=True, warnings=False)):
         for kind in ("length", "linear speed"):
             try:

@@ -1,7 +1,6 @@
-"""The scene document: what may stand in a scene file, key by key. The JSON Schema for editors comes from here.
+"""The scene document: the keys of a scene file. The JSON Schema for editors is made from it.
 
-Values stay as the user wrote them (``"60 rpm"`` remains a text); units and cross-references are the business of
-``assemble``.
+Values stay as the user wrote them (``"60 rpm"`` remains a text); ``assemble`` converts units and resolves cross-references.
 """
 
 from __future__ import annotations
@@ -84,7 +83,7 @@ class RunDocument(DocumentTable):
     cycles: Annotated[int, Field(strict=True, ge=1, le=100_000)] = 1
     """Number of cycles of the drive."""
     duration: Duration | None = None
-    """Free coordinates, or where nothing moves: how long the motion, or the rest, is followed. At rest without it one frame."""
+    """Free coordinates, or nothing that moves: duration of the run. A run at rest without a duration has one frame."""
     steady: Annotated[int, Field(strict=True, ge=1, le=1000)] | None = None
     """One free crank: the run starts in the steady state whose cycle is this many turns; without a duration it lasts one cycle."""
     tolerance: Tolerance | None = None
@@ -132,12 +131,12 @@ class LinkDocument(DocumentTable):
     shape: Literal["bar", "point"] | None = None
     """Instead of centre and inertia: "bar", slender between the first two points, or "point", all at the first."""
     plane: Length = 0.0
-    """Parallel planes: how far in front of the other links it lies at least, along the shaft. Drawn, not computed."""
+    """Parallel planes: least distance along the shaft by which it lies in front of the other links. Drawn, not computed."""
     outline: Annotated[list[Point], Field(min_length=3)] | None = None
-    """A figure that its plate is drawn as, beside what its pins need: corners in the link's axes, of a link whose points the
-    sketch places in those of the sketch. Drawn, not computed."""
+    """Outline of its drawn plate, beside the material that its pins need: corners in the link's axes, or in those of the sketch if
+    the sketch places its points. Drawn, not computed."""
     colour: Colour | None = None
-    """Its colour, red, green and blue as in "#d9534f", instead of one of its own. Drawn, not computed."""
+    """Its colour, red, green and blue as in "#d9534f", instead of the automatic one. Drawn, not computed."""
     point_masses: list[PointMassDocument] = Field(default=[])
     """Point masses fixed to the link: counterweights, or all of its mass (a lumped model)."""
     looks: LookEntry | None = None
@@ -171,7 +170,7 @@ class LinkDocument(DocumentTable):
 
 
 class Pose(DocumentTable):
-    """Where a link's frame is, roughly, at the start."""
+    """The approximate pose of a link's frame at the start."""
 
     at: Point
     """World coordinates of the origin of the link's frame."""
@@ -180,7 +179,7 @@ class Pose(DocumentTable):
 
 
 def _is_table(value: object) -> str:
-    return "<table>" if isinstance(value, dict | Pose) else "<list>"  # writing asks too, with the finished pose
+    return "<table>" if isinstance(value, dict | Pose) else "<list>"  # also called with the validated pose, when a scene is written
 
 
 SketchEntry = Annotated[Annotated[Point, Tag("<list>")] | Annotated[Pose, Tag("<table>")], Discriminator(_is_table)]
@@ -204,11 +203,11 @@ class SceneDocument(DocumentTable):
     gravity: GravityVector = (0.0, -9.81)
     """Acceleration of gravity [m/s^2], used only where effects names gravity."""
     trace: list[Text] = Field(default=[])
-    """Points whose paths are wanted: "E", or "coupler.E" where several links have a point of that name."""
+    """Points whose paths are traced: "E", or "coupler.E" where several links have a point of that name."""
     marks: Flag = True
     """Whether names of joints and arrows are shown at first; machines for children look better without. Drawn, not computed."""
     metrics: list[MetricName] = Field(default=[])
-    """Answers about the geometry of the motion, recorded with events where they become extreme."""
+    """Kinematic metrics to record, with events at their extremes."""
     polygons: list[PolygonName] = Field(default=[])
     """Graphical constructions to draw."""
     centrodes: list[LinkName] = Field(default=[])
@@ -225,17 +224,17 @@ class SceneDocument(DocumentTable):
     inversion: list[Text] = Field(default=[])
     """Disc cams and wedges whose synthesis by inversion is drawn: guide and follower turned back step by step, and the profile."""
     equivalent: list[Text] = Field(default=[])
-    """Cams, gears, racks and pins in slots beside which the linkage of lower pairs is drawn that moves like them."""
+    """Cams, gears, racks and pins in slots beside which their equivalent linkage of lower pairs is drawn."""
     reduced: list[Text] = Field(default=[])
     """Links, or points such as "rocker.D", to which the mass of the whole mechanism and the forces on it are reduced."""
     shaking: ShakingDocument | None = None
     """Shaking force and moment on the frame."""
     friction: FrictionDefaults | None = None
-    """Friction of all revolute, sliding and slot joints that do not say otherwise, used only where effects names friction."""
+    """Default friction of all revolute, sliding and slot joints, used only where effects names friction."""
     run: RunDocument = RunDocument()
     """How much of the motion is computed."""
     accuracy: AccuracyEntry | None = None
-    """Wanted relative error, such as 1e-6, from which all settings of accuracy follow; or a table of settings."""
+    """Target relative error, such as 1e-6, from which all settings of accuracy follow; or a table of settings."""
     links: dict[Name, LinkDocument] = Field(default={})
     """The links by name, the fixed one among them."""
     joints: dict[Name, JointDocument] = Field(default={})
@@ -246,29 +245,29 @@ class SceneDocument(DocumentTable):
     loads: dict[Name, LoadDocument] = Field(default={})
     """Forces, torques, springs, dampers, drag, gas pressure by name."""
     watch: dict[Name, WatchDocument] = Field(default={})
-    """Values to look out for by name, where something is free."""
+    """Values to watch by name, where something is free."""
     systems: dict[Name, SystemDocument] = Field(default={})
     """Force systems by name: the loads on a link, reduced and drawn."""
     substitutes: dict[Name, SubstituteDocument] = Field(default={})
     """Substitute masses, by the name of the link that they replace."""
     sections: dict[Name, SectionsDocument] = Field(default={})
-    """Links along which section forces are wanted, by name."""
+    """Section forces along links, by the name of the link."""
     goal: GoalDocument | None = None
     """The problem of `mechviz optimise`: parameters that vary, objectives, limits."""
     copies: list[CopyDocument] = Field(default=[])
-    """Links once more with their joints and loads, turned on their shaft by a phase and moved along it."""
+    """Copies of links with their joints and loads, rotated about their shaft by a phase and offset along it."""
     pens: dict[Name, PenDocument] = Field(default={})
-    """Points that draw, by the name of what they draw."""
+    """Points that draw, by the name of the drawing."""
 
     _formulas: Mapping[Place, str] = PrivateAttr(default={})
 
     @property
     def formulas(self) -> Mapping[Place, str]:
-        """Expressions by the places of the values that follow from them."""
+        """Expressions by the places of the values that are computed from them."""
         return self._formulas
 
     def keep_formulas(self, formulas: Mapping[Place, str]) -> None:
-        """For the reader of scenes: says which values follow from which expressions."""
+        """Store which values are computed from which expressions; called by the reader of scenes."""
         self._formulas = formulas
 
     @property
@@ -282,7 +281,8 @@ class SceneDocument(DocumentTable):
         return dict(self.model_dump(include={"parameters"}, exclude_unset=True).get("parameters", {}))
 
     def written(self, *, defaults: bool = True) -> dict[str, Any]:
-        """Plain data as a scene file states them, expressions in their places; ``defaults``: also values that are the default."""
+        """The stated values as plain data of a scene file, with expressions in their places; ``defaults``: include stated values
+        that equal the default."""
         stated = self.model_dump(exclude_unset=True)
         data = stated if defaults else self.model_dump(exclude_defaults=True)
         changes: dict[Place, Any] = {}
@@ -309,7 +309,7 @@ FORMER = {
     "polodes": "centrodes",
     "teaches": "learning_goal",
 }
-"""Former names of keys of a scene, which are read as the present ones for ever."""
+"""Former names of keys of a scene -> present names. Both are read."""
 FORMER_INNER = {"pair": "joint"}
 """The same within the entries of watch and loads."""
 FORMER_OF_LINKS = {"lumps": "point_masses"}
@@ -324,15 +324,16 @@ def value_at(value: Any, path: Place) -> Any:
 
 
 def stated(table: DocumentTable) -> dict[str, Any]:
-    """The keys of a table that are stated, with their values as they are; the document's tables, not plain data."""
+    """The stated keys of a table with their values; inner tables stay tables of the document, not plain data."""
     return {key: getattr(table, key) for key in type(table).model_fields if key in table.model_fields_set}
 
 
 def with_values(value: Any, changes: Mapping[Place, Any]) -> Any:
-    """A document (or a part of it, or plain data) with other values at some places; None leaves a key out.
+    """A document (or a part of it, or plain data) with the values at some places replaced; None removes a key.
 
-    A list of the scene that is not stated, such as gravity, is the default one with one value changed. Raises pydantic's
-    `ValidationError` where a table of the document would not be valid, and `ValueError` where a list is no more.
+    A change inside a list of the scene that is not stated, such as gravity, is applied to the default of that list. Raises
+    pydantic's `ValidationError` where a table of the document would become invalid, and `ValueError` where the list no longer
+    exists.
     """
     if () in changes:
         return changes[()]

@@ -1,7 +1,7 @@
-"""Expressions of quantities, such as ``2*r + 5 mm``: a parser of their own, which knows units and nothing of Python.
+"""Expressions of quantities, such as ``2*r + 5 mm``: a parser that knows units and does not use Python's.
 
-A unit stands right behind a number or a bracket (``5 mm``, ``(n + 1) mm``); names after an operator are parameters. Angles count as
-a dimension: ``v/r`` is no angular speed, ``v/r * 1 rad`` is one.
+A unit directly follows a number or a bracket (``5 mm``, ``(n + 1) mm``); names after an operator are parameters. Angles count as a
+dimension: ``v/r`` is no angular speed, ``v/r * 1 rad`` is one.
 """
 
 from __future__ import annotations
@@ -34,12 +34,12 @@ _BRACKET = re.compile(r"/\s*\(([\w°Ω^*·/ ⁻¹²³-]+)\)")
 
 
 class ExpressionError(QuantityError):
-    """An expression that says nothing; ``remedy`` says what to write instead."""
+    """An expression is invalid; ``remedy`` says what to write instead."""
 
 
 @dataclass(frozen=True)
 class Amount:
-    """A number in SI units and the powers of angle, length, mass and time that it measures; an array (D,) of many designs."""
+    """A number in SI units with its powers of angle, length, mass and time; for many designs an array (D,)."""
 
     number: NumberOrArray
     powers: Powers = PLAIN
@@ -55,14 +55,15 @@ AmountFunction = Callable[[Mapping[str, Amount]], Amount]
 
 @dataclass(frozen=True)
 class Expression:
-    """An expression: its text, the names of the parameters that stand in it, and its value for theirs."""
+    """An expression: its text, the names of the parameters in it, and the function that evaluates it."""
 
     text: str
     names: tuple[str, ...]
     _evaluate: AmountFunction
 
     def value(self, known: Mapping[str, Amount]) -> Amount:
-        """Its value. Raises `ExpressionError` where a name is unknown, units do not go together or the value is not finite."""
+        """Its value. Raises `ExpressionError` where a name is unknown, units are incompatible or a single value is not finite;
+        values in an array (D,) need not be finite."""
         for name in self.names:
             if name not in known:
                 what = did_you_mean(name, [*known, *FUNCTIONS, "pi"], what="Parameters and functions")
@@ -95,7 +96,8 @@ def name_fault(name: str) -> tuple[str, str] | None:
 
 
 def angle_remedy(powers: Powers, wanted: Powers, remedy: str) -> str:
-    """Remedy for a value of other powers than wanted: radians are a unit here."""
+    """Remedy for a value whose powers are not those required: a factor of radians where they differ only in the angle, else
+    ``remedy``."""
     if powers[1:] != wanted[1:]:
         return remedy
     turns = wanted[0] - powers[0]
@@ -159,7 +161,7 @@ FUNCTIONS: Mapping[str, tuple[int | None, Callable[[str, list[Amount]], Amount]]
     "min": (None, _one_of(np.minimum)),
     "max": (None, _one_of(np.maximum)),
 }
-"""Functions by name: how many values they take (None: one or more), and what they make of them."""
+"""Functions by name: their number of arguments (None: one or more), and their evaluation."""
 
 
 # -- parsing ----------------------------------------------------------------------------------------------------------
@@ -206,7 +208,7 @@ class _Parser:
         return ExpressionError(f"{said}: '{token}' stands where it cannot.", "Write products with *, such as 2*r.")
 
     def peek(self, ahead: int = 0) -> str:
-        """A sign or name that comes, "" at the end or before a number."""
+        """The next sign or name, "" at the end or before a number."""
         place = self.at + ahead
         return self.tokens[place][1] if place < len(self.tokens) and self.tokens[place][0] != "number" else ""
 
@@ -266,7 +268,7 @@ class _Parser:
         if self.kind() != "name":
             return value
         unit = self.unit()
-        if self.tokens[start][0] == "number":  # exact, as of values that are no expressions
+        if self.tokens[start][0] == "number":  # exact, as for values that are no expressions
             stated = Amount(float(Decimal(self.tokens[start][1]) * unit.factor), unit.powers)
             return lambda _: stated
         return lambda known: _product(value(known), Amount(float(unit.factor), unit.powers), True)
@@ -341,7 +343,7 @@ class _Parser:
 
 
 def _bare(word: str) -> str:
-    """A unit without the power behind it."""
+    """The name of a unit without its power in superscript digits."""
     return word.rstrip("⁻¹²³")
 
 

@@ -1,6 +1,6 @@
 """Faults of a scene, each with its remedy: every fault at once, in the order of the file.
 
-Messages of the core are written in the words of the scene: its units, and paths of keys that its document has.
+Messages of the core are translated to the scene: its units, and paths of keys that its document has.
 """
 
 from __future__ import annotations
@@ -22,16 +22,16 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 _SECTIONS = {"dynamics": "run", "drives": "joints"}
-"""Parts of a mechanism that are called otherwise in a scene."""
+"""Parts of a mechanism -> sections of a scene that have other names."""
 
 _WIDTH = 118
 MOST_REPORTED = 50  # faults of a scene that are listed; the others are counted
-MOST_SOUGHT = 200  # of a sort; what follows from so many is not looked for
-_MANY = 500  # names, beyond which a close look at each of them takes too long
+MOST_SOUGHT = 200  # faults of one sort; beyond this number the search stops
+_MANY = 500  # names, above which a comparison with each of them takes too long
 
 
 class SceneError(MechanismError):
-    """A scene that cannot be read as stated, with every fault found; ``source`` is the file or gallery name."""
+    """A scene cannot be read as stated. It holds every fault found; ``source`` is the file or gallery name."""
 
     def __init__(self, source: str, faults: Sequence[Fault] | Fault):
         super().__init__(faults)
@@ -50,7 +50,8 @@ class SceneError(MechanismError):
 
 
 def _lines(fault: Fault, column: int) -> Iterator[str]:
-    """The path, then message and remedy beside it; the remedy on a line of its own where both do not fit on one."""
+    """The lines of a fault: the path, with message and remedy beside it; the remedy begins a new line where both do not fit on
+    one."""
     room = _WIDTH - column - 4
     both = f"{fault.message} {fault.remedy}".rstrip()
     text = (
@@ -81,7 +82,8 @@ def closest(word: str, known: Iterable[str]) -> str:
 
 
 def nearest(word: str, known: Iterable[str], most: int) -> list[str]:
-    """The known names that a word resembles, the most similar first. Of very many names only those that begin or end like it."""
+    """Up to ``most`` known names that resemble a word, the most similar first. Of very many names only those of similar length with
+    the same beginning or end are compared."""
     folded = {name.casefold(): name for name in reversed(list(known))}
     text = word.casefold()
     if len(folded) > _MANY:
@@ -94,7 +96,7 @@ def _alike(first: str, second: str) -> bool:
 
 
 def listing(names: Iterable[str], *, most: int = 12) -> str:
-    """Names as a readable list, cut where it would be longer than anybody reads."""
+    """Names as a readable list; of more than ``most`` the others are only counted."""
     shown = [f"'{name}'" for name in names]
     more = [f"and {len(shown) - most} more"] if len(shown) > most else []
     return ", ".join(shown[:most] + more)
@@ -110,7 +112,8 @@ def did_you_mean(word: str, known: Iterable[str], *, what: str = "Known") -> str
 
 
 def first_ones(faults: Iterable[Fault]) -> Iterator[Fault]:
-    """The first faults of a sort. Of very many the others are not looked for, as each takes as long as the scene is large."""
+    """The first `MOST_SOUGHT` faults of one sort. The search for each takes time in proportion to the size of the scene, so it
+    stops there."""
     for k, fault in enumerate(faults):
         if k == MOST_SOUGHT:
             yield Fault("scene", f"there are more than {MOST_SOUGHT} faults of one sort.", "Put the others right first.")
@@ -119,7 +122,7 @@ def first_ones(faults: Iterable[Fault]) -> Iterator[Fault]:
 
 
 def in_file_order(faults: Iterable[Fault], document: Mapping[str, Any]) -> list[Fault]:
-    """Faults without repetitions, sorted by where their paths stand in the document; those that stand nowhere last."""
+    """Faults without repetitions, in the order of their paths in the document; faults at other paths come last."""
     places: dict[str, int] = {}
     for path in _paths(document, ""):
         places.setdefault(path, len(places))
@@ -149,7 +152,7 @@ def _paths(value: object, path: str) -> Iterator[str]:
 
 @contextmanager
 def under_other_names(names: Mapping[str, str]) -> Iterator[None]:
-    """Faults that arise inside, with other names of what was given: ``{"--by": "--tolerance"}``. Raises `MechanismError`."""
+    """Context in which the names of inputs in faults are replaced, such as ``{"--by": "--tolerance"}``. Raises `MechanismError`."""
     try:
         yield
     except MechanismError as error:
@@ -160,17 +163,17 @@ def under_other_names(names: Mapping[str, str]) -> Iterator[None]:
 
 @contextmanager
 def worded(scene: Scene) -> Iterator[None]:
-    """Faults of the core that arise inside, in the words of the scene. Raises `MechanismError`."""
+    """Context in which faults of the core are translated to the scene, see `fault_of_scene`. Raises `MechanismError`."""
     try:
         yield
     except MechanismError as error:
         if type(error) is not MechanismError:
-            raise  # a scene's own
+            raise  # a subclass, such as SceneError, which is about the scene already
         raise MechanismError([fault_of_scene(scene, fault) for fault in error.faults]) from error
 
 
 def in_scene_words(function: Callable[Concatenate[Scene, P], R]) -> Callable[Concatenate[Scene, P], R]:
-    """The function of a scene, raising faults of the core in the words of the scene."""
+    """Decorator of a function of a scene: faults of the core that it raises are translated as by `worded`."""
 
     @wraps(function)
     def called(scene: Scene, /, *args: P.args, **options: P.kwargs) -> R:
@@ -187,7 +190,8 @@ def fault_of_scene(scene: Scene, fault: Fault) -> Fault:
 
 
 def path_as_written(former: Mapping[str, str], path: str) -> str:
-    """A path of the document with the keys that the scene's text has; ``former``: places with present keys -> with former ones."""
+    """A path of the document with the names of keys in the scene's text; ``former``: places with present names -> with former
+    ones."""
     for place, written in former.items():
         if path == place or path.startswith((f"{place}.", f"{place}[")):
             return written + path[len(place) :]
@@ -195,16 +199,16 @@ def path_as_written(former: Mapping[str, str], path: str) -> str:
 
 
 def document_path(document: SceneDocument, path: str) -> str:
-    """The longest beginning of a path of the core that the document has a place for; as it is where it is of something else.
+    """The longest leading part of a path of the core that exists in the document; the whole path where it is about something else.
 
-    The core knows parts that a joint brings along (``H.base`` of the cylinder ``H``) and names drives apart from their joints.
+    The core has parts that a joint generates (``H.base`` of the cylinder ``H``) and lists drives apart from their joints.
     """
     first, _, rest = path.partition(".")
     section = _SECTIONS.get(first, first)
     if section.partition("[")[0] not in type(document).model_fields:
         return path
     place_path, place = section, getattr(document, section, None)
-    if section == "links" and rest and _split(place, rest)[0] is None:  # a link that a joint brings along
+    if section == "links" and rest and _split(place, rest)[0] is None:  # a link that a joint generates
         place_path, place = "joints", document.joints
     if place_path == "joints":
         rest = _in_scene(document, rest)
@@ -218,7 +222,7 @@ def document_path(document: SceneDocument, path: str) -> str:
 
 
 def _in_scene(document: SceneDocument, path: str) -> str:
-    """A path inside the joints, with what the core's joint calls otherwise as its scene calls it."""
+    """A path inside the joints, with the keys of the core's joint replaced by those of the scene's."""
     name, inner = _split(document.joints, path)
     joint = document.joints.get(name or "")
     if joint is None or joint.traits.core_path is None or not inner:
@@ -227,7 +231,8 @@ def _in_scene(document: SceneDocument, path: str) -> str:
 
 
 def _split(place: object, path: str) -> tuple[str | None, str]:
-    """The key of a place with which a path goes on, and what comes after it; None where it has no such key. Names hold dots."""
+    """The key of ``place`` with which a path begins, and the rest of the path; None where there is no such key. Names may contain
+    dots, so the longest key that fits is taken."""
     keys = place if isinstance(place, Mapping) else getattr(type(place), "model_fields", ())
     fitting = [key for key in keys if path == key or path.startswith((f"{key}.", f"{key}["))]
     if not fitting:

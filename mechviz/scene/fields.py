@@ -1,7 +1,6 @@
 """The types of the values in a scene: names, numbers, and quantities that may carry their own unit.
 
-Each type checks its value by itself and says in one sentence what is wrong with it, where pydantic's unions would say
-it once per branch.
+Each type checks its own value and reports a fault in one sentence; pydantic's unions would report one for each branch.
 """
 
 from __future__ import annotations
@@ -77,7 +76,7 @@ def _finite(value: object, wanted: str) -> float:
         number = math.inf
     if not math.isfinite(number):
         raise fault(f"{describe(value)} is not a finite number.", "Give a finite one.")
-    return number + 0.0  # a minus zero means nothing, and would be lost where zero is the default
+    return number + 0.0  # -0.0 has no meaning, and would be lost where zero is the default
 
 
 def _number(value: object) -> float:
@@ -86,10 +85,11 @@ def _number(value: object) -> float:
 
 @dataclass(frozen=True)
 class QuantityMark:
-    """Marks a number in the scene's units, or a text with a unit of one of the kinds; ``least`` bounds it from below; ``word`` is a
-    text that stands for a value which follows from others.
+    """Marks a number in the scene's units, or a text with a unit of one of the ``kinds``. ``least`` bounds it from below; ``word``
+    is a text that is accepted in place of a value that follows from others.
 
-    Of several kinds, the joint that is driven decides, and the check is left to it. Pydantic calls the two methods.
+    Of several kinds, the driven joint determines the one that applies, and its conversion checks the unit. Pydantic calls the two
+    methods.
     """
 
     kinds: tuple[str, ...]
@@ -325,7 +325,7 @@ Direction = Annotated[
 
 
 class UnknownName(str):
-    """Stands for a name that could not be read, or that nothing is called by. It equals nothing but itself."""
+    """Stand-in for a name that could not be read or does not exist. It equals only itself."""
 
     __slots__ = ()
     __eq__ = object.__eq__
@@ -334,7 +334,7 @@ class UnknownName(str):
 
 
 class _Building:
-    """The table whose checks are being built, one at a time."""
+    """The table whose validator is being built; the lock admits one at a time."""
 
     def __init__(self) -> None:
         self.table: type[DocumentTable] | None = None
@@ -351,22 +351,22 @@ _building = _Building()
 
 
 class DocumentTable(BaseModel):
-    """A table of the document: unknown keys are faults, and nothing changes after reading.
+    """A table of the document. Unknown keys are faults, and a table does not change after it is read.
 
-    Where a file has faults, its tables are made all the same, so that every check can be run on its valid parts. Values that
-    could not be read are replaced: numbers by NaN, names by ``UnknownName``; ``invalid_keys`` names the keys concerned.
+    Tables are also made where a file has faults, so that every check can be run on the valid parts. Values that could not be read
+    are replaced: numbers by NaN, names by ``UnknownName``; ``invalid_keys`` names the keys concerned.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
 
-    ELSEWHERE: ClassVar[Mapping[str, str]] = {}  # key that belongs into another table -> where it goes
+    ELSEWHERE: ClassVar[Mapping[str, str]] = {}  # key of another table -> remedy: where it belongs
 
     _invalid_keys: frozenset[str] = PrivateAttr(default=frozenset())
 
     @classmethod
     def model_rebuild(cls, **how: Any) -> bool | None:
-        """Builds what checks this table: when the first is read, as most kinds of tables are in no scene. The tables in it are left
-        to themselves."""
+        """Build the validator of this table. This is done when the first one is read, since a scene has few kinds of tables. Inner
+        tables build their own."""
         with _building:
             own, _building.table = _building.table, cls
             try:
@@ -384,8 +384,9 @@ class DocumentTable(BaseModel):
 
     @classmethod
     def __get_pydantic_json_schema__(cls, core: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
-        """The text below each key in the source describes it in the schema. pydantic's own ``use_attribute_docstrings`` reads
-        the sources whenever the tables are loaded, which takes a tenth of a second of every command."""
+        """The schema of the table, in which the text below each key in the source becomes its description. pydantic's own
+        ``use_attribute_docstrings`` reads the sources whenever the tables are loaded, which costs every command a tenth of a
+        second."""
         if core["type"] == "function-plain":
             cls.model_rebuild()
             core = cls.__pydantic_core_schema__
@@ -400,7 +401,7 @@ class DocumentTable(BaseModel):
 
     @classmethod
     def keys_beside(cls, raw: Mapping[str, Any]) -> list[str]:
-        """The keys that go with those of a table of plain data: all, unless they decide its kind."""
+        """The keys that a table of plain data may have: all, unless some of them determine its kind."""
         return list(cls.model_fields)
 
     @property
@@ -413,7 +414,7 @@ class DocumentTable(BaseModel):
         return self._invalid_keys.isdisjoint((*keys, "*"))
 
     def mark_invalid(self, keys: Iterable[str]) -> None:
-        """For the reader of faulty scenes: says which keys could not be read."""
+        """Store which keys could not be read; called by the reader of faulty scenes."""
         self._invalid_keys = frozenset(keys)
 
 
@@ -429,7 +430,7 @@ def name_or_list(value: object) -> str:
 
 @cache
 def _explained(table: type) -> dict[str, str]:
-    """The texts below a class's own annotated names."""
+    """The texts below a class's own annotated names, by name."""
     body = _classes(table.__module__)[table.__name__]
     return {
         line.target.id: inspect.cleandoc(below.value.value)
@@ -450,7 +451,7 @@ def _classes(module: str) -> dict[str, ast.ClassDef]:
 
 
 def is_whole(value: object) -> bool:
-    """Whether nothing in a value of the document stands for something that could not be read."""
+    """Whether a value of the document contains no stand-in for a value that could not be read."""
     if isinstance(value, DocumentTable):
         return not value.invalid_keys and all(is_whole(getattr(value, key)) for key in type(value).model_fields)
     if isinstance(value, Mapping):
@@ -461,7 +462,8 @@ def is_whole(value: object) -> bool:
 
 
 def one_of(table: DocumentTable, keys: tuple[str, ...], what: str) -> list[tuple[str, str, str]]:
-    """No fault where exactly one of the keys is given, else the fault."""
+    """The fault (key, message, remedy) of a table that does not have exactly one of the keys, in a list that is otherwise empty;
+    ``what``: the table in a sentence."""
     given = [key for key in keys if getattr(table, key) is not None]
     names = ", ".join(keys[:-1]) + " or " + keys[-1]
     if not given:

@@ -25,11 +25,11 @@ def _working_folder() -> Path:
 
 @dataclass(frozen=True, eq=False)
 class SceneFolder:
-    """Where the paths of files in a scene start, and the files that were read so far.
+    """The folder at which the paths of files in a scene start, and the files that were read so far.
 
-    It travels with the scene. A file is read once: whatever is made of the scene later (other values or frames, a recording) uses
-    the same bytes. A recording brings the files of its scene along; ``foreign``: nobody knows who wrote the scene, so that it may
-    name no files outside of the folder.
+    Scenes derived from one scene share it. A file is read once: whatever is made of the scene later (other values or frames, a
+    recording) uses the same bytes. A recording contains the files of its scene. ``foreign``: the author of the scene is unknown, so
+    that it may name no files outside of the folder.
     """
 
     path: Path = field(default_factory=_working_folder)
@@ -55,9 +55,9 @@ class SceneFolder:
 
 
 def copy_files(files: Mapping[str, bytes], folder: Path) -> list[Path]:
-    """Puts the files that a scene names where a scene in ``folder`` finds them; gives those that were written.
+    """Write the files that a scene names to where a scene in ``folder`` finds them; returns the paths that were written.
 
-    Raises `OutputError`, before anything is written, where another file has the place, or the place is not below the folder.
+    Raises `OutputError`, before anything is written, where a different file is at such a path, or the path is not below the folder.
     """
     missing: dict[Path, bytes] = {}
     for name, data in files.items():
@@ -115,7 +115,7 @@ class GalleryEntry:
     path: Path
 
     def about(self, words: Iterable[str]) -> bool:
-        """Whether every word, small or capital, stands in its name, title, lesson or topic."""
+        """Whether every word occurs in its name, title, learning goal or topic, regardless of case."""
         text = f"{self.name} {self.title} {self.learning_goal} {self.topic}".casefold()
         return all(word.casefold() in text for word in words)
 
@@ -126,7 +126,8 @@ def gallery_names() -> list[str]:
 
 
 def _topic(data: Mapping[str, Any]) -> str:
-    """The topic of a scene's data: the latest in the course of those that it has something of."""
+    """The topic of a scene's data, from the first of these that it contains: free coordinates, cams, friction, reduction or
+    balancing, gears and belts, loads or effects; else linkages."""
     keys = {key for joint in data.get("joints", {}).values() for key in joint}
     linkages, gears, cams, forces, reduction, friction, motion = TOPICS
     if "free" in keys:
@@ -153,5 +154,5 @@ def _entries() -> tuple[GalleryEntry, ...]:
 
 
 def gallery() -> list[GalleryEntry]:
-    """All scenes of the gallery with title and lesson, in order of their names."""
+    """All scenes of the gallery with title and learning goal, in order of their names."""
     return list(_entries())

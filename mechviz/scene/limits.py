@@ -1,4 +1,5 @@
-"""How large scenes and runs may be: what would take hours or more memory than there is, is refused beforehand, with its number."""
+"""Limits of the size of scenes and runs: what would take hours, or more memory than available, is refused beforehand with its
+number."""
 
 from __future__ import annotations
 
@@ -9,19 +10,19 @@ from typing import Any
 from mechcore.errors import Fault, MechanismError
 from mechviz.files import LARGE_VARIABLE
 
-MOST_KEYS = 200_000  # of a scene: it is read in half a minute
+MOST_KEYS = 200_000  # of a scene, which is read in half a minute
 MOST_ITEMS = 50_000  # links, joints and loads: checked in a minute or two
 MOST_DRAWN = 1_000  # links with solids
 MOST_POSES = 10_000_000  # links times frames: each takes up to a kilobyte
 
 
 def lifted() -> bool:
-    """Whether the limits do not hold."""
+    """Whether the limits are lifted."""
     return bool(os.environ.get(LARGE_VARIABLE))
 
 
 def size_faults(data: Mapping[str, Any]) -> list[Fault]:
-    """Faults of what is too large in the plain data of a scene."""
+    """Faults of plain data of a scene that exceed the limits."""
     if lifted():
         return []
     keys = _keys(data)

@@ -1,4 +1,4 @@
-"""Names that refer to other parts of a scene: the types of such texts, and the faults of those that name nothing."""
+"""References by name to other parts of a scene: the types of such texts, and the faults of names that do not exist."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class Reference:
-    """Marks a text as the name of another part of the scene: of a link, of a point ("link.point"), or of a joint that moves, of
-    one of some ``kinds`` or that ``fits``, which is called ``what``."""
+    """Marks a text as the name of a link, of a point ("link.point"), or of a joint that moves. The joint is of one of the
+    ``kinds``, or one that ``fits``; ``what`` is the term for such joints in messages."""
 
     to: Literal["link", "point", "joint"]
     kinds: tuple[str, ...] = ()
@@ -45,7 +45,7 @@ TwoPoints = Annotated[list[PointName], Field(min_length=2, max_length=2)]
 
 
 def references(document: DocumentTable) -> Iterator[tuple[Leaf, Reference]]:
-    """The names in a document that refer to other parts of it, and to what."""
+    """The values in a document that refer to other parts of it, each with its mark."""
     return _marked(document, Reference)
 
 
@@ -65,7 +65,7 @@ def _marked(document: DocumentTable, sort: type[T]) -> Iterator[tuple[Leaf, T]]:
 
 @cache
 def _marking(cls: type[DocumentTable], sort: Any) -> tuple[str, ...]:
-    """The keys of a table that hold texts with a mark of a sort, or tables: whether these do is seen where there are any."""
+    """The keys of a table that hold texts with a mark of a sort, or tables; tables are searched only where they are present."""
     return tuple(key for key, hint in hints_of(cls).items() if _marks(hint, sort))
 
 
@@ -80,7 +80,7 @@ def check_names(reading: Reading) -> Iterator[Fault]:
     for leaf, reference in references(reading.document):
         *inside, last = leaf.path
         written = stated_value(reading.raw, inside) if isinstance(leaf.value, UnknownName) and last == 0 else None
-        entries = enumerate(written) if isinstance(written, list) else [(last, leaf.value)]  # as many as there are
+        entries = enumerate(written) if isinstance(written, list) else [(last, leaf.value)]  # all that are written
         for k, name in entries:
             if isinstance(name, str):
                 yield from _known(reading, path_text((*inside, k)), name, reference)
@@ -130,12 +130,12 @@ def known_point(reading: Reading, path: str, link: str, point: str, remedy: str 
 
 
 def split_point(reading: Reading, text: str) -> tuple[str, str] | None:
-    """``"link.point"`` -> link and point, None where the scene has none such."""
+    """``"link.point"`` -> link and point; None where the scene has no such point."""
     return reading.places.get(text)
 
 
 def known_place(reading: Reading, path: str, text: str, *, links: bool = False) -> Iterator[Fault]:
-    """A fault where there is no such point, "link.point"; ``links``: nor a link of this name."""
+    """A fault where there is no such point, "link.point"; ``links``: the message offers links, too."""
     names = link_names(reading)
     if isinstance(text, UnknownName) or split_point(reading, text) is not None or "*" in reading.broken["links"]:
         return
@@ -164,7 +164,8 @@ def known_joint(
     what: str = "joint",
     fits: Callable[[JointDocument], bool] | None = None,
 ) -> Iterator[Fault]:
-    """A fault where there is no such joint that moves, of one of some kinds, or that ``fits``; such joints are called ``what``."""
+    """A fault where there is no such joint that moves, or it is not one of the ``kinds`` or one that ``fits``; ``what`` is the term
+    for the joints that are."""
     if joint is None or isinstance(joint, UnknownName) or joint in reading.shapeless or "*" in reading.broken["joints"]:
         return
     joints = reading.document.joints
@@ -180,7 +181,7 @@ def known_joint(
 
 
 def known_drive(reading: Reading, path: str, drive: str | None) -> Iterator[Fault]:
-    """A fault where there is no such joint with a drive, or a free one."""
+    """A fault where no joint of this name has a drive or is free."""
     joints = reading.document.joints
     driven = [name for name, joint in joints.items() if joint.driven]
     if drive is None or isinstance(drive, UnknownName) or drive in {*driven, *reading.shapeless} or "*" in reading.broken["joints"]:

@@ -37,12 +37,11 @@ from mechviz.scene.units import EXPRESSION_PATTERN, Units
 class Scene:
     """A mechanism with its drives, loads and effects, as a scene file states it.
 
-    Made by ``load``, ``loads``, ``Scene.build`` or a ``SceneBuilder``, never half valid.
-    Two scenes are equal if they say the same and name the same files; where a scene came from, its name and folder, does not
-    count.
+    It is made by ``load``, ``loads``, ``Scene.build`` or a ``SceneBuilder``, and is always valid. Two scenes are equal if their
+    documents and the contents of the files that they name are equal; name, folder and source text do not count.
     """
 
-    name: str  # gallery name, or the file's without its ending
+    name: str  # gallery name, or that of the file without its ending
     document: SceneDocument = field(repr=False)
     mechanism: Mechanism = field(repr=False)  # SI units and radians
     folder: SceneFolder = field(repr=False)  # where the files that it names are
@@ -50,24 +49,24 @@ class Scene:
     source: str | None = field(default=None, repr=False)  # the text that it was read from, with its comments
     former: Mapping[str, str] = field(
         default_factory=dict, repr=False
-    )  # keys that the text calls by their former names, with these
-    kinds: Mapping[str, str] = field(default_factory=dict, repr=False)  # of the quantities of its values, by their paths
-    curves: Mapping[str, JoinedSegments] = field(default_factory=dict, repr=False)  # of its segments, by their paths
+    )  # places with present names of keys -> with the former names in the text
+    kinds: Mapping[str, str] = field(default_factory=dict, repr=False)  # kinds of quantities of its values, by path
+    curves: Mapping[str, JoinedSegments] = field(default_factory=dict, repr=False)  # joined curves of its segments, by path
 
     @classmethod
     def build(cls, *, name: str = "scene", folder: SceneFolder | Path | str | None = None, **document: object) -> Scene:
         """A scene from the tables of a scene file: ``Scene.build(title=..., units={...}, links={...}, joints={...})``.
 
-        Tuples may stand for lists and numpy numbers for numbers. ``folder`` is where the files that it names are, by default the
-        working folder. SceneError reports every fault at once.
+        Tuples are accepted for lists, and numpy numbers for numbers. ``folder`` is the folder of the files that the scene names, by
+        default the working folder. Raises `SceneError` with every fault.
         """
         return _read(_plain(document), name, SceneFolder.of(folder))
 
     def changed(self, changes: Mapping[Place, Any], *, name: str | None = None) -> Scene:
-        """The scene with other values at some places of its document, and perhaps another name; None leaves a key out.
+        """The scene with the values at some places of its document replaced, and optionally with another name; None removes a key.
 
         ``scene.changed({("run", "frames"): 720, ("links", "crank", "points", "B", 0): "80 mm"})``. Only what changes is validated
-        anew. SceneError reports every fault at once.
+        again. Raises `SceneError` with every fault.
         """
         try:
             document = changed_document(self.document, changes, self.name, self.folder)
@@ -80,8 +79,8 @@ class Scene:
         return assembled(document, name or self.name, self.folder)
 
     def with_parameters(self, values: Mapping[str, float | str]) -> Scene:
-        """The scene with other values of some parameters: ``scene.with_parameters({"r": "42 mm"})``. SceneError reports every
-        fault at once."""
+        """The scene with other values of some parameters: ``scene.with_parameters({"r": "42 mm"})``. Raises `SceneError` with every
+        fault."""
         changes, faults = parameter_changes(self.document, values)
         if faults:
             raise SceneError(self.name, faults)
@@ -89,12 +88,12 @@ class Scene:
 
     @cached_property
     def text(self) -> str:
-        """TOML that gives this scene again: the text that it was read from, or its own in the standard layout."""
+        """TOML of this scene: the text from which it was read, else the standard layout."""
         return self.source or self.to_toml()
 
     @property
     def files(self) -> dict[str, bytes]:
-        """The files that it names, by these names: meshes of masses, profiles of cams, tables of laws."""
+        """The contents of the files that it names, by these names: meshes of masses, profiles of cams, tables of laws."""
         return {name: self.folder.read(name) for name in files_named(self.document)}
 
     @property
@@ -127,7 +126,7 @@ class Scene:
 
     @property
     def accuracy(self) -> Accuracy:
-        """How exact the run is to be."""
+        """The accuracy settings of the run."""
         return accuracy_of(self.document.accuracy, Converter.of(self.document.units, self.folder))
 
     @property
@@ -154,22 +153,24 @@ class Scene:
 
 
 def load(source: str | Path) -> Scene:
-    """Read a scene: a name from the gallery, or the path of a TOML file. SceneError reports every fault at once."""
+    """Read a scene: a name from the gallery, or the path of a TOML file. Raises `SceneError` with every fault."""
     path = find_scene(source)
     text = read_text(path)
     return _read(parse_toml(text, path.name), path.stem, SceneFolder.of(path.parent), source=text, file=path.name)
 
 
 def loads(text: str, name: str = "scene", folder: SceneFolder | Path | str | None = None) -> Scene:
-    """Read a scene from TOML text. ``folder`` is where the files that it names are, by default the working folder."""
+    """Read a scene from TOML text. ``folder`` is the folder of the files that it names, by default the working folder. Raises
+    `SceneError` with every fault."""
     return _read(parse_toml(text, name), name, SceneFolder.of(folder), source=text)
 
 
 def dump(scene: Scene, path: str | Path, *, keep: bool = False) -> list[Path]:
-    """Write a scene as a TOML file, and copy the files that it names beside it where they are not there; gives those copies.
+    """Write a scene as a TOML file, and copy the files that it names beside it where they are missing there; returns the paths of
+    the copies.
 
-    A file that is already there is replaced only by a whole new one. ``keep``: the scene's ``text`` with the comments, not the
-    standard layout. Raises `OutputError` where it cannot be written.
+    An existing file is replaced only when the new one is complete. ``keep``: write the scene's ``text`` with its comments instead
+    of the standard layout. Raises `OutputError` where it cannot be written.
     """
     with replacing(Path(path)) as temporary:
         temporary.write_text(scene.text if keep else scene.to_toml(), encoding="utf-8", newline="\n")
@@ -190,8 +191,8 @@ def json_schema() -> dict[str, Any]:
 
 
 def changed_document(document: SceneDocument, changes: Mapping[Place, Any], name: str, folder: SceneFolder) -> SceneDocument:
-    """A document with other values at some places, of which only what changes is validated anew. SceneError reports every fault
-    at once."""
+    """A document with the values at some places replaced, of which only what changes is validated again. Raises `SceneError` with
+    every fault."""
     if not all(isinstance(place, tuple) and place for place in changes):
         raise TypeError("a place is a tuple of names and numbers")
     changes = {tuple(_present_key(place, k) for k in range(len(place))): _plain(value) for place, value in changes.items()}
@@ -221,11 +222,11 @@ def _misplaced(document: SceneDocument, changes: Mapping[Place, Any]) -> list[Fa
 
 
 def _with_formulas(document: SceneDocument, changes: Mapping[Place, Any]) -> SceneDocument:
-    """The document with other values, and with those that follow from them. Raises `ValidationError`."""
+    """The document with changed values, and with the values of all expressions that depend on them. Raises `ValidationError`."""
     if not document.parameters and not document.formulas:
         made: SceneDocument = with_values(document, changes)
         return made
-    if all(place[0] == "parameters" and len(place) > 1 for place in changes):  # all that is written elsewhere stays
+    if all(place[0] == "parameters" and len(place) > 1 for place in changes):  # only parameters change
         values, faults = resolve_again(document, changes)
         if faults:
             raise ValidationError.from_exception_data("scene", [])
@@ -246,12 +247,12 @@ def _with_formulas(document: SceneDocument, changes: Mapping[Place, Any]) -> Sce
 
 
 def assembled(document: SceneDocument, name: str, folder: SceneFolder) -> Scene:
-    """The scene of a valid document. SceneError reports every fault at once."""
+    """The scene of a valid document. Raises `SceneError` with every fault."""
     return _assembled(Reading(document), name, folder, {})
 
 
 def _read(raw: Mapping[str, Any], name: str, folder: SceneFolder, *, source: str | None = None, file: str | None = None) -> Scene:
-    """The scene of plain data; ``source`` is the text that they come from, ``file`` its name in messages."""
+    """The scene of plain data; ``source`` is the text from which they come, ``file`` its name in messages."""
     large = size_faults(raw)
     if large:
         raise SceneError(file or name, large)
@@ -285,8 +286,8 @@ def _present_key(place: Place, k: int) -> int | str:
 
 
 def _with_present_keys(value: object, path: str, former: dict[str, str], names: Mapping[str, str], *, deep: bool) -> Any:
-    """A part of a scene's data with the present ``names`` of keys, ``deep`` within it, too; ``former`` takes the former ones by
-    their places."""
+    """A part of a scene's data with former names of keys replaced by the present ones in ``names``, also in its inner tables if
+    ``deep``. Replaced names are added to ``former`` by their places."""
     if not isinstance(value, Mapping):
         return value
     renamed = {}
@@ -301,7 +302,7 @@ def _with_present_keys(value: object, path: str, former: dict[str, str], names: 
 def _assembled(
     reading: Reading, name: str, folder: SceneFolder, former: Mapping[str, str], source: str | None = None, file: str | None = None
 ) -> Scene:
-    with np.errstate(all="ignore" if reading.faults else None):  # what stands where a value was wrong may be anything
+    with np.errstate(all="ignore" if reading.faults else None):  # stand-ins for faulty values may have any value
         assembly, faults = assemble_scene(reading, name, folder)
     if assembly is None:
         ordered = reading.in_file_order([*reading.faults, *faults])
@@ -325,8 +326,8 @@ def _plain(value: object) -> Any:
 
 
 def _for_editors(schema: object) -> Any:
-    """Three changes: TOML has no null, so an optional key is one that may be left out; every name must fit the pattern; and every
-    number may be an expression."""
+    """The schema with three changes: TOML has no null, so an optional key is one that may be left out; every name must match the
+    pattern; and every number may be an expression."""
     if isinstance(schema, list):
         return [_for_editors(item) for item in schema]
     if not isinstance(schema, dict):

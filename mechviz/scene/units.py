@@ -1,9 +1,8 @@
-"""Quantities of a scene: bare numbers in the scene's units, or texts such as ``"60 rpm"``, to SI units and radians.
+"""Quantities of a scene, bare numbers in the scene's units or texts such as ``"60 rpm"``: conversion to SI units and radians.
 
-Conversions are made in decimal arithmetic and rounded once, so that ``"80 mm"``, ``80`` in a scene in mm and ``0.08``
-in a scene in m are the same double. The table of units is our own and small: an angle is a dimension of its own here,
-which keeps turns per minute and cycles per second apart (the usual registries take both for 1/s and are off by 2 pi
-without a word).
+Conversions use decimal arithmetic and are rounded once, so that ``"80 mm"``, ``80`` in a scene in mm and ``0.08`` in a scene in m
+are the same double. The table of units is our own and small: angle is a dimension of its own, which distinguishes turns per minute
+from cycles per second (common registries of units treat both as 1/s, which is silently off by 2 pi).
 """
 
 from __future__ import annotations
@@ -37,7 +36,7 @@ _PREFIXES = {
 _BASES = ("[angle]", "[length]", "[mass]", "[time]")
 
 _TURN = "6.28318530717958647692528676655900577"
-_DEFINITIONS = (  # names, how many, of what; the first four measure one dimension each
+_DEFINITIONS = (  # names, factor, unit; the first four are units of one dimension each
     ("radian rad", "1", "[angle]"),
     ("metre m meter", "1", "[length]"),
     ("gram g", "1e-3", "[mass]"),  # factors are those to SI units
@@ -72,7 +71,7 @@ _SPACED = {"Nm": "N m", "Nmm": "N mm", "kNm": "kN m", "kgm^2": "kg m^2", "kgm2":
 
 @dataclass(frozen=True)
 class UnitKind:
-    """A kind of quantity: its name in a sentence, its SI unit, and what a bare number of it is counted in.
+    """A kind of quantity: its name in a sentence, its SI unit, the unit of a bare number, and an example.
 
     ``bare`` is a formula in the names of ``Units``, so that a speed follows the units of length and time.
     """
@@ -91,13 +90,13 @@ _STATED: Mapping[str, UnitKind] = {
     "force": UnitKind("a force", "N", "{force}", "150 N"),
     "torque": UnitKind("a torque", "N*m", "{torque}", "5 N m"),
     "inertia": UnitKind("a moment of inertia", "kg*m**2", "{inertia}", "0.001 kg m^2"),
-    "density": UnitKind("a density", "kg/m**3", "kg/m**3", "7850 kg/m^3"),  # never kg/mm^3 by the way
+    "density": UnitKind("a density", "kg/m**3", "kg/m**3", "7850 kg/m^3"),  # never kg/mm^3 unintentionally
     "frequency": UnitKind("a frequency", "1/s", "1/({time})", "2 Hz"),
     "linear speed": UnitKind("a linear speed", "m/s", "({length})/({time})", "20 mm/s"),
     "angular speed": UnitKind("an angular speed", "rad/s", "({angle})/({time})", "60 rpm"),
     "linear acceleration": UnitKind("a linear acceleration", "m/s**2", "({length})/({time})**2", "200 mm/s^2"),
     "angular acceleration": UnitKind("an angular acceleration", "rad/s**2", "({angle})/({time})**2", "2 rad/s^2"),
-    "pressure": UnitKind("a pressure", "Pa", "Pa", "6 bar"),  # whatever the units of force and length
+    "pressure": UnitKind("a pressure", "Pa", "Pa", "6 bar"),  # independent of the units of force and length
     "stiffness": UnitKind("a stiffness", "N/m", "({force})/({length})", "2 N/mm"),
     "torsional stiffness": UnitKind("a torsional stiffness", "N*m/rad", "({torque})/({angle})", "3 N m/rad"),
     "damping": UnitKind("a damping coefficient", "N*s/m", "({force})*({time})/({length})", "20 N s/m"),
@@ -116,7 +115,7 @@ _STATED: Mapping[str, UnitKind] = {
         "a torsional integral gain", "N*m/(rad*s)", "({torque})/(({angle})*({time}))", "20 N m/(rad s)"
     ),
     "power": UnitKind("a power", "W", "W", "2 kW"),
-    "gravity": UnitKind("a linear acceleration", "m/s**2", "m/s**2", "-9.81 m/s^2"),  # never mm/s^2 by the way
+    "gravity": UnitKind("a linear acceleration", "m/s**2", "m/s**2", "-9.81 m/s^2"),  # never mm/s^2 unintentionally
 }
 
 
@@ -153,7 +152,7 @@ UNIT_KINDS: Mapping[str, UnitKind] = {**_STATED, **_derivatives()}
 
 
 class QuantityError(ValueError):
-    """A text that is no quantity, or one of another kind than wanted. ``remedy`` says what to write instead."""
+    """A text is no quantity, or a quantity of another kind than required. ``remedy`` says what to write instead."""
 
     def __init__(self, message: str, remedy: str):
         super().__init__(message)
@@ -162,7 +161,7 @@ class QuantityError(ValueError):
 
 @dataclass(frozen=True)
 class Unit:
-    """How many SI units it is, and its powers of angle, length, mass and time."""
+    """A unit: its factor to SI, and its powers of angle, length, mass and time."""
 
     factor: Decimal = Decimal(1)
     powers: tuple[int, ...] = (0, 0, 0, 0)
@@ -196,8 +195,8 @@ def _named(name: str, known: Mapping[str, Unit]) -> Unit | None:
 
 
 def _product(text: str, known: Mapping[str, Unit]) -> Unit:
-    """The unit that a formula such as ``kg m^2/s`` or ``N m/(rad s)`` names: products and quotients from left to right, whole
-    powers first. Raises `ValueError` where it is none."""
+    """The unit of a formula such as ``kg m^2/s`` or ``N m/(rad s)``: products and quotients from left to right, integer powers
+    first. Raises `ValueError` where it is no such formula."""
     place, tokens = 0, []
     while place < len(text):
         match = _TOKEN.match(text, place)
@@ -249,7 +248,7 @@ def is_unit(word: str) -> bool:
 
 @cache
 def unit_of(text: str) -> Unit:
-    """The unit that a text such as ``N m`` or ``kg m^2`` names."""
+    """The unit that a text such as ``N m`` or ``kg m^2`` names. Raises `QuantityError`."""
     try:
         return _product(re.sub(r"([A-Za-zµμ])([23])\b", r"\1^\2", text), _definitions())  # people write m2 for m^2
     except (ValueError, ArithmeticError):  # a power of many digits is no unit either
@@ -278,10 +277,10 @@ def measured(unit: Unit) -> str:
 
 @cache
 def unit_factor(text: str, kind: str) -> Decimal:
-    """How many SI units of its kind one unit is; QuantityError where the unit measures something else."""
+    """The factor of a unit to the SI unit of its kind. Raises `QuantityError` where the unit measures another kind."""
     unit = unit_of(text)
     wanted = UNIT_KINDS[kind]
-    if unit.powers == unit_of(wanted.si).powers:  # whose factor is 1
+    if unit.powers == unit_of(wanted.si).powers:  # the factor of SI units is 1
         return unit.factor
     actual = measured(unit)
     if (actual, kind) == ("a frequency", "angular speed"):
@@ -293,7 +292,7 @@ def unit_factor(text: str, kind: str) -> Decimal:
 
 
 def split(text: str) -> tuple[str, str]:
-    """A text such as ``"80 mm"`` -> number and unit, both as text."""
+    """A text such as ``"80 mm"`` -> number and unit, both as text. Raises `QuantityError`."""
     match = _QUANTITY.fullmatch(text)
     if match and math.isfinite(float(match["number"])):
         return match["number"], match["unit"]
@@ -312,12 +311,12 @@ def split(text: str) -> tuple[str, str]:
 
 
 def magnitude(value: float | str) -> float:
-    """The number of a quantity, whatever its unit: enough to know its sign."""
+    """The number of a quantity, regardless of its unit: enough to know its sign."""
     return float(split(value)[0]) if isinstance(value, str) else value
 
 
 def parse(text: str, kind: str) -> float:
-    """A text with its own unit -> SI."""
+    """A text with its own unit -> value in SI units. Raises `QuantityError`."""
     number, unit = split(text)
     try:
         return float(Decimal(number) * unit_factor(unit, kind))
@@ -327,7 +326,7 @@ def parse(text: str, kind: str) -> float:
 
 
 def symbol_of(unit: str) -> str:
-    """A unit of a scene, or a formula of such units, as it is written for people: "mm/s", "°", "kg m²"."""
+    """The display symbol of a unit of a scene, or of a formula of such units: "mm/s", "°", "kg m²"."""
     text = re.sub(r"(?<!/)\(([^()/]*)\)", r"\1", re.sub(r"/\(([^()/ *]*)\)", r"/\1", unit))  # not of N m/(rad s)
     text = re.sub(r"\bdeg(rees?)?\b", "°", re.sub(r"\bum\b", "µm", text)).replace("**", "^").replace("*", " ")
     return text.replace("^2", "²").replace("^3", "³")
@@ -335,7 +334,7 @@ def symbol_of(unit: str) -> str:
 
 @dataclass(frozen=True)
 class Units:
-    """The units that bare numbers of a scene are counted in."""
+    """The units of the bare numbers of a scene."""
 
     length: str = "m"
     angle: str = "rad"
@@ -346,49 +345,50 @@ class Units:
     inertia: str = "kg m^2"
 
     def factor(self, kind: str) -> Decimal:
-        """SI units in one unit of a bare number of this kind."""
+        """The factor to SI units of a bare number of this kind."""
         return unit_factor(UNIT_KINDS[kind].bare.format(**vars(self)), kind)
 
     def of(self, powers: tuple[int, ...]) -> str:
-        """A unit of these powers of angle, length, mass and time, as scenes write it: one of its own, or their product."""
+        """The unit with these powers of angle, length, mass and time, as a scene writes it: one of the scene's units, or a product
+        of them."""
         own = next((unit for unit in vars(self).values() if unit_of(unit).powers == powers), None)
         bases = zip((self.angle, self.length, self.mass, self.time), powers, strict=True)
         return own or " ".join(unit if n == 1 else f"{unit}^{n}" for unit, n in bases if n)
 
     def symbol(self, kind: str) -> str:
-        """The unit of a bare number of this kind, as it is written for people: "mm/s", "°", "kg m²"."""
+        """The display symbol of the unit of a bare number of this kind: "mm/s", "°", "kg m²"."""
         return symbol_of(UNIT_KINDS[kind].bare.format(**vars(self)))
 
     def show(self, value: float, kind: str, digits: int = 6) -> str:
-        """A quantity [SI] in the scene's units: its number, with so many digits, and unit; of no kind of scenes as in `text`."""
+        """A quantity [SI] as text in the scene's units: its number, with ``digits`` significant digits, and its unit. A ``kind``
+        that scenes do not know is taken for an SI unit, as in `text`."""
         if kind not in UNIT_KINDS:
             return self.text(value, kind, digits)
         return shown(value / float(self.factor(kind)), self.symbol(kind), digits)
 
     def si(self, value: float | str, kind: str) -> float:
-        """A number or a text of a scene -> SI."""
+        """The value in SI units of a number or a text of a scene."""
         if isinstance(value, str):
             return parse(value, kind)
         return float(Decimal(repr(float(value))) * self.factor(kind))
 
     def reads(self, si: str, *, small: bool = False) -> tuple[str, float]:
-        """The unit in which people read values that are counted in an SI unit, such as "m", "N m" or "rad/s^2", and how many of it
-        that is: ("mm", 1000.0).
+        """The display unit of values in an SI unit, such as "m", "N m" or "rad/s^2", and its factor from SI: ("mm", 1000.0).
 
-        Lengths, angles, masses, forces, torques and moments of inertia are in the scene's units. So is what is made of them, but
-        with radians, as formulas want it, and, where lengths are metric, with metres: "m/s", "rad/s". Pressures are in MPa where
-        forces are metric. ``small``: lengths, which are residuals, as in rates.
+        Lengths, angles, masses, forces, torques and moments of inertia have the scene's units. Units composed of them do, too, but
+        with radians, as formulas require, and with metres where lengths are metric: "m/s", "rad/s". Pressures are in MPa where
+        forces are metric. ``small``: residuals of lengths and angles, which have the units of rates.
         """
         return _reads(self, si, small)
 
     def text(self, value: float, si: str, digits: int = 5) -> str:
-        """A quantity [``si``] as people read it: its number, with so many digits, and unit."""
+        """A quantity [``si``] as text in its display unit: its number, with ``digits`` significant digits, and the unit."""
         unit, factor = self.reads(si)
         return shown(value * factor, unit, digits)
 
     def decimals(self, si: str) -> int:
-        """Decimals with which people read a coordinate: to about a hundredth of a millimetre ("m") or a tenth of a degree ("rad"),
-        but at least as many as there."""
+        """Number of decimals of a displayed coordinate: it resolves about a hundredth of a millimetre ("m", at least 2 decimals) or
+        a tenth of a degree ("rad", at least 1)."""
         least, fewest = {"m": (1e-5, 2), "rad": (math.pi / 1800.0, 1)}[si]
         return max(fewest, round(-math.log10(least * self.reads(si)[1])))
 
@@ -411,4 +411,4 @@ def _is_decimal(unit: str) -> bool:
 
 
 MILLIMETRES = Units(length="mm", angle="deg")
-"""Units in which people read what has no scene of its own."""
+"""Display units of values that belong to no scene."""

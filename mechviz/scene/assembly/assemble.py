@@ -75,11 +75,11 @@ class AssembledScene:
 def assemble_scene(
     reading: Reading, name: str, folder: SceneFolder, outlines: Mapping[str, RigidBody] | None = None
 ) -> tuple[AssembledScene | None, list[Fault]]:
-    """The mechanism and what else is known of it, or None, and every fault that is left beside those of form in ``reading.faults``.
+    """The mechanism and its settings, or None, and every fault beside those of form in ``reading.faults``.
 
-    Parts that could not be read are left out; what remains is still converted, since that is where further faults show.
-    Files are read from the scene's ``folder``. ``outlines`` are those of links whose mass follows from them; they are drawn here
-    when all else is known.
+    Parts that could not be read are left out; the rest is still converted, since that shows further faults. Files are read from the
+    scene's ``folder``. ``outlines``: the drawn bodies of links whose mass follows from their outline; they are computed here once
+    everything else is known.
     """
     faults, repaired = _named(reading)
     if repaired is None:
@@ -116,7 +116,7 @@ def assemble_scene(
     convert.faults += laws_under_forces(laws, lasts) if starts else ()
     own_laws = {**laws, **starts}
     drives = [Drive(joint=name, law=own_laws[name]) for joint in joints for name in coordinates_of(joint) if name in own_laws]
-    drives.sort(key=lambda drive: not moves(drive.law))  # one that moves is the first, against which a run is shown
+    drives.sort(key=lambda drive: not moves(drive.law))  # a moving drive is the first: a run is shown against it
     moving = [name for name, law in laws.items() if moves(law)]
     if document.reduced and len(moving) > 1:
         why = f"drives {listing(moving)} move: the energy of the scene does not depend on one speed alone."
@@ -173,8 +173,8 @@ def assemble_scene(
 
 
 def _named(reading: Reading) -> tuple[list[Fault], Reading | None]:
-    """Faults of the names in a reading, and the reading with those repaired whose spelling can be; None where there are so many
-    faults that no more are sought."""
+    """Faults of the names in a reading, and the reading with misspelt names repaired; None in its place where there are too many
+    faults to search for more."""
     faults = [*first_ones(check_link_names(reading)), *first_ones(check_names(reading))]
     if len(faults) + len(reading.faults) > MOST_SOUGHT:
         return faults, None
@@ -195,7 +195,7 @@ def _link(
     """
     document = reading.document
     link, points = document.links[key], placement.points.get(key, {})
-    named = [name for name in document.effects if name != "friction"]  # which no mass makes
+    named = [name for name in document.effects if name != "friction"]  # which needs no mass
     needed = [*named, *(["inertia"] if needs_inertia(document, key) else [])]
     effects = () if key == document.frame else tuple(dict.fromkeys(needed))
     try:
@@ -203,7 +203,7 @@ def _link(
     except (ArithmeticError, AssertionError, LookupError, TypeError, ValueError):
         if not reading.faults:
             raise
-        return None  # what fails here fails by a part that could not be read, which is noted already
+        return None  # caused by a part that could not be read, whose fault is noted already
     if not points:
         return None
     gravity = None if link.gravity is None else convert.vector(link.gravity, "gravity", f"links.{key}.gravity")
@@ -245,7 +245,7 @@ def _drive_laws(
 
 
 def _free_starts(joints: Mapping[str, JointDocument], placement: Placement, convert: Converter) -> dict[str, Free]:
-    """Where and how fast the free coordinates of ``joints`` start, by coordinate; faults are noted in ``convert``."""
+    """Initial positions and speeds of the free coordinates of ``joints``, by coordinate; faults are noted in ``convert``."""
     starts: dict[str, Free] = {}
     for key, joint in joints.items():
         if joint.free is None or len(joint.kinds) != 1:
@@ -265,7 +265,7 @@ def _free_starts(joints: Mapping[str, JointDocument], placement: Placement, conv
 
 
 def _least_roller_faults(document: SceneDocument) -> list[Fault]:
-    """Why rollers cannot be the least: masses follow from what is drawn."""
+    """Faults of least rollers of links whose mass follows from their drawn outline, since that depends on the roller."""
     faults = []
     for key, joint in document.joints.items():
         if joint.follower is None or joint.follower.roller != LEAST:
@@ -280,7 +280,8 @@ def _least_roller_faults(document: SceneDocument) -> list[Fault]:
 def _sized(
     mechanism: Mechanism, document: SceneDocument, simulation: SimulationSpec | None, clearances: Mapping[str, Clearance]
 ) -> tuple[Mechanism, list[Fault]]:
-    """The mechanism with the least sizes of its cams; of rollers where forces decide the motion, each has a motion of its own."""
+    """The mechanism with the least sizes of its cams, and the faults of these. Where forces determine the motion, each roller that
+    is tried has a motion of its own."""
     solved: Callable[[Mechanism], Solved] = prescribed
     if simulation is not None and any("roller" in p.least for p in mechanism.joints if isinstance(p, CamJoint)):
         from mechviz.scene.assembly.under_forces import solver  # most scenes need no motion to be read

@@ -1,7 +1,8 @@
-"""Links of a scene: where they are at the start, as far as the sketch says, and their masses, stated or following from a shape.
+"""Links of a scene: their approximate poses at the start, as far as the sketch determines them, and their masses, stated or
+computed from a shape.
 
-A link whose points are a list of names takes its shape from the sketch: its frame has the origin at the first of them
-and x towards the second (axes parallel to the world's if there is no second; for the fixed link, the world frame).
+A link whose points are a list of names takes its shape from the sketch: its frame has the origin at the first of them and x towards
+the second (axes parallel to the world's if there is no second; for the fixed link, the world frame).
 """
 
 from __future__ import annotations
@@ -43,8 +44,8 @@ Pose2 = tuple[float, float, float]
 class Placement:
     """``points``: link -> point -> place in the link's frame [m].
 
-    ``poses``: link -> x, y [m], angle [rad] at the start, roughly. ``drawn`` holds the links whose poses follow exactly
-    from the sketch, the fixed link among them.
+    ``poses``: link -> approximate x, y [m], angle [rad] at the start. ``drawn`` holds the links whose poses follow exactly from the
+    sketch, the fixed link among them.
     """
 
     points: dict[str, Mapping[str, Vec2]] = field(default_factory=dict)
@@ -53,7 +54,7 @@ class Placement:
 
 
 def place_links(document: SceneDocument, convert: Converter) -> Placement:
-    """Shapes and rough poses of all links that can be known; faults of drawn links are noted."""
+    """Shapes and approximate poses of all links, as far as they are known; faults of drawn links are noted."""
     placement = Placement()
     for name, link in document.links.items():
         if isinstance(link.points, dict):
@@ -84,7 +85,8 @@ def place_links(document: SceneDocument, convert: Converter) -> Placement:
 
 
 def _add_frame_points(document: SceneDocument, placement: Placement, world: dict[str, Vec2], convert: Converter) -> None:
-    """Points of the fixed link with coordinates of its own are places in the world that need no sketch."""
+    """Add the points of the fixed link that have coordinates to the places in the ``world``: they need no sketch. A sketch that
+    contradicts them is noted."""
     for point, place in placement.points.get(document.frame, {}).items():
         sketched = world.setdefault(point, place)
         if math.dist(sketched, place) > 1e-9 * math.hypot(*place) and convert.certain("length"):
@@ -96,7 +98,7 @@ def _add_frame_points(document: SceneDocument, placement: Placement, world: dict
 
 
 def _share_pins(document: SceneDocument, world: dict[str, Vec2]) -> None:
-    """A pin or weld that joins points of different names puts both at one place."""
+    """Give points of different names that a pin or weld joins the same place."""
     for name, joint in document.joints.items():
         if joint.traits.coincide:
             a, b = points_of_joint(name, joint)
@@ -141,13 +143,14 @@ def _draw(
         placement.points[name] = {
             **placement.points[name],
             points[1]: (abs(towards), 0.0),
-        }  # free of rounding across the line
+        }  # no rounding across the line
         placement.poses[name] = (origin.real, origin.imag, math.atan2(towards.imag, towards.real))
         placement.drawn.add(name)
 
 
 def _fit(document: SceneDocument, placement: Placement, world: Mapping[str, Vec2]) -> None:
-    """Rough poses from two sketched points, or from one and an angle that a sliding joint or weld hands on."""
+    """Add approximate poses from two sketched points, or from one and the angle of a link parallel to it by a sliding joint or
+    weld."""
     for name, local in placement.points.items():
         known = [point for point in local if point in world]
         if name not in placement.poses and len(known) > 1:
@@ -188,8 +191,8 @@ def _at(local: Vec2, place: Vec2, angle: float) -> Pose2:
 def links_that_cannot_turn(document: SceneDocument, touched: Mapping[str, tuple[set[str], bool]]) -> set[str]:
     """Links that a chain of sliding joints and welds holds parallel to the fixed one.
 
-    ``touched`` has the links of every joint, and whether they are known; a joint of which little is known may be a guide. Any of
-    them may hold to a fixed link that is not known.
+    ``touched``: the links of every joint, and whether that is certain. A joint of which little is known may be a guide; where the
+    fixed link is not known, each such joint may hold its links to it.
     """
     rigid = []
     for name, (links, sure) in touched.items():
@@ -281,7 +284,7 @@ def _who_need(effects: Sequence[str]) -> str:
 
 
 def _stated_centre(name: str, link: LinkDocument, points: Mapping[str, Vec2], convert: Converter) -> Vec2 | None:
-    """The centre that a scene states, by coordinates or by the name of a point."""
+    """The centre of mass that a scene states, by coordinates or by the name of a point."""
     path = f"links.{name}.centre"
     if isinstance(link.centre, str):
         if link.centre not in points and link.has_valid("points", "centre"):
@@ -301,8 +304,8 @@ def _with_point_masses(
 
 
 def shaft_faults(mechanism: Mechanism, document: SceneDocument, convert: Converter) -> Iterator[Fault]:
-    """Point masses off the pin of links that turn about shafts in the plane: around it they make a moment of inertia about the
-    plane's normal, not about the shaft. Points of such a link lie at its pin, or it is refused for them."""
+    """Faults of point masses off the pin of links that turn about shafts in the plane: such a mass adds to the moment of inertia
+    about the plane's normal, not about the shaft. Points of such a link off its pin are refused elsewhere."""
     points = {link.name: link.points for link in mechanism.links}
     for joint in mechanism.joints:
         if isinstance(joint, CamJoint) and joint.spatial is not None:
@@ -321,12 +324,12 @@ def drawn_links(document: SceneDocument) -> list[str]:
 def drawn_bodies(mechanism: Mechanism, document: SceneDocument) -> dict[str, RigidBody]:
     """Plates of unit density and thickness [m^2, m, m^4] with the drawn outlines of these links.
 
-    The outlines are those of the scene's own run: slots are as long as it needs. A mechanism that cannot be moved, which is
-    found out and said when it is run, is drawn as it is without a motion.
+    The outlines are those of the scene's own run, whose travel determines the length of slots. A mechanism that cannot be moved is
+    drawn without a motion; its fault is reported when it is run.
     """
     links = drawn_links(document)
     try:
-        free = any(isinstance(d.law, Free) for d in mechanism.drives)  # where it goes needs its masses: drawn at the start
+        free = any(isinstance(d.law, Free) for d in mechanism.drives)  # its motion depends on its masses: drawn at the start
         times = [0.0] if free else default_times(mechanism, document.run.frames, document.run.cycles)
         motion = solve_motion(compile_mechanism(mechanism), times)
         poses = {link.name: motion.pose(link.name) for link in mechanism.links}
@@ -348,7 +351,7 @@ def _body(outline: Polygon) -> RigidBody:
 def drawn_outline(
     key: str, corners: Sequence[Sequence[float | str]], document: SceneDocument, placement: Placement, convert: Converter
 ) -> tuple[Vec2, ...]:
-    """The corners [m] of a link's figure in its axes; faults are noted."""
+    """The corners [m] of a link's outline in its axes; faults are noted."""
     path = f"links.{key}.outline"
     z = np.array([complex(*convert.row(corner, "length", f"{path}[{k}]")) for k, corner in enumerate(corners)])
     if key == document.frame:

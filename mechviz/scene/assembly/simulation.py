@@ -1,5 +1,5 @@
-"""Motions that a scene does not prescribe: under forces, with starts, stops and watched events in SI units and the faults of
-these; and of drives that run to the limits of the mechanism and back, ``range = "reachable"``."""
+"""Motions that a scene does not prescribe: motions under forces, with starts, stops and watched events in SI units and their
+faults; and drives that oscillate between the limits of the mechanism, ``range = "reachable"``."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ _ADD_FREE = 'Leave it out, or let forces move a joint: free = { speed = "10 rpm"
 
 @dataclass(frozen=True, eq=False)
 class SimulationSpec:
-    """How the motion of the free coordinates is to be found, in SI units."""
+    """Settings of the simulation of the free coordinates, in SI units."""
 
     duration: float
     tolerance: float
@@ -52,7 +52,7 @@ class SimulationSpec:
     stops: tuple[EndStop, ...]
     triggers: tuple[EventTrigger, ...]
     separable_cams: tuple[SeparableCam, ...] = ()
-    steady: int | None = None  # turns of the cycle in whose steady state the run starts; then no duration (NaN) is one cycle
+    steady: int | None = None  # turns of the steady cycle in which the run starts; then a duration of NaN is one cycle
 
 
 def stop_name(joint: str, stop: StopDocument) -> str:
@@ -74,8 +74,8 @@ def free_law(given: FreeDocument, sort: str, convert: Converter, path: str, *, d
 def planar_starts(
     given: FreeDocument, names: tuple[str, str, str], convert: Converter, path: str, *, drawn: tuple[float, float, float]
 ) -> dict[str, Free]:
-    """Starts of the coordinates x, y and angle of a planar joint by their ``names``; ``drawn``: where they are not stated [m, m,
-    rad]. A coordinate whose values have a fault, which is noted, is missing."""
+    """Starts of the coordinates x, y and angle of a planar joint by their ``names``; ``drawn``: the positions where none are stated
+    [m, m, rad]. A coordinate whose values have a fault, which is noted, is missing."""
     starts = {}
     for name, key, rate, place in zip(names, ("x", "y", "angle"), ("vx", "vy", "omega"), drawn, strict=True):
         kind = "angle" if key == "angle" else "length"
@@ -92,7 +92,7 @@ def simulation_spec(
     convert: Converter,
     points: Mapping[str, tuple[str, str]],
 ) -> SimulationSpec | None:
-    """Arguments of `mechcore.dynamics.simulate`; None where nothing is free. ``points``: watched texts -> link and point."""
+    """Arguments of `mechcore.dynamics.simulate`; None where no coordinate is free. ``points``: watched texts -> link and point."""
     if not starts and not any(entry.liftoff or entry.clearance for entry in document.joints.values()):
         return None
     separable_cams = tuple(
@@ -127,8 +127,8 @@ def simulation_spec(
 
 
 def standstill(document: SceneDocument, laws: Iterable[Law], convert: Converter) -> float:
-    """How long a mechanism under prescribed drives is looked at if none of them moves [s]: the stated duration, else the longest of
-    the motions that say so, 0 where none says it."""
+    """Duration [s] of the run of a mechanism whose prescribed drives all stand still: the stated one, else the longest that their
+    laws state, 0 where none does."""
     laws = tuple(laws)
     if document.run.duration is None:
         return max((law.lasts for law in laws if isinstance(law, Rest)), default=0.0)
@@ -196,7 +196,7 @@ def simulation_faults(reading: Reading) -> Iterator[Fault]:
 
 
 def _idle(document: SceneDocument) -> Iterator[Fault]:
-    """Keys that only a motion under forces has."""
+    """Faults of keys that only a motion under forces uses, in a scene where nothing is free."""
     driven = any(joint.driven for joint in document.joints.values())
     why = f"nothing is free: {'the drive decides the motion' if driven else 'nothing moves'}."
     for key in ("steady", "tolerance", "method"):
@@ -247,13 +247,13 @@ def _stops(document: SceneDocument) -> Iterator[Fault]:
 # -- drives that run to the limits -------------------------------------------------------------------------------------
 REACHABLE = "reachable"
 RANGE_MARGIN = 0.01
-"""Part of the reach that is left before each limit: a dead point, where efforts grow beyond all bounds."""
+"""Part of the reachable range that is kept as a margin to each limit: a dead point, where efforts grow without bound."""
 RANGE_STEPS = 36
-"""Places of a drive that are tried where it cannot start."""
+"""Number of trial positions of a drive that cannot be assembled at its start."""
 
 
 def swinging(document: SceneDocument) -> Mapping[tuple[str | int, ...], Any]:
-    """The changes that let the drive of a document swing within its reach: none where no drive could."""
+    """The changes that let the only moving drive of a document oscillate within its reachable range; none where it cannot."""
     driven = [name for name, joint in document.joints.items() if joint.driven and not _stands_still(joint.drive)]
     drive = document.joints[driven[0]].drive if len(driven) == 1 else None
     if drive is None or drive.laws != ["speed"] or drive.signals:
@@ -267,13 +267,14 @@ def _stands_still(drive: DriveDocument | None) -> bool:
 
 
 def swings(scene: Scene) -> tuple[str, ...]:
-    """The drives of a scene that run to their limits and back; not those that may, but can turn fully."""
+    """The drives of a scene that oscillate between their limits; not those that may, but can turn fully."""
     asked = {name for name, joint in scene.document.joints.items() if joint.drive is not None and joint.drive.range == REACHABLE}
     return tuple(d.joint for d in scene.mechanism.drives if d.joint in asked and isinstance(d.law, Oscillation))
 
 
 def with_swings(mechanism: Mechanism, joints: list[str]) -> tuple[Mechanism, list[Fault]]:
-    """The mechanism in which the drives of these joints, at constant speeds so far, run to their limits and back."""
+    """The mechanism in which the drives of ``joints``, given as constant speeds, oscillate between their limits; and the faults of
+    those that cannot."""
     faults: list[Fault] = []
     for joint in joints:
         path = f"joints.{joint}.drive.range"
@@ -292,15 +293,15 @@ def with_swings(mechanism: Mechanism, joints: list[str]) -> tuple[Mechanism, lis
             laws = {joint: _swing(mechanism, joint, max(cycles, default=0.0))}
         except MechanismError as error:
             faults += [Fault(path, f.message, f.remedy) for f in error.faults if f.path == path]
-            continue  # what else is wrong is found out, and said, when it is run
+            continue  # other faults are reported when it is run
         drives = tuple(replace(d, law=laws.get(d.joint, d.law)) for d in mechanism.drives)
         mechanism = replace(mechanism, drives=drives)
     return mechanism, faults
 
 
 def _assembled(mechanism: Mechanism) -> Compiled:
-    """The mechanism with its first drive held at its start, or as near to it as it can be put together (in steps; not where groups
-    have to be followed). Raises `MechanismError`."""
+    """The mechanism with its first drive at its start, or at the nearest of some trial positions at which it can be assembled (not
+    where groups are solved by continuation). Raises `MechanismError`."""
     try:
         return compile_mechanism(mechanism)
     except MechanismError as error:
@@ -317,8 +318,9 @@ def _assembled(mechanism: Mechanism) -> Compiled:
 
 
 def _swing(mechanism: Mechanism, joint: str, cycle: float) -> Law:
-    """The law of one drive: a harmonic oscillation whose largest speed is the stated one, or that speed where it can turn fully.
-    ``cycle``: of other drives that move [s], during which it must not come to a limit. Raises `MechanismError`."""
+    """The law of one drive: a harmonic oscillation whose largest speed is the stated one, or that constant speed where it can turn
+    fully. ``cycle``: duration [s] of the cycle of other drives that move, throughout which its range has to be reachable. Raises
+    `MechanismError`."""
     law = next(d.law for d in mechanism.drives if d.joint == joint)
     assert isinstance(law, ConstantSpeed)
     others = tuple(d for d in mechanism.drives if d.joint != joint)

@@ -1,5 +1,5 @@
-"""Motions that forces decide, from what a scene says of them: the machine in its steady state, and the runs in which rollers that
-are to be the least are sized."""
+"""Motions under forces as a scene states them: the steady state of a machine, and the simulations with which the least rollers of
+cams are sized."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from mechcore.spec.mechanism import CamJoint, Mechanism
 from mechviz.scene.assembly.simulation import SimulationSpec
 
 LANDINGS = ("impact", "regained")
-FORCE_ERROR = 100.0  # of forces, in tolerances of the motion
+FORCE_ERROR = 100.0  # error of forces, in tolerances of the motion
 
 
 def steady_state(turns: int, compiled: Compiled) -> tuple[SteadyRun, Compiled]:
@@ -36,7 +36,7 @@ def steady_state(turns: int, compiled: Compiled) -> tuple[SteadyRun, Compiled]:
 
 
 def solver(spec: SimulationSpec, clearances: Mapping[str, Clearance]) -> Callable[[Mechanism], Solved]:
-    """A function that moves a mechanism under its forces, ``clearances`` added, and gives its forces at any times of the run."""
+    """A function that simulates a mechanism with ``clearances`` under its forces, and gives its forces at any times of the run."""
 
     def solved(mechanism: Mechanism) -> Solved:
         compiled, duration = compile_mechanism(with_clearances(mechanism, clearances)), spec.duration
@@ -63,7 +63,8 @@ def solver(spec: SimulationSpec, clearances: Mapping[str, Clearance]) -> Callabl
 
 
 def _refuse_landings(mechanism: Mechanism, run: Simulation) -> None:
-    """Impacts on a cam have no contact force that a roller of any size could bound."""
+    """Raises `MechanismError` where a follower whose least roller is to be found lands with an impact: no roller of any size bounds
+    that contact force."""
     asked = {p.name for p in mechanism.joints if isinstance(p, CamJoint) and "roller" in p.least}
     landed = next((event for event in run.events if event.item in asked and event.kind in LANDINGS), None)
     if landed is not None:

@@ -284,7 +284,7 @@ def _flat(
         value = getattr(m, key)
         return 1.0 if value is None else convert.si(value, "length", f"{path}.{key}")
 
-    material = None  # of which holes can be cut, where that is known
+    material = None  # from which holes are cut, where it is known
     if m.polygon is not None:
         corners = [convert.vector(p, "length", f"{path}.polygon[{k}]") for k, p in enumerate(m.polygon)]
         if not any(map(math.isnan, (v for c in corners for v in c))):
@@ -374,7 +374,7 @@ def plate_of(points: Sequence[Vec2], radius: float) -> shapely.Polygon | None:
 
 
 def misplaced(material: shapely.Polygon, holes: Sequence[tuple[Vec2, float]]) -> Iterator[tuple[int, str]]:
-    """Numbers of holes (centre, radius) that cannot be cut, with what is wrong."""
+    """Indices of holes (centre, radius) that cannot be cut, each with the reason."""
     import shapely
 
     for k, (centre, radius) in enumerate(holes):

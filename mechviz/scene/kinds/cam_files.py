@@ -159,10 +159,10 @@ def biarcs(points: Complex, tangents: Complex) -> tuple[Complex, Real]:
 
 
 def read_points(content: bytes) -> tuple[Complex, float | None]:
-    """Points of a profile in order: columns x and y (with their units in brackets, as "x [mm]"), else the first two of numbers.
+    """Points of a profile in order: columns x and y (with their units in brackets, as "x [mm]"), else the first two columns.
 
-    The second answer is the unit [m] of both where the header states one, that of x where they differ. Raises ``MechanismError``
-    where there are no points, or those of more than one curve.
+    Also returns the unit [m] of both where the header states one, that of x where they differ. Raises ``MechanismError`` where
+    there are no points, or those of more than one curve.
     """
     (x, y), names = read_columns(content, ("x", "y"))
     units = [_NAMED.get(name) for name in names if name is not None]
@@ -182,7 +182,7 @@ def read_points(content: bytes) -> tuple[Complex, float | None]:
 
 
 def separator_of(lines: Sequence[str]) -> str:
-    """What parts the cells of a table in text form: a semicolon or tab that most lines have, beside which commas are decimal ones,
+    """The separator of cells in a table in text form: a semicolon or tab that most lines have (then commas are decimal ones),
     else the comma."""
     return next((mark for mark in ";\t" if 2 * sum(mark in line for line in lines) > len(lines)), ",")
 

@@ -1,4 +1,4 @@
-"""Copies of parts: links with their joints and loads once more, turned on their shaft by a phase and moved along it."""
+"""Copies of links with their joints and loads, rotated about their shaft by a phase and offset along it."""
 
 from __future__ import annotations
 
@@ -17,23 +17,24 @@ _POINTS = ("at", "point", "along", "centre", "side", "law")
 
 
 class CopyDocument(DocumentTable):
-    """Links once more, with the joints and loads that have to do with them."""
+    """Copies of links, with the joints and loads that refer to them."""
 
     of: Annotated[list[LinkName], Field(min_length=1)]
     """The links that are copied. A copy of the link "rod" is called "rod 2", the next one "rod 3"; so are joints and loads."""
     count: Annotated[int, Field(strict=True, ge=1, le=200)] = 1
-    """How many copies there are beside the first."""
+    """Number of copies beside the original."""
     phase: Angle = 0.0
-    """By how much each is ahead of the one before: cams that stay get it as their phase, copied cranks are fixed to the first one
-    at this angle."""
+    """Phase lead of each copy over the one before: cams that are not copied get it as their phase, copied cranks are welded to the
+    first one at this angle."""
     offset: Length = 0.0
-    """How far each lies from the one before along the shaft, towards the viewer."""
+    """Distance of each copy from the one before along the shaft, towards the viewer."""
 
 
 def with_copies(raw: Mapping[str, Any], known: Mapping[str, Any]) -> dict[str, Any]:
-    """Plain data of a scene with all its copies written out; as it is where that cannot be done, for the document to say why.
+    """Plain data of a scene with all its copies written out; unchanged where that cannot be done, so that the document reports the
+    reason.
 
-    ``known``: the same data with values for expressions, of which the phases and offsets are taken.
+    ``known``: the same data with values for expressions, from which phases and offsets are taken.
     """
     given = known.get("copies")
     sections = [raw.get(key) for key in ("links", "joints")]
@@ -99,7 +100,7 @@ class _Copy:
         return new
 
     def _renamed(self, value: object) -> Any:
-        """A value in which the names of what is copied, and points of it, are those of the copy."""
+        """A value in which the names of copied parts, and of their points, are replaced by those of the copy."""
         if isinstance(value, str):
             if value in self.names:
                 return self.names[value]
@@ -110,7 +111,7 @@ class _Copy:
         return [self._renamed(item) for item in value] if isinstance(value, list) else value
 
     def _sum(self, value: Any, step: Any, kind: str) -> Any:
-        """A value of the scene and so many steps more, as a text with its unit."""
+        """A value of the scene plus ``number`` times a step, as a text with its unit; for expressions an expression."""
         try:
             total = self.units.si(value, kind) + self.number * self.units.si(step, kind)
         except QuantityError:  # of expressions

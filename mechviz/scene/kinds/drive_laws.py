@@ -35,7 +35,7 @@ class _Coordinate:
         return self.convert.si(value, self.kinds[0], f"{self.path}.{key}")
 
     def distance(self, value: float | str, key: str) -> float:
-        """A range of positions, which speeds are divided by."""
+        """A range of positions. Speeds are divided by it, so that a tiny one is a fault."""
         number = self.position(value, key)
         if number < SMALLEST_VALUE and magnitude(value) != 0.0:
             self.convert.note(f"{self.path}.{key}", f"{number:g} is too short a way.", "Check the number and its unit.")
@@ -59,8 +59,8 @@ def law_of(
 ) -> Law | None:
     """The law of a drive, None where a fault was noted.
 
-    ``sort`` is "angle" or "length"; ``drawn`` is the position [rad or m] from which a drive without a start starts; ``lasts`` is
-    how long the run goes on [s], if it says so; ``masters`` are the laws of the driven revolute joints that a program may follow,
+    ``sort`` is "angle" or "length"; ``drawn`` is the initial position [rad or m] of a drive that states none; ``lasts`` is the
+    stated duration of the run [s], if any; ``masters`` are the laws of the driven revolute joints that a program may follow,
     ``drives`` all driven joints, from which it may take its knots.
     """
     coordinate = _Coordinate(convert, sort, path)
@@ -75,7 +75,7 @@ def law_of(
 
 
 def _start(drive: DriveDocument, coordinate: _Coordinate, drawn: float) -> float:
-    """Where the drive starts, of a state the position."""
+    """The initial position of the drive [rad or m]: stated, the first entry of a stated state, or as drawn."""
     if drive.start is None:
         return drawn
     given = drive.start[:1] if isinstance(drive.start, list) else [drive.start]
@@ -86,7 +86,7 @@ def _constant(drive: DriveDocument, coordinate: _Coordinate, drawn: float, cycle
     assert drive.speed is not None
     speed = coordinate.speed(drive.speed, "speed")
     if isinstance(drive.range, list):
-        if drive.start is not None:  # said twice, which is noted already: its unit may be wrong all the same
+        if drive.start is not None:  # stated twice, which is noted already; its unit is checked, too
             _start(drive, coordinate, drawn)
         if drive.travel is not None:
             coordinate.distance(drive.travel, "travel")
@@ -246,8 +246,8 @@ def _program(
     masters: Mapping[str, Law | None],
     drives: Mapping[str, DriveDocument],
 ) -> Law | None:
-    """The law of a drive with a program, None where a fault was noted. ``coordinate``: "angle" or "length"; ``drawn``: where the
-    drive starts that does not say it [rad or m]; ``masters``, ``drives``: what a program may follow and take its knots from."""
+    """The law of a drive with a program, None where a fault was noted. ``coordinate``: "angle" or "length"; ``drawn``: initial
+    position of a drive that states none [rad or m]; ``masters``, ``drives``: what a program may follow and take its knots from."""
     given = drive.program
     assert given is not None
     before = len(convert.faults)
@@ -288,7 +288,7 @@ def _program(
 
 
 def _other(name: str, drives: Mapping[str, DriveDocument], convert: Converter, path: str) -> DriveDocument | None:
-    """The drive whose segments give the knots; None where there is none, which is noted."""
+    """The drive whose segments give the knots; None where there is none, which is noted unless its name could not be read."""
     able = {k: d for k, d in drives.items() if d.segments is not None or (d.program is not None and d.program.knots is None)}
     if name not in able and not isinstance(name, UnknownName):
         why = f"'{name}' is no driven joint with segments of its own."
@@ -310,8 +310,8 @@ def _master(given: ProgramDocument, convert: Converter, path: str, masters: Mapp
 
 
 def laws_under_forces(laws: Mapping[str, Law], lasts: float | None) -> Iterator[Fault]:
-    """Drives beside free joints whose speed jumps, as the jump would be an impact on them, or that end before the run does, which
-    ``lasts`` so long [s]."""
+    """Faults of drives beside free joints: laws whose speed jumps, since the jump would be an impact on these, and laws that end
+    before the run. ``lasts``: duration of the run [s], None where it is not known."""
     others = {}
     for name, law in laws.items():
         if isinstance(law, SignalSpeed) and isinstance(law.signal, Step) and law.breaks:

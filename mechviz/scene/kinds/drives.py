@@ -121,7 +121,7 @@ class DriveDocument(DocumentTable):
     step: StepDocument | None = None
     """The speed is multiplied by a factor that jumps at a time."""
     ramp: RampDocument | None = None
-    """The speed is multiplied by a factor that changes evenly between two times."""
+    """The speed is multiplied by a factor that changes linearly between two times."""
     chirp: ChirpDocument | None = None
     """The speed is multiplied by a sine whose frequency changes with time."""
     duration: Duration | None = None
@@ -139,7 +139,7 @@ class DriveDocument(DocumentTable):
 
     @property
     def signals(self) -> list[str]:
-        """The signals by which the speed is multiplied: one at most, in a drive that is not faulty."""
+        """The signals by which the speed is multiplied: at most one in a valid drive."""
         return [key for key in SIGNALS if getattr(self, key) is not None]
 
     @property
@@ -149,7 +149,7 @@ class DriveDocument(DocumentTable):
 
     @property
     def laws(self) -> list[LawKey]:
-        """The laws that are given: one, in a drive that is not faulty."""
+        """The laws that are given: one in a valid drive."""
         laws = [law for law in LAWS if getattr(self, law) is not None]
         return [law for law in laws if law != "speed"] if "zones" in laws else laws
 
@@ -193,7 +193,7 @@ class DriveDocument(DocumentTable):
 
 Method = Literal["auto", "energy", "gauss", "radau"]
 TOLERANCE = 1e-9
-"""Where the scene states none."""
+"""Tolerance of motions under forces where the scene states none."""
 
 
 def _restitution(value: object) -> float:
@@ -224,7 +224,7 @@ class FreeDocument(DocumentTable):
     x: Length | None = None
     """Planar joint: place of the second link's point in the first link's frame at the start. Default: as drawn, or 0."""
     y: Length | None = None
-    """Planar joint: the same across."""
+    """Planar joint: the same along y."""
     angle: Angle | None = None
     """Planar joint: angle from the first link's frame to the second's at the start. Default: as drawn, or 0."""
     vx: Speed = 0.0
@@ -235,7 +235,7 @@ class FreeDocument(DocumentTable):
     """Planar joint: rate of the angle at the start."""
 
     def strangers(self, planar: bool) -> list[str]:
-        """Keys that do not go with a planar joint, or with any other one."""
+        """Stated keys that do not belong to the start of this kind of joint: ``planar``, or any other."""
         own = {"x", "y", "angle", "vx", "vy", "omega"}
         return sorted(self.model_fields_set - own if planar else self.model_fields_set & own)
 
@@ -261,7 +261,7 @@ class LiftoffDocument(DocumentTable):
 
 
 class WatchDocument(DocumentTable):
-    """A value to look out for while the motion is found: an event where it is passed, and the end of the run if wanted."""
+    """A value to watch in a motion under forces: an event where it is passed, and optionally the end of the run."""
 
     joint: Annotated[Text, Reference("joint")] | None = None
     """The joint whose position or velocity is watched. Give this or point."""

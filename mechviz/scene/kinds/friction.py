@@ -1,4 +1,4 @@
-"""Dry friction in a scene: the table of a joint, the scene's own for all joints, and what becomes of them in the core."""
+"""Dry friction in a scene: the table of a joint, the scene's defaults for all joints, and their conversion to the core."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 LARGEST_COEFFICIENT = 1000.0
-"""Largest coefficient of friction: beyond anything that is meant seriously."""
+"""Largest coefficient of friction that is accepted, far beyond any real one."""
 
 
 def _coefficient(value: object) -> float:
@@ -69,7 +69,7 @@ class FrictionDocument(DocumentTable):
 
 
 class FrictionDefaults(DocumentTable):
-    """Friction of all revolute, sliding and slot joints that do not say otherwise."""
+    """Default friction of all revolute, sliding and slot joints."""
 
     coefficient: FrictionCoefficient | None = None
     """Coefficient of friction of every revolute, prismatic and slot joint without its own."""
@@ -78,13 +78,13 @@ class FrictionDefaults(DocumentTable):
     length: Size | None = None
     """Length of the bearing of every prismatic joint without its own."""
     exact: Flag = False
-    """Whether revolute joints that do not say otherwise have the exact friction circle."""
+    """Whether revolute joints have the exact friction circle by default."""
 
 
 @dataclass(frozen=True)
 class Rubbing:
-    """How a kind of joint rubs: the keys of its table of friction, what becomes of them in the core, and whether the scene's
-    defaults hold for it."""
+    """Dry friction of a kind of joint: the keys of its table, their conversion to the core, and whether the scene's defaults apply
+    to it."""
 
     keys: tuple[str, ...]
     make: Callable[[_Table], Friction | None]
@@ -93,7 +93,7 @@ class Rubbing:
 
 @dataclass(frozen=True)
 class _Table:
-    """The table of friction of a joint, with the scene's own."""
+    """The table of friction of a joint, with the scene's defaults."""
 
     path: str
     own: FrictionDocument
@@ -246,7 +246,7 @@ def idle_effect(effects: list[Any], joints: Mapping[str, JointDocument], each: l
 
 LineStiffness = Annotated[float | str, QuantityMark(("stiffness",), "above zero")]
 LEAST_RESTITUTION = 0.05
-"""Below this the losses that Hunt and Crossley's law needs are beyond any contact."""
+"""Least coefficient of restitution: below it, Hunt and Crossley's law needs losses beyond those of any contact."""
 
 
 def _restitution(value: object) -> float:

@@ -1,4 +1,5 @@
-"""Kinds of joints and loads: the facts that each states of itself, and what it is given to become one of the core."""
+"""Kinds of joints and loads: the properties that each kind declares, and the helpers that convert it to a joint or load of the
+core."""
 
 from __future__ import annotations
 
@@ -34,13 +35,13 @@ if TYPE_CHECKING:
 class Kind:
     """A kind of joint or load, as far as its form goes."""
 
-    words: str  # in a sentence
+    words: str  # its name in a sentence
     example: str  # an entry of the scene in TOML
     keys: tuple[str, ...] = ()  # that go with it
     needs: Mapping[str, str] = field(default_factory=dict)  # those without a default, with an example of each
     one_of: tuple[str, ...] = ()  # exactly one of these
-    synonyms: tuple[str, ...] = ()  # what people call it elsewhere
-    instead: Mapping[str, str] = field(default_factory=dict)  # key of another kind -> what was probably meant by it
+    synonyms: tuple[str, ...] = ()  # other terms for it
+    instead: Mapping[str, str] = field(default_factory=dict)  # key of another kind -> remedy: what was probably meant by it
 
 
 class KindTable(DocumentTable):
@@ -59,7 +60,7 @@ class KindTable(DocumentTable):
 
     @cached_property
     def kinds(self) -> list[str]:
-        """The kinds that are given: one, in a table that is not faulty."""
+        """The kinds that are given: one in a valid table."""
         return [kind for kind in self.KINDS if getattr(self, kind) is not None]
 
     @property
@@ -67,7 +68,7 @@ class KindTable(DocumentTable):
         return self.kinds[0]
 
     def says(self, key: str) -> bool:
-        """Whether a key says something."""
+        """Whether a key has a value."""
         return getattr(self, key) is not None
 
     def instead(self, key: str) -> str:
@@ -95,26 +96,26 @@ class KindTable(DocumentTable):
 class JointKind(Kind):
     """A kind of joint: all that is known of its keyword, from the words for it to the joint of the core."""
 
-    make: Callable[[JointMaker], Joint | None]  # the core's joint; None where too little of it is left
-    modes: tuple[str, ...] = ()  # those that choose an assembly mode
+    make: Callable[[JointMaker], Joint | None]  # the core's joint; None where too much of it is missing
+    modes: tuple[str, ...] = ()  # keys that select an assembly mode
     driven: Literal["angle", "length", ""] = ""  # what a drive on it prescribes
     undriven: str = ""  # what to drive instead, where a drive makes no sense
-    viscous: Literal["damping", "torsional damping", ""] = ""  # of viscous friction in it; none where it does not move
-    rubs: Rubbing | None = None  # how it rubs
-    joins: bool = True  # it holds points of its links together; the others tie motions of links that joints hold already
-    places: bool = True  # it places one of its links by the other
+    viscous: Literal["damping", "torsional damping", ""] = ""  # kind of its viscous coefficient; empty where it does not move
+    rubs: Rubbing | None = None  # its dry friction
+    joins: bool = True  # it holds points of its links together; the others couple motions of links that joints hold
+    places: bool = True  # it places one of its links relative to the other
     coincide: bool = False  # the two points are one place
     parallel: bool = False  # the two links keep a constant angle
     pose: bool = False  # free, it has x, y and angle instead of one coordinate
     own_mode: bool = False  # its drive does not decide the assembly mode
     higher: bool = False  # there is an equivalent linkage of lower pairs
-    parts: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # section -> links and joints that it brings along
+    parts: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # section -> links and joints that it generates
     check: Callable[[Reading, str, JointDocument], Iterator[Fault]] | None = None  # faults of the names at a path that it refers to
-    core_path: Callable[[JointDocument, str], str] | None = None  # a path inside the core's joint -> inside the scene's
+    core_path: Callable[[JointDocument, str], str] | None = None  # path inside the core's joint -> path inside the scene's
 
 
 class JointMaker:
-    """A joint of a scene with what surrounds it, its values in SI units."""
+    """A joint of a scene in its context; its properties are in SI units."""
 
     def __init__(self, name: str, joint: JointDocument, document: SceneDocument, placement: Placement, convert: Converter):
         self.name, self.joint, self.document, self.placement, self.convert = name, joint, document, placement, convert
@@ -232,7 +233,7 @@ LINEAR = '"20 N s/m" (or "0.1 N m s/rad" for rotation)'
 
 
 class LoadMaker:
-    """A load of a scene with what surrounds it, its values in SI units."""
+    """A load of a scene in its context, with its values in SI units."""
 
     def __init__(self, name: str, load: LoadDocument, reading: Reading, convert: Converter, leader: str | None):
         self.name, self.load, self.reading, self.convert, self.leader = name, load, reading, convert, leader
@@ -244,7 +245,7 @@ class LoadMaker:
         return {"name": self.name, "use": self.load.use}
 
     def si(self, key: str, kind: str, default: float = 0.0) -> float:
-        """A value of the load in SI, or what holds where it is left out."""
+        """A value of the load in SI units; ``default`` where it is left out."""
         value = getattr(self.load, key)
         return default if value is None else self.convert.si(value, kind, f"{self.path}.{key}")
 
@@ -256,7 +257,7 @@ class LoadMaker:
         return {"links": (first[0], second[0]), "points": (first[1], second[1])}
 
     def not_nothing(self, values: dict[str, float]) -> None:
-        """Notes that a load with coefficients does nothing."""
+        """Note a load whose coefficients are all zero: it does nothing."""
         given = self.load.linear is not None or self.load.quadratic is not None
         if given and all(value == 0.0 for value in values.values()):
             self.convert.note(
@@ -275,7 +276,7 @@ class LoadMaker:
 
 
 def different_links(reading: Reading, path: str, ends: str | list[str]) -> Iterator[Fault]:
-    """The fault of two points, "link.point", between which a load acts, on one link."""
+    """The fault of a load between two points, "link.point", that are on one link."""
     if isinstance(ends, str):
         return
     places = [split_point(reading, text) for text in ends]

@@ -51,20 +51,20 @@ from mechviz.scene.units import QuantityError, derivative_kind, parse
 if TYPE_CHECKING:
     from mechviz.scene.convert import Converter
 
-_SAME_RANGE = 1e-6  # of a table and of its segment
+_SAME_RANGE = 1e-6  # relative difference between the ranges of a table and of its segment that is allowed
 _MOST_WAVES = 1000  # of a harmonic in a segment
 
 
 @dataclass(frozen=True)
 class Axes:
-    """A coordinate ("angle", "length") by a master ("time", "angle", "length"): reads the values of a motion, to SI."""
+    """A coordinate ("angle", "length") over a master ("time", "angle", "length"): converts the values of a motion to SI units."""
 
     convert: Converter
     coordinate: str
     master: str
 
     def state(self, value: float | str | Sequence[float | str], path: str) -> tuple[float | None, ...]:
-        """A position, or a position and its derivatives as far as they are given; None where free, NaN where not readable."""
+        """A position and its derivatives, as far as they are given; None where free, NaN where not readable."""
         if isinstance(value, float | int | str):
             return (self.convert.si(value, self.coordinate, path),)
         return tuple(None if v == FREE else self.derivative(v, k, f"{path}[{k}]") for k, v in enumerate(value[:4]))
@@ -79,7 +79,8 @@ class Axes:
 def segments_curve(
     segments: Sequence[SegmentTable], overs: Sequence[float], axes: Axes, path: str, start: BoundaryState, repeats: bool
 ) -> MotionCurve | None:
-    """Segments over ranges [SI] as one curve from a state on; None where a fault was noted or something could not be read."""
+    """Segments over ranges [SI] as one curve that starts in a state; None where a fault was noted or something could not be
+    read."""
     before = len(axes.convert.faults)
     made = [_segment(s, over, axes, f"{path}[{k}]") for k, (s, over) in enumerate(zip(segments, overs, strict=True))]
     complete = bool(made and start) and None not in made and not any(v is not None and math.isnan(v) for v in start)
@@ -103,9 +104,9 @@ def segments_curve(
 def lift_curve(
     segments: Sequence[LiftSegment | RadiusSegment], axes: Axes, path: str, start: float, repeats: bool
 ) -> MotionCurve | None:
-    """Segments of a cam as one curve from a position on; None where a fault was noted or something could not be read.
+    """Segments of a cam as one curve that starts at a position; None where a fault was noted or something could not be read.
 
-    The velocity and the acceleration at the start are those of the end where the cam comes round.
+    On a cam that comes round, whose last segment ends with a state, velocity and acceleration at the start are those of its end.
     """
     overs = [axes.place(s.over, f"{path}[{k}].over") for k, s in enumerate(segments)]
     state: BoundaryState = (start, None, None) if repeats and segments and isinstance(segments[-1].to, list) else (start,)
@@ -115,7 +116,7 @@ def lift_curve(
 def note_corners(
     segments: Sequence[LiftSegment | RadiusSegment], curve: MotionCurve, axes: Axes, path: str, *, rotary: bool
 ) -> None:
-    """Notes where the velocity falls at the first or last row of a table: a corner on any cam, which only a knife follows.
+    """Note where the velocity falls at the first or last row of a table: a corner on any cam, which only a knife follows.
 
     ``rotary``: the follower swings.
     """
@@ -134,7 +135,8 @@ def note_corners(
 
 
 def is_at_rest(segments: Sequence[SegmentTable], curve: MotionCurve) -> bool:
-    """Whether nothing moves: dwells, and ends where the motion starts, without any velocity."""
+    """Whether nothing moves: every segment ends at the position of the start, and all derivatives vanish. Never with laws that are
+    tables."""
     if any(isinstance(s.law, LawDocument) for s in segments):
         return False
     first = float(curve.pieces[0].at(0.0, 0)[0])

@@ -1,4 +1,4 @@
-"""Segments of motions, the laws that join their ends, and programs of them: in cams, in drives over time or a master angle."""
+"""Segments of motions, their laws, and programs of segments: for cams, and for drives over time or a master angle."""
 
 from __future__ import annotations
 
@@ -57,14 +57,14 @@ StateDocument = Annotated[
     | Annotated[Annotated[list[StateEntry], Field(min_length=1, max_length=_MOST_ENTRIES)], Tag("<list>")],
     Discriminator(value_or_list),
 ]
-"""A position, or [position, velocity, acceleration, jerk] by what the law goes over."""
+"""A position, or [position, velocity, acceleration, jerk], derivatives with respect to the master of the law."""
 
 
 class HarmonicDocument(DocumentTable):
     """One harmonic of a segment's range."""
 
     order: Number = 1.0
-    """Waves in the range."""
+    """Number of waves in the range."""
     sine: Slope = 0.0
     """Amplitude of the sine."""
     cosine: Slope = 0.0
@@ -79,7 +79,7 @@ class CurveDocument(DocumentTable):
     values: Annotated[list[Slope], Field(min_length=2)] | None = None
     """Values there, joined by straight lines."""
     steps: Flag = False
-    """Each value holds up to the next place."""
+    """Each value holds up to the next place, without interpolation."""
     mean: Slope | None = None
     """Mean value, beside harmonics."""
     harmonics: Annotated[list[HarmonicDocument], Field(min_length=1)] | None = None
@@ -103,18 +103,18 @@ class PositionTable(DocumentTable):
     """Measured positions over the range of a segment, joined by a quintic spline."""
 
     at: Annotated[list[KnotPlace], Field(min_length=6)] | None = None
-    """Places, at least six; the range of the segment is theirs."""
+    """Places, at least six, which span the range of the segment."""
     values: Annotated[list[Coordinate], Field(min_length=6)] | None = None
     """Positions there."""
     file: FileName | None = None
     """Instead of both: a CSV table of two columns whose header states the units, as "angle [deg], lift [mm]". Path from the folder
     of the scene file."""
     tolerance: Annotated[float | str, QuantityMark(("angle", "length"), "zero")] = 0.0
-    """How far (root mean square) the spline may pass from the points."""
+    """Root mean square distance at which the spline may pass the points."""
     periodic: Flag = False
     """The last row is the end of the cycle, which continues smoothly into the next."""
     rest: Flag = False
-    """It goes from rest to rest: velocity and acceleration are zero at both ends."""
+    """The motion goes from rest to rest: velocity and acceleration are zero at both ends."""
 
     @model_validator(mode="after")
     def _one_form(self) -> PositionTable:
@@ -138,7 +138,7 @@ class PointDocument(DocumentTable):
     at: KnotPlace
     """Distance from the start of the segment."""
     to: StateDocument
-    """Position there, or [position, velocity, acceleration, jerk]; what is left out is free."""
+    """Position there, or [position, velocity, acceleration, jerk]; derivatives that are left out are free."""
 
 
 DerivativeOrder = Literal["velocity", "acceleration", "jerk", "snap"]
@@ -173,7 +173,7 @@ class LawDocument(DocumentTable):
     least: DerivativeOrder | None = None
     """The law with the least peak of this derivative."""
     limits: dict[DerivativeOrder, Number] = Field(default_factory=dict)
-    """Least: largest sizes of other derivatives, as the factors Cv, Ca, Cj that `mechviz laws` lists."""
+    """Least: largest magnitudes of other derivatives, as the factors Cv, Ca, Cj that `mechviz laws` lists."""
     smooth: DerivativeOrder | None = None
     """Least: the derivative that is constant over each step; all below it are continuous. Default: that of least itself."""
     steps: Annotated[int, Field(strict=True, ge=4, le=256)] = 64
@@ -203,12 +203,12 @@ class LawDocument(DocumentTable):
 
     @property
     def needs_end(self) -> bool:
-        """Whether the segment has to say where it ends."""
+        """Whether the segment has to state its end."""
         return self.kind in ("polynomial", "spline", "least") or self.scaled or self.balanced
 
     @property
     def meets(self) -> bool:
-        """Whether it meets velocities and accelerations at the ends of its segment."""
+        """Whether it can satisfy velocities and accelerations at the ends of its segment."""
         return self.kind in ("polynomial", "spline", "least")
 
 
@@ -235,11 +235,11 @@ class SegmentTable(DocumentTable):
     usual: ClassVar[str] = "cycloidal"
 
     to: StateDocument | None = None
-    """Its end: a position, or [position, velocity, acceleration, jerk], of which "free" ones follow from what is beside; what is
-    left out is zero. Without it a dwell, or where the law ends."""
+    """Its end: a position, or [position, velocity, acceleration, jerk]. Derivatives that are "free" follow from the neighbouring
+    segment; those that are left out are zero. Without it: a dwell, or the end that the law determines."""
     law: LawEntry | None = None
-    """Law of motion: one of those that `mechviz laws` lists, "polynomial" (of the degree that the ends ask for), or a table.
-    Default cycloidal, of a segment of time or with derivatives at its end polynomial."""
+    """Law of motion: one of those that `mechviz laws` lists, "polynomial" (of the degree that the end conditions require), or a
+    table. Default: cycloidal; polynomial for a segment over time, or with derivatives at its end."""
     parameters: dict[Text, Number] = Field(default_factory=dict)
     """Parameters of the law, such as { skew = 0.4 }."""
     mirrored: Flag = False
@@ -254,7 +254,7 @@ class SegmentTable(DocumentTable):
 
     @property
     def asks_too_much(self) -> bool:
-        """Whether its end has a velocity that its law, of a shape of its own, cannot meet."""
+        """Whether its end states derivatives that its law, of a fixed shape, cannot satisfy."""
         free = self.law.meets or self.law.invalid_keys if isinstance(self.law, LawDocument) else self.named == "polynomial"
         return not free and isinstance(self.to, list) and any(v != FREE for v in self.to[1:])
 
@@ -319,7 +319,7 @@ class ProgramDocument(DocumentTable):
     master: Text | None = None
     """The driven revolute joint whose angle is the master. Give this, speed or knots."""
     knots: Text | None = None
-    """The driven joint whose segments, over time or a master angle, give their ranges to this program too: axes in step."""
+    """The driven joint whose segments, over time or a master angle, also determine the ranges of this program: axes in step."""
     phase: Angle = 0.0
     """Added to the master angle: the program runs earlier by this much."""
     segments: Annotated[list[ProgramSegment], Field(min_length=1)]
@@ -336,15 +336,15 @@ class ProgramDocument(DocumentTable):
 
 class _OverCam(DocumentTable):
     over: Distance
-    """Range of the cam's angle, of a wedge: length of it."""
+    """Range of the cam's angle; of a wedge, of its travel, a length."""
 
 
 class LiftSegment(SegmentTable, _OverCam):
     """A rise, return or dwell of the follower over a range of the cam."""
 
     to: StateDocument | None = None
-    """Lift at its end above the base circle: a length, of an oscillating follower an angle; or [lift, velocity, acceleration,
-    jerk] by the cam's angle. Without it a dwell, or where the law ends."""
+    """Lift at its end above the base circle: a length, of an oscillating follower an angle; or [lift, velocity, acceleration, jerk]
+    by the cam's angle. Without it: a dwell, or the end that the law determines."""
 
 
 class _OverPolarAngle(DocumentTable):
@@ -360,7 +360,7 @@ class RadiusSegment(SegmentTable, _OverPolarAngle):
 
 
 def former_laws(value: object, path: str = "") -> Iterator[tuple[str, str, str]]:
-    """Laws of a document (or of a part of it) that are called by a former name: place, that name, the present one."""
+    """Laws in a document (or in a part of it) with former names: place, former name, present name."""
     if isinstance(value, SegmentTable) and isinstance(value.law, str) and value.law in FORMER_NAMES:
         yield f"{path}.law", value.law, FORMER_NAMES[value.law]
     elif isinstance(value, DocumentTable):

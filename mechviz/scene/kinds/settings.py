@@ -1,4 +1,4 @@
-"""Parts of the scene document that are no items of the mechanism: parameters, how exact a run is to be, goals of optimisation."""
+"""Parts of the scene document that are no items of the mechanism: parameters, accuracy of the run, goals of optimisation."""
 
 from __future__ import annotations
 
@@ -64,14 +64,14 @@ StatedValue = Annotated[float | str, Stated()]
 
 
 class ParameterDocument(DocumentTable):
-    """A parameter with what it may be."""
+    """A parameter with its range and tolerance."""
 
     value: StatedValue
     """Its value: a quantity with its unit, a plain number, or an expression of other parameters."""
     range: Annotated[list[StatedValue], Field(min_length=2, max_length=2)] | None = None
-    """Its least and greatest value: of sliders, sweeps and optimisation."""
+    """Its least and greatest value, for sliders, sweeps and optimisation."""
     tolerance: StatedValue | None = None
-    """How far it may be off either way as made."""
+    """Manufacturing tolerance: largest deviation to either side."""
 
 
 ParameterEntry = Annotated[
@@ -108,38 +108,38 @@ EventShare = Annotated[float, _within(1e-14, 1.0), WithJsonSchema({"type": "numb
 
 
 class AccuracyDocument(DocumentTable):
-    """How exact the run is: a wanted error from which all settings follow, single settings that override it, or both."""
+    """Accuracy of the run: a target error from which all settings follow, single settings that override it, or both."""
 
     target: TargetError | None = None
-    """Wanted error, relative to the mechanism's size and the peak of each quantity; all settings follow from it."""
+    """Target error, relative to the mechanism's size and the peak of each quantity; all settings follow from it."""
     position: ResidualTolerance | None = None
     """Residual at which Newton's method stops in groups without a closed form, in sizes of the mechanism. Default 2e-15."""
     interpolation: Literal["hold", "linear", "cubic", "quintic"] | None = None
-    """How values between frames are read, and are to be read. Default "cubic", with the rates as slopes."""
+    """Interpolation between frames, also for readers of the results. Default "cubic", with the rates as slopes."""
     differentiation: Literal["exact", "differences", "graphical"] | None = None
-    """How rates are found: from linear equations (default), by differences of frames, or drawn, as in the lecture."""
+    """Computation of rates: from linear equations (default), by differences of frames, or graphically, as in the lecture."""
     differences: Literal[2, 4, 6] | None = None
     """Order of the differences. Default 4."""
     resolution: Resolution | None = None
-    """Graphical: what can be read off the drawing, of its size. Default 5e-4."""
+    """Graphical: resolution of readings from the drawing, relative to its size. Default 5e-4."""
     nodes: Annotated[int, Field(strict=True, ge=2, le=20)] | None = None
-    """Free coordinates: nodes of a window of the integrator, whose order is twice that."""
+    """Free coordinates: collocation nodes of a window of the integrator, whose order is twice that."""
     window: Duration | None = None
     """Free coordinates: longest window of the integrator."""
     friction: ResidualTolerance | None = None
-    """Residual at which Newton's method for normal loads stops, of the largest load of the frame. Default 1e-13."""
+    """Residual at which Newton's method for normal loads stops, relative to the largest load of the frame. Default 1e-13."""
     event: EventShare | None = None
-    """Times of events, in distances of two frames. Default 1e-9."""
+    """Tolerance of the times of events, in intervals between frames. Default 1e-9."""
     chord: Size | None = None
-    """Largest distance between a round shape and its facets. Default: 0.5 % of the radius, or by the target."""
+    """Largest distance between a round shape and its facets. Default: 0.5 % of the radius, or from the target."""
     profile: Annotated[int, Field(strict=True, ge=36, le=100_000)] | None = None
-    """Points of a cam's profile in meshes. Default 1080, or by the target."""
+    """Points of a cam's profile in meshes. Default 1080, or from the target."""
     numbers: Literal["float64", "float32"] | None = None
-    """Digits that recorded data keep. Default "float64", or by the target where nothing has to balance."""
+    """Number format of recorded data. Default "float64", or from the target where nothing has to balance."""
     decimation: Annotated[int, Field(strict=True, ge=1, le=10_000)] | None = None
-    """Every so many frames are recorded. Default 1."""
+    """Only every n-th frame is recorded. Default 1."""
     pictures: Annotated[int, Field(strict=True, ge=1, le=10_000)] | None = None
-    """Every so many of the recorded frames arrows are drawn. Default: up to 720 a cycle, or by the target."""
+    """Arrows are drawn at every n-th of the recorded frames. Default: up to 720 a cycle, or from the target."""
 
 
 AccuracyEntry = Annotated[
@@ -150,7 +150,7 @@ ORDERS = {"hold": 0, "linear": 1, "cubic": 3, "quintic": 5}
 
 
 def accuracy_of(entry: float | AccuracyDocument | None, convert: Converter) -> Accuracy:
-    """The settings that a scene sets, in SI units; the defaults where it sets none."""
+    """The accuracy settings of a scene, in SI units; the defaults where it states none."""
     if entry is None:
         return DEFAULT
     if not isinstance(entry, AccuracyDocument):
@@ -166,7 +166,8 @@ def accuracy_of(entry: float | AccuracyDocument | None, convert: Converter) -> A
 
 
 def accuracy_faults(document: SceneDocument, free: Mapping[str, Any], convert: Converter) -> Iterator[Fault]:
-    """Dials that the scene has no use for, or that contradict it; values out of range are noted by ``convert``."""
+    """Faults of accuracy settings that are out of range, that the scene does not use, or that contradict it; ``convert`` notes
+    values that cannot be converted."""
     entry = document.accuracy
     if not isinstance(entry, AccuracyDocument) or not is_whole(entry):
         return
@@ -194,7 +195,7 @@ Coordinates = Annotated[list[Number], Field(min_length=2, max_length=2)]
 
 
 class LimitDocument(DocumentTable):
-    """Between which values a quantity has to stay; one of them is enough."""
+    """Bounds between which a quantity has to stay; one of them is enough."""
 
     least: StatedValue | None = None
     """Its least value: with a unit, or a number in the unit in which the quantity is shown."""
@@ -214,9 +215,9 @@ class FollowDocument(DocumentTable):
     quantity: Text
     """The quantity, such as link.rocker.angle, or one curve of it, link.ram.position[x]."""
     drive: Annotated[list[StatedValue], Field(min_length=2)]
-    """Where the first drive is: with units, or numbers in the scene's unit."""
+    """Positions of the first drive: with units, or numbers in the scene's unit."""
     values: Annotated[list[StatedValue], Field(min_length=2)]
-    """Values that it is to have there: with units, or numbers in its own."""
+    """Values that the quantity should have there: with units, or numbers in its own."""
 
     @model_validator(mode="after")
     def _as_many(self) -> FollowDocument:
@@ -228,14 +229,15 @@ class FollowDocument(DocumentTable):
 
 
 class PathDocument(DocumentTable):
-    """A path that a point has to take: the objective is the root mean square of its distances from places."""
+    """A path that a point has to follow: the objective is the root mean square of its distances from places."""
 
     point: Text
     """The traced point, such as coupler.E."""
     through: Annotated[list[Coordinates], Field(min_length=2)]
     """The places, in the world, in the scene's unit of length."""
     drive: Annotated[list[StatedValue], Field(min_length=2)] | None = None
-    """Where the first drive is at each of them: with units, or numbers in the scene's unit. Default: wherever it comes nearest."""
+    """Position of the first drive at each of them: with units, or numbers in the scene's unit. Default: where the point comes
+    nearest."""
 
     @model_validator(mode="after")
     def _as_many(self) -> PathDocument:
@@ -250,15 +252,15 @@ class GoalDocument(DocumentTable):
     """The goal of `mechviz optimise`: parameters that vary, objectives, limits."""
 
     vary: list[Name] = Field(default=[])
-    """Parameters that may vary within their ranges. Default: all that stand for themselves and have a range."""
+    """Parameters that may vary within their ranges. Default: all that have a range and are not computed from others."""
     minimise: Measures = Field(default=[])
-    """Quantities that are to be small, such as drive.A.torque:peak, or a list of such."""
+    """Quantities to minimise, such as drive.A.torque:peak, or a list of such."""
     maximise: Measures = Field(default=[])
-    """Quantities that are to be great."""
+    """Quantities to maximise."""
     follow: FollowDocument | None = None
     """A curve to follow."""
     path: PathDocument | None = None
-    """A path to take."""
+    """A path to follow."""
     limits: dict[Text, LimitDocument] = Field(default={})
     """Limits of quantities, by their names with reducers such as "joint.B.reaction:peak"."""
     grashof: Literal["any", "crank-rocker", "double-crank", "double-rocker"] | None = None

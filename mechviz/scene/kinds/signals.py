@@ -65,7 +65,7 @@ class StepDocument(DocumentTable):
 
 
 class RampDocument(DocumentTable):
-    """A factor that changes evenly from one value to another."""
+    """A factor that changes linearly from one value to another."""
 
     begin: Time = 0.0
     """Time at which the change begins."""
@@ -81,11 +81,11 @@ class ChirpDocument(DocumentTable):
     """A factor mean + amplitude sin(x) whose frequency sweeps from one value to another, from time zero on."""
 
     frequencies: Annotated[list[Frequency], Field(min_length=2, max_length=2)]
-    """Frequencies [at time zero, at the end of the sweep], at which it stays."""
+    """Frequencies [at time zero, at the end of the sweep]; the last one then remains."""
     duration: Duration
     """Time of the sweep."""
     sweep: Literal["linear", "exponential"] = "linear"
-    """"linear": the frequency grows evenly; "exponential": by the same factor in the same time."""
+    """How the frequency changes: "linear", in proportion to time, or "exponential", by the same factor in equal times."""
     amplitude: Number = 1.0
     """Largest distance of the factor from its mean."""
     mean: Number = 0.0
@@ -144,7 +144,7 @@ class _Numbers:
 
 
 ALIKE = 1e-6
-"""Relative difference of two frequencies that counts as none."""
+"""Relative difference up to which two frequencies count as equal."""
 
 SIGNALS: Mapping[str, Callable[[_Numbers], Signal]] = {
     "sine": _Numbers.sine,
@@ -152,11 +152,11 @@ SIGNALS: Mapping[str, Callable[[_Numbers], Signal]] = {
     "ramp": _Numbers.ramp,
     "chirp": _Numbers.chirp,
 }
-"""The keys of the signals, and how each becomes one of the core."""
+"""The keys of the signals, each with its conversion to the core."""
 
 
 def signal_of(key: str, given: DocumentTable, convert: Converter, path: str) -> Signal | None:
-    """The signal that stands under one of the keys of `SIGNALS`; None where a fault of it was noted."""
+    """The core's signal of the table under one of the keys of `SIGNALS`; None where a fault of it was noted."""
     before = len(convert.faults)
     valid = is_whole(given)
     signal = SIGNALS[key](_Numbers(given, convert, path)) if valid else None
@@ -182,7 +182,7 @@ Smooth = Annotated[Smoothness, PlainValidator(_smooth), WithJsonSchema({"anyOf":
 
 
 def _names(of: str, joint: str | None, drive: str | None, point: str | None) -> list[tuple[str, str, str]]:
-    """Faults where the name of a joint or point does not go with what the factor depends on."""
+    """Faults where the name of a joint or point does not go with the argument of the factor."""
     wrong = []
     if joint is not None and drive is not None:
         wrong.append(("drive", "joint and drive at once.", "Keep one of them."))

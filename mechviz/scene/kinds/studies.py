@@ -61,7 +61,7 @@ class SystemDocument(DocumentTable):
     at: Text | None = None
     """The point of the link to which they are reduced. Default: the origin of its frame."""
     pole: ForceVector | None = None
-    """Pole of the funicular polygon, from the start of the force polygon. Default: a good one."""
+    """Pole of the funicular polygon, from the start of the force polygon. Default: chosen automatically."""
 
 
 class CounterweightsDocument(DocumentTable):
@@ -72,7 +72,7 @@ class CounterweightsDocument(DocumentTable):
     rocker_radius: Size | None = None
     """Distance of the rocker's counterweight from its pivot. Default: as `radius`."""
     fraction: Number = 1.0
-    """Four-bar: how much of the shaking force is balanced. Slider-crank: how much of the masses that go to and fro."""
+    """Four-bar: fraction of the shaking force that is balanced. Slider-crank: fraction of the reciprocating masses."""
 
     @model_validator(mode="after")
     def _a_fraction(self) -> CounterweightsDocument:
@@ -87,7 +87,7 @@ class ShakingDocument(DocumentTable):
     about: Point = (0.0, 0.0)
     """The point of the world about which the moment is taken."""
     counterweights: CounterweightsDocument | None = None
-    """Also compute counterweights, and what is left with them."""
+    """Also compute counterweights, and the shaking that remains with them."""
 
 
 class SubstituteMassDocument(DocumentTable):
@@ -117,7 +117,7 @@ class SubstituteDocument(DocumentTable):
     solution: Annotated[int, Field(strict=True, ge=1, le=4)] = 1
     """Which solution is shown, where there are several."""
     static: Flag = False
-    """Two masses at two given places: the link's mass and centre, and a correction couple for the rest."""
+    """Two masses at two given places: the link's mass and centre, and a correction couple for its inertia."""
 
 
 class CrossSectionDocument(DocumentTable):
@@ -188,7 +188,8 @@ def needs_inertia(document: SceneDocument, link: str) -> bool:
 
 
 def check_studies(document: SceneDocument, links: Mapping[str, list[str] | None], complete: bool) -> Iterator[Fault]:
-    """Faults of reference. ``links``: names of the points of every link, None where they could not be read."""
+    """Faults of references in studies. ``links``: names of the points of every link, None where they could not be read;
+    ``complete``: all links are known."""
     for key in (
         "polygons",
         "centrodes",
@@ -281,7 +282,7 @@ def check_studies(document: SceneDocument, links: Mapping[str, list[str] | None]
 
 
 def axis_faults(mechanism: Mechanism) -> Iterator[Fault]:
-    """Faults of links whose section forces are wanted and whose axis is not clear."""
+    """Faults of links with section forces whose axis is not clear."""
     for study in mechanism.studies.sections:
         try:
             axis_of(mechanism, study.link, study.points)
@@ -377,7 +378,8 @@ def _sections(
 
 
 def _cross_section(s: CrossSectionDocument, convert: Converter, path: str) -> CrossSection | None:
-    """Area and section modulus: of a hollow section what is left of the outer without the inner."""
+    """Area and section modulus, of a hollow section those of the outer without the inner; None where a fault was noted or a size is
+    missing."""
     known = [key for key in ("diameter", "height", "width") if getattr(s, key) is not None]
     sides = {key: convert.si(getattr(s, key), "length", f"{path}.{key}") for key in known}
     inner = dict.fromkeys(sides, 0.0)

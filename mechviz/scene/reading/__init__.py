@@ -1,1 +1,1 @@
-"""From plain data to what can be read of a scene, with every fault of form and of names."""
+"""Reading of scenes: from plain data to the readable parts of a document, with every fault of form and of names."""

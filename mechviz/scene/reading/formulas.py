@@ -30,12 +30,12 @@ from mechviz.scene.faults import did_you_mean, path_text
 from mechviz.scene.fields import QuantityMark
 from mechviz.scene.units import UNIT_KINDS, QuantityError, Units
 
-RANGE_ROUNDING = 1e-12  # relative: by how much a value may be beyond an end of its range
+RANGE_ROUNDING = 1e-12  # relative to an end of a range: how far a value may lie beyond it
 
 
 @dataclass(frozen=True)
 class ParameterValue:
-    """A parameter in SI units: its value, its range and its tolerance; ``own``: stated by itself, not by other parameters."""
+    """A parameter in SI units: its value, its range and its tolerance; ``own``: its value is not computed from other parameters."""
 
     name: str
     amount: Amount
@@ -45,14 +45,15 @@ class ParameterValue:
     own: bool = True
 
     def allows(self, numbers: Real) -> Flags:
-        """Which numbers (...) lie in its range, but for rounding."""
+        """Which numbers (...) lie in its range, up to rounding."""
         low, high = (end + sign * RANGE_ROUNDING * abs(end) for end, sign in ((self.low, -1.0), (self.high, 1.0)))
         return np.asarray((numbers >= low) & (numbers <= high))
 
 
 @dataclass
 class Resolved:
-    """Plain data with a value for each expression; the expressions by their places; ``unknown``: places of those without value."""
+    """Plain data in which expressions are replaced by their values. ``formulas``: the expressions by their places; ``unknown``:
+    paths of those without a value."""
 
     data: dict[str, Any]
     parameters: dict[str, ParameterValue] = field(default_factory=dict)
@@ -62,7 +63,7 @@ class Resolved:
 
     @contextmanager
     def record_faults(self, path: str) -> Iterator[None]:
-        """Notes what is wrong with a value at a path, instead of raising it."""
+        """Context that records a `QuantityError` as a fault at a path."""
         try:
             yield
         except QuantityError as error:
@@ -100,7 +101,7 @@ def resolve(raw: Mapping[str, Any]) -> Resolved:
 
 
 def resolve_again(document: SceneDocument, changes: Mapping[Place, Any]) -> tuple[dict[Place, Any], list[Fault]]:
-    """The values of a document's expressions where its parameters change, in the scene's units, and what is wrong with them."""
+    """The values of a document's expressions after a change of its parameters, in the scene's units, and their faults."""
     result = Resolved(with_values({"parameters": document.parameters_written}, changes))
     _parameters(result.data["parameters"], result)
     known = {name: parameter.amount for name, parameter in result.parameters.items()}
@@ -113,7 +114,7 @@ def resolve_again(document: SceneDocument, changes: Mapping[Place, Any]) -> tupl
 
 
 def parameter_changes(document: SceneDocument, values: Mapping[str, float | str]) -> tuple[dict[Place, Any], list[Fault]]:
-    """The changes of a document that give parameters other values, and what is wrong with those."""
+    """The changes of a document that give parameters other values, and the faults of these values."""
     entries = document.parameters_written
     known = resolve({"parameters": entries}).parameters
     changes: dict[Place, Any] = {}
@@ -135,7 +136,8 @@ def parameter_changes(document: SceneDocument, values: Mapping[str, float | str]
 
 
 def parameter_arrays(document: SceneDocument, values: Mapping[str, Real]) -> dict[str, Amount]:
-    """The parameters of many designs side by side: ``values`` (D,) of some in SI units, and of all that follow from them."""
+    """The parameters of many designs: the ``values`` (D,) of some in SI units, and all others, computed from them where they depend
+    on them."""
     entries = document.parameters_written
     known = resolve({"parameters": entries}).parameters
     amounts = {name: Amount(own, known[name].amount.powers) for name, own in values.items()}
@@ -154,7 +156,7 @@ def formula_values(document: SceneDocument, amounts: Mapping[str, Amount], place
 
 
 def parameters_behind(document: SceneDocument, place: Place) -> set[str]:
-    """The parameters that the expression at a place follows from, also by way of others."""
+    """The parameters on which the expression at a place depends, directly or through others."""
     entries = document.parameters_written
     names: set[str] = set()
     waiting = list(parse_expression(document.formulas[place]).names)
@@ -168,7 +170,7 @@ def parameters_behind(document: SceneDocument, place: Place) -> set[str]:
 
 
 def parameter_words(document: SceneDocument) -> list[str]:
-    """Each parameter of a document with its value, range and tolerance, for people: ``throw = stroke/2 = 40 mm``."""
+    """Each parameter of a document with its value, range and tolerance, as text: ``throw = stroke/2 = 40 mm``."""
     entries = document.parameters_written
     units = _units(document.units.model_dump())
     lines = []
@@ -240,7 +242,7 @@ def _value_at(leaf: Leaf, expression: Expression, known: Mapping[str, Amount], u
 
 # -- parameters -------------------------------------------------------------------------------------------------------
 def _parameters(entries: Mapping[str, Any], result: Resolved) -> None:
-    """The values of the parameters, in an order in which each follows those that it names."""
+    """Evaluate the parameters into ``result``, each after those that it names."""
     expressions: dict[str, Expression] = {}
     for name, entry in entries.items():
         wrong = name_fault(str(name))
@@ -269,7 +271,7 @@ def _parameters(entries: Mapping[str, Any], result: Resolved) -> None:
 
 
 def _expression(value: object) -> Expression:
-    """Expression or number of a parameter's value. Raises `QuantityError` where it says nothing."""
+    """The expression of a parameter's value, which may be a number. Raises `QuantityError` where it is invalid."""
     if isinstance(value, bool) or not isinstance(value, int | float | str):
         raise QuantityError("a parameter without a value.", "Write it like r = '30 mm'; a plain number has no unit.")
     if isinstance(value, str):
@@ -281,7 +283,7 @@ def _expression(value: object) -> Expression:
 
 
 def _note_cycles(waiting: Mapping[str, Expression], result: Resolved) -> None:
-    """Notes each circle of parameters that follow from each other, by name; those that only need one of them say nothing."""
+    """Note each cycle of parameters that depend on each other; parameters that only depend on one of a cycle give no fault."""
     named: set[str] = set()
     for first in waiting:
         chain = [first]
@@ -299,7 +301,7 @@ def _note_cycles(waiting: Mapping[str, Expression], result: Resolved) -> None:
 
 
 def _bounds(name: str, entry: object, expression: Expression, amounts: Mapping[str, Amount], result: Resolved) -> None:
-    """A parameter with its range and tolerance, which must be of its kind."""
+    """Add a parameter with its range and tolerance, which must be of its kind, to ``result``."""
     amount, path = amounts[name], f"parameters.{name}"
     numbers: dict[str, float] = {}
     stated = entry if isinstance(entry, Mapping) else {}

@@ -28,18 +28,19 @@ from mechviz.scene.reading.formulas import resolve
 
 Loc = tuple[int | str, ...]
 _NOTHING = object()
-_BRANCHES = frozenset(("<list>", "<name>", "<table>", "<value>"))  # all tags of the document: other names may look like them
+_BRANCHES = frozenset(("<list>", "<name>", "<table>", "<value>"))  # all tags of unions: a name may look like another tag
 _adapters: dict[int, tuple[Any, TypeAdapter[Any]]] = {}
 
 
 class SpellingRepairs(str):
-    """A word of the document in place of a misspelt one."""
+    """A word of the document that replaces a misspelt one."""
 
     __slots__ = ()
 
 
 def read_table(cls: type[DocumentTable], raw: object, loc: Loc, faults: list[Fault]) -> DocumentTable:
-    """A table of the document from plain data, with stand-ins for what could not be read; the faults of form are noted."""
+    """A table of the document from plain data, with stand-ins for what could not be read; faults of form are added to
+    ``faults``."""
     if not isinstance(raw, Mapping):
         said = [fault for place, detail in _validated(cls, raw)[1] for fault in words_of(detail, (*loc, *place))]
         faults += [replace(f, remedy=_TABLE[1].replace("key", next(iter(hints_of(cls))))) for f in said]
@@ -72,11 +73,12 @@ def read_table(cls: type[DocumentTable], raw: object, loc: Loc, faults: list[Fau
     return table
 
 
-MOST_GUESSED = 200  # unknown keys of a table of which is said what they may stand for
+MOST_GUESSED = 200  # unknown keys of a table for which a known one is suggested
 
 
 def _keys_repaired(cls: type[DocumentTable], raw: Mapping[str, Any], loc: Loc, faults: list[Fault]) -> dict[str, str]:
-    """Known key -> the key as it is written. Unknown keys are noted; they stand for one that their value fits."""
+    """Known key -> the key as it is written. Unknown keys are noted as faults; each replaces a similar known key that its value
+    fits."""
     hints = hints_of(cls)
     beside = cls.keys_beside(raw)
     taken = {key: key for key in raw if key in hints and not _is_synonym(str(key), raw, beside, hints, loc)}
@@ -98,7 +100,7 @@ def _keys_repaired(cls: type[DocumentTable], raw: Mapping[str, Any], loc: Loc, f
 
 
 def _is_synonym(key: str, raw: Mapping[str, Any], beside: Sequence[str], hints: Mapping[str, Any], loc: Loc) -> bool:
-    """Whether a known key has the value of another one that people call by its name, such as `slider` that of `prismatic`."""
+    """Whether a known key has the value of another one for which its name is a synonym, such as `slider` for `prismatic`."""
     meant = _SYNONYMS.get(key, "")
     if meant not in beside or meant in raw:
         return False
@@ -106,13 +108,13 @@ def _is_synonym(key: str, raw: Mapping[str, Any], beside: Sequence[str], hints: 
 
 
 def _keys_within(annotation: object, raw: object) -> Iterable[str]:
-    """The keys of a value that is a table, if it is one."""
+    """The keys of a table at a place of this type; none where its value is no table."""
     kind, _ = peel(annotation, raw)
     return hints_of(kind) if isinstance(kind, type) and issubclass(kind, DocumentTable) else ()
 
 
 def _fits(annotation: object, raw: object, loc: Loc) -> bool:
-    """Whether a value is of the kind that is wanted at a place, whatever is wrong inside it."""
+    """Whether a value is of the kind that its place requires; faults inside it do not count."""
     faults: list[Fault] = []
     _read(annotation, raw, loc, faults)
     place = path_text(loc)
@@ -120,8 +122,8 @@ def _fits(annotation: object, raw: object, loc: Loc) -> bool:
 
 
 def _faults_of_the_whole(table: DocumentTable, raw: Mapping[str, Any], loc: Loc, guessed: set[str], *, faulty: bool) -> list[Fault]:
-    """Faults that the table's own validators find in parts that do not go together, as far as ``faulty`` parts let them, and not
-    about keys that are only ``guessed``."""
+    """Faults that the table's own validators find in keys that do not go together, except in keys that are only ``guessed``. In a
+    ``faulty`` table a validator may fail on a stand-in."""
     faults: list[Fault] = []
     for validator in type(table).__pydantic_decorators__.model_validators.values():
         if validator.info.mode == "after":
@@ -132,7 +134,7 @@ def _faults_of_the_whole(table: DocumentTable, raw: Mapping[str, Any], loc: Loc,
                 faults += words_of({"type": error.type, "input": raw, "ctx": {"faults": reported}}, loc)
             except (ArithmeticError, AssertionError, LookupError, TypeError, ValueError):
                 if not faulty:
-                    raise  # not a stand-in's doing
+                    raise  # not caused by a stand-in
     return faults
 
 
@@ -154,7 +156,7 @@ def _read(annotation: object, raw: object, loc: Loc, faults: list[Fault]) -> tup
     least, most = _length(marks)
     own: list[Any] = [detail for place, detail in details if place == ()]
     if not own and not (0 if least is None else least) <= len(raw) <= (len(raw) if most is None else most):
-        own = [{"type": "too_long", "input": raw, "ctx": {"min_length": least, "max_length": most}}]  # hidden behind its entries
+        own = [{"type": "too_long", "input": raw, "ctx": {"min_length": least, "max_length": most}}]  # else entries hide it
     faults += [fault for detail in own for fault in words_of(detail, loc)]
     if isinstance(raw, Mapping):
         names = [(place, detail) for place, detail in details if place[1:] == ("[key]",)]
@@ -164,13 +166,13 @@ def _read(annotation: object, raw: object, loc: Loc, faults: list[Fault]) -> tup
     entries = [_read(each, value, (*loc, k), faults)[0] for k, (each, value) in enumerate(zip(kinds, raw, strict=True))]
     if origin is tuple:
         return (tuple(entries) if not own else _stand_in(annotation, raw)), not own
-    if own and least == most is not None:  # as many entries as wanted, but nothing is known of them
+    if own and least == most is not None:  # a fixed number of entries, of which none is known
         entries = [_stand_in(inner[0], None) for _ in range(most)]
     return entries, not own
 
 
 def _validated(annotation: Any, raw: Any) -> tuple[Any, list[tuple[Loc, Any]]]:
-    """The value, or pydantic's errors about it, each with its place without the marks of the branches that unions took."""
+    """The validated value, or pydantic's errors about it, each with its place without the tags of unions."""
     if id(annotation) not in _adapters:  # by identity: the marks in annotations need not be hashable
         _adapters[id(annotation)] = annotation, TypeAdapter(annotation)
     try:
@@ -250,7 +252,7 @@ class Reading:
         return {str(name): None for name in links} if isinstance(links, dict) else {}
 
     def in_file_order(self, faults: Iterable[Fault]) -> list[Fault]:
-        """Faults without repetitions, in the order of what they are about."""
+        """Faults without repetitions, in the order of their paths in the scene."""
         return in_file_order(faults, self.document.written() if self.raw is None else self.raw)
 
     @cached_property
@@ -292,7 +294,7 @@ class Reading:
 
 
 def _ends(path: str) -> list[int]:
-    """Where the parts of a path end: names may hold dots themselves."""
+    """The indices at which a part of a path may end: names may contain dots."""
     return [*(k for k, letter in enumerate(path) if letter in ".["), len(path)]
 
 
@@ -352,7 +354,7 @@ _MISSPELT = 0.75
 
 
 def spelling_candidates(key: str, known: Sequence[str]) -> list[str]:
-    """The known keys that an unknown one may stand for, the most probable first."""
+    """The known keys that an unknown one may mean, the most probable first."""
     longer = [name for name in known if name.startswith(f"{key}_")]
     candidates = [_SYNONYMS.get(key, ""), *longer, *nearest(key, known, 5)]
     return [name for name in dict.fromkeys(candidates) if name in known]
@@ -364,8 +366,8 @@ def misspelt(key: str, known: str) -> bool:
 
 
 def unknown_key(loc: Loc, known: Sequence[str], guess: str, inside: str = "") -> Fault:
-    """The fault of a key that a table does not have; ``guess``: the one that it probably stands for, ``inside``: the table in this
-    one that has it, if any."""
+    """The fault of a key that a table does not have; ``guess``: the key that is probably meant, ``inside``: the inner table that
+    has it, if any."""
     remedy = f"Did you mean '{guess}'?" if guess else f"Known: {listing(known, most=40)}."
     remedy = f"Write it in {inside}." if inside else remedy
     return Fault(path_text(loc[:-1] or loc), f"unknown key '{loc[-1]}'.", remedy)

@@ -1,7 +1,7 @@
-"""Do the parts of a scene fit together? Checks of the names that refer to other parts, over what could be read.
+"""Checks of whether the parts of a scene fit together: of names that refer to other parts, in what could be read.
 
-For these checks a misspelt name of a link is replaced by the nearest known one: they would otherwise stop at the first slip or
-report its consequences. A name that resembles nothing becomes ``UnknownName``, which the checks pass over.
+For these checks a misspelt name of a link is replaced by the nearest known one: otherwise they would stop at the first slip or
+report its consequences. A name that resembles no other becomes ``UnknownName``, which the checks pass over.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from mechviz.scene.reading.recovery import Reading, SpellingRepairs
 
 
 def check_references(reading: Reading) -> Iterator[Fault]:
-    """Every fault of reference beside those of names of links, points and joints, in what could be read."""
+    """Faults of references in what could be read, beside those of names of links, points and joints."""
     document = reading.document
     yield from _joints(reading)
     yield from _sketch(reading)
@@ -42,7 +42,7 @@ def check_references(reading: Reading) -> Iterator[Fault]:
                 yield Fault(f"{key}[{k}]", f"'{name}' is listed twice.", "Leave it out once.")
     listed = "*" not in reading.broken["links"]
     yield from check_studies(document, {name: point_names(reading, name) for name in link_names(reading)}, listed)
-    # those that masses make
+    # effects that need masses
     effects = [name for name in document.effects if not isinstance(name, UnknownName) and name != "friction"]
     weightless = all(
         link.mass is None and not link.point_masses and "*" not in link.invalid_keys for link in document.links.values()
@@ -53,7 +53,7 @@ def check_references(reading: Reading) -> Iterator[Fault]:
 
 
 def check_link_names(reading: Reading) -> Iterator[Fault]:
-    """Every name of a link that does not exist, where its type alone does not say so."""
+    """Faults of names of links that do not exist, at places that their type does not mark as references."""
     document = reading.document
     if "*" not in reading.broken["links"] and not link_names(reading):
         yield Fault("links", "the scene has no links.", "Add a table [links] with the frame and at least one moving link.")
@@ -105,7 +105,7 @@ def _joints(reading: Reading) -> Iterator[Fault]:
 
 
 def _looks(reading: Reading) -> Iterator[Fault]:
-    """A flywheel or fan needs a shaft; a spindle belongs to the ground; any link may look like nothing."""
+    """Faults of looks: a flywheel or fan needs a shaft, a spindle belongs to the ground; "nothing" is allowed for any link."""
     document = reading.document
     pinned = {link for j in document.joints.values() if "revolute" in j.kinds and document.frame in j.links for link in j.links}
     for name, link in document.links.items():
@@ -121,7 +121,8 @@ def _looks(reading: Reading) -> Iterator[Fault]:
 
 
 def check_joining(reading: Reading, touched: Mapping[str, Iterable[str]]) -> Iterator[Fault]:
-    """Is it one mechanism? ``touched`` says which links each joint joins, or may join."""
+    """Faults of links that no chain of joints connects with the fixed link. ``touched``: the links that each joint joins, or may
+    join."""
     document = reading.document
     if "*" in reading.broken["joints"] or not touched:
         return
@@ -147,7 +148,7 @@ def check_joining(reading: Reading, touched: Mapping[str, Iterable[str]]) -> Ite
 
 
 def check_trace(reading: Reading, *, certain: bool) -> Iterator[Fault]:
-    """Points that are traced; ``certain`` says whether it is known which points the joints join."""
+    """Faults of traced points; ``certain``: it is known which points the joints join."""
     trace = reading.document.trace
     whole = "*" not in reading.broken["links"] and all(point_names(reading, link) is not None for link in link_names(reading))
     first = {text: k for k, text in reversed(list(enumerate(trace)))}
@@ -165,7 +166,7 @@ def check_trace(reading: Reading, *, certain: bool) -> Iterator[Fault]:
 
 
 def resolve_trace(reading: Reading, text: str) -> tuple[str, str] | Fault:
-    """``"E"`` or ``"coupler.E"`` -> link and point. A bare name on several links must be one place, a common pin."""
+    """``"E"`` or ``"coupler.E"`` -> link and point. A bare name on several links must be their common pin."""
     if (place := split_point(reading, text)) is not None:
         return place
     owners = reading.owners.get(text, [])
@@ -210,7 +211,8 @@ def _sketch(reading: Reading) -> Iterator[Fault]:
 
 
 def _nearest(word: str, known: Collection[str]) -> str:
-    """The name itself if it is known, else the only one that it resembles most."""
+    """The name itself if it is known, else the one that it resembles most; ``UnknownName`` where there is none, or more than
+    one."""
     if word in known:
         return word
     near = nearest(word, known, 2)
@@ -252,7 +254,8 @@ def _owners(reading: Reading, point: str) -> list[str]:
 
 
 def touched_links(reading: Reading, name: str, joint: JointDocument) -> tuple[set[str], bool]:
-    """The links that a joint joins, and whether that is certain: for a name that is not known, every link with the point."""
+    """The links that a joint joins, and whether that is certain. In place of an unknown name, every link with the point is
+    taken."""
     sure, links = bool(joint.kinds), set()
     points = points_of_joint(name, joint)
     for k, link in enumerate(joint.links if sure else (UnknownName(), UnknownName())):

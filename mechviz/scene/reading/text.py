@@ -1,4 +1,4 @@
-"""Scene files: finding them, reading them as text, saying in words where they are not TOML, and writing them as a person would."""
+"""Scene files: find them, read their text, report errors of TOML syntax, and write TOML in the layout of a person."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ DEEPEST_NESTING = 20
 
 
 def find_scene(source: str | Path) -> Path:
-    """A gallery name or a path -> the file. Anything with a folder or the ending .toml is a path."""
+    """The file of a gallery name or of a path. A text with a folder or a file ending is a path. Raises `SceneError`."""
     text = str(source)
     names = gallery_names()
     if isinstance(source, str) and text in names:
@@ -70,12 +70,12 @@ def find_scene(source: str | Path) -> Path:
 
 
 def _letters(name: str) -> str:
-    """A name without what divides its words."""
+    """A name in lower case without the characters that separate its words."""
     return re.sub(r"[\W_]", "", name.casefold())
 
 
 def read_text(path: Path) -> str:
-    """The text of a scene file; SceneError where it has none."""
+    """The text of a scene file. Raises `SceneError` where it cannot be read, or is no text."""
     name = path.name or str(path)
 
     def fault(message: str, remedy: str = "") -> SceneError:
@@ -139,7 +139,7 @@ _REMEDIES = (
 
 
 def parse_toml(text: str, name: str) -> dict[str, Any]:
-    """TOML text -> plain data; SceneError with line and column in words where it is no TOML."""
+    """TOML text -> plain data. Raises `SceneError` with line and column where it is not valid."""
     try:
         data = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
@@ -155,13 +155,13 @@ def parse_toml(text: str, name: str) -> dict[str, Any]:
 
 
 def _is_shallow(value: object, levels: int) -> bool:
-    """Are tables and lists nested at most this deep?"""
+    """Whether tables and lists are nested at most ``levels`` deep."""
     inner = value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
     return levels > 0 and all(_is_shallow(item, levels - 1) for item in inner)
 
 
 def _syntax_fault(said: str, text: str) -> Fault:
-    """Fault that the TOML reader found, with the line that it stumbled over."""
+    """The fault of an error that the TOML reader reports, with the line in which it occurs."""
     message, _, place = said.splitlines()[0].partition(" (at ")
     numbers = [int(n) for n in re.findall(r"[0-9]+", place)]
     rows = text.splitlines()
@@ -186,8 +186,9 @@ _LONGEST_LINE = 118
 def toml_text(data: Mapping[str, Any]) -> str:
     """TOML of nested tables, lists, texts, numbers and flags; floats read back bit for bit.
 
-    Not by tomlkit: a scene's equality and hash are of this text, which would take 16 times as long, and every command would load
-    50 ms longer; the choice between a line and a table for each entry, 2.0 as 2 and blanks in braces would be ours all the same.
+    tomlkit is not used: equality and hash of a scene use this text, which would take 16 times as long, and every command would take
+    50 ms longer to load. The choice between a line and a table for each entry, 2.0 as 2 and blanks in braces would need code of
+    ours anyway.
     """
     plain = {key: value for key, value in data.items() if not _is_section(key, value)}
     lines = [f"{key_text(key)} = {value_text(value)}" for key, value in plain.items()]
@@ -216,12 +217,12 @@ def _section(name: str, section: Mapping[str, Any]) -> list[str]:
 
 
 def key_text(key: str) -> str:
-    """A key, in quotes where TOML wants that."""
+    """A key, in quotes where TOML requires them."""
     return key if _BARE_KEY.fullmatch(key) else _text(key)
 
 
 def _text(text: str) -> str:
-    """A basic string. JSON escapes all that TOML wants escaped, except for the delete character."""
+    """A basic string. JSON escapes all characters that TOML requires to be escaped, except delete."""
     return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 

@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 
 _STEEPEST = math.radians(89.0)
 _FINEST_UNIT = 1e-9  # of a drawing [m]
-_SMALL = 1e-6  # the roller from which the least is looked for [m]
+_SMALL = 1e-6  # radius from which the least roller is sought [m]
 
 
 class CamKeys(DocumentTable):
@@ -51,14 +51,14 @@ class CamKeys(DocumentTable):
     profile: ProfileDocument | None = None
     """Cam: base circle and lift."""
     follower: FollowerDocument | None = None
-    """Cam: what touches it and what guides that."""
+    """Cam: the follower's face and its guide."""
     closure: Literal["force", "form"] | None = None
     """Cam: "force", the follower is only pressed on it (by a spring, its weight); "form", a groove or a yoke holds it too.
     Default force."""
     rating: RatingDocument | None = None
-    """Cam: by what its contact is judged: Hertz pressure, a margin of the contact force."""
+    """Cam: criteria of its contact: Hertz pressure, a margin of the contact force."""
     graphical: GraphicalDocument | None = None
-    """Cam: its lift also by the graphical method, with the error of that."""
+    """Cam: also its lift by the graphical method, with the error of that."""
     liftoff: LiftoffDocument | None = None
     """Cam: the follower may leave it, flies under the forces and lands with an impact; the run then has a duration."""
 
@@ -79,7 +79,7 @@ def _cam(m: JointMaker) -> Joint | None:
         convert.note(f"{path}.profile.base", 'the value "least" is for discs with a lift.', "Give a length.")
     base = 0.0 if profile.base is None or least else convert.si(profile.base, measure, f"{path}.profile.base")
     solid = any(getattr(profile, key) is not None for key in SOLIDS)
-    if base < 0.0 and not (profile.bed or solid or follower.groove is not None):  # else it is a place
+    if base < 0.0 and not (profile.bed or solid or follower.groove is not None):  # else base is a position
         convert.note(f"{path}.profile.base", f"{as_length(base)} is negative.", "Give a positive value.")
     if follower.side is not None and guide is not None and not oscillates:
         convert.note(f"{path}.follower.side", "a follower in a straight guide has no arm with sides.", "Leave it out.")
@@ -156,7 +156,7 @@ def _cam(m: JointMaker) -> Joint | None:
 
 
 def _note_unused(profile: ProfileDocument, path: str, convert: Converter, *, inverse: bool, solid: bool) -> None:
-    """Notes what the kind of cam has no use for, so that no limit is stated which nothing judges."""
+    """Note keys that the kind of cam does not use, so that no limit is stated that is never checked."""
     if profile.curvature_limit is not None and (inverse or solid):
         what = "an inverse cam" if inverse else "a cam with its axis in the plane"
         convert.note(
@@ -170,7 +170,7 @@ def _note_unused(profile: ProfileDocument, path: str, convert: Converter, *, inv
 def _least_sizes(
     joint: JointDocument, path: str, convert: Converter, *, other: bool, oscillates: bool
 ) -> tuple[Literal["base", "offset", "roller"], ...]:
-    """The sizes that are to be the least; ``other``: than a disc. Faults are noted."""
+    """The sizes to be minimised; ``other``: the cam is no disc. Faults are noted."""
     profile, follower, rating = joint.profile, joint.follower, joint.rating
     assert profile is not None and follower is not None
     asked: list[Literal["base", "offset", "roller"]] = ["base"] if profile.base == LEAST else []
@@ -216,7 +216,8 @@ def _blank(profile: ProfileDocument, path: str, convert: Converter) -> SpatialBl
 
 
 def _face(follower: FollowerDocument, path: str, convert: Converter, pin: float) -> Any:
-    """Its face; a roller that is to be the least is first a small one, around its ``pin`` [m]."""
+    """The core's face of the follower, None where a fault was noted. A roller to be minimised is first a small one, larger than its
+    ``pin`` (radius [m])."""
     if follower.groove is not None:
         radius = convert.si(follower.groove, "length", f"{path}.follower.groove")
         return None if math.isnan(radius) else Roller(radius)
@@ -370,13 +371,13 @@ _OF_THE_CORE = {
     "undercut": "profile.undercut", "guide": "follower.guide", "point": "follower.point", "second": "follower.second",
     "left": "follower.face", "offset": "follower.offset",
 }  # fmt: skip
-"""Translation of a cam joint's keys to the core; its face is one of `_FACES`."""
+"""Keys of the core's cam joint -> keys of the scene's; the core's face is one of `_FACES`."""
 
 _FACES = ("roller", "mushroom", "groove", "flat")
 
 
 def _core_path(joint: JointDocument, path: str) -> str:
-    """A path inside a cam joint of the core, in the scene."""
+    """The path in the scene's cam joint of a path in the core's."""
     key, _, rest = path.partition(".")
     if key == "face" and joint.follower is not None:
         return f"follower.{next((face for face in _FACES if getattr(joint.follower, face)), '')}"

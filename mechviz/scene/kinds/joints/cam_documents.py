@@ -1,4 +1,4 @@
-"""Documents of cams: profile, follower, blank; by what a contact is judged, and the graphical method beside the exact lift."""
+"""Documents of cams: profile, follower and blank, the rating of a contact, and the graphical method beside the exact lift."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ class FollowerDocument(DocumentTable):
     second: SecondDocument | None = None
     """Closure = "form": a second roller on a second cam of the same shaft, which pulls (a conjugate pair)."""
     offset: Literal["least"] | None = None
-    """"least", beside base = "least": the guide is moved across itself to where the base circle is least."""
+    """Offset of the guide: "least", beside base = "least", places the guide where the base circle is least."""
     side: Literal["left", "right"] | None = None
     """Oscillating: the point lies on this side of the line from the pivot to the cam's axis. Default left."""
 
@@ -117,7 +117,7 @@ class BlankDocument(DocumentTable):
     thickness: Size | None = None
     """Rib: its thickness between the two rollers."""
     rollers: Annotated[int, Field(strict=True, ge=6, le=100)] | None = None
-    """Barrel: an indexing cam for a turret of so many rollers, which goes on by one of them every turn. base is left out."""
+    """Barrel: an indexing cam for a turret of so many rollers, which advances by one of them every turn. base is left out."""
 
 
 class GloboidDocument(DocumentTable):
@@ -126,7 +126,7 @@ class GloboidDocument(DocumentTable):
     depth: Size
     """Depth of the groove: the roller's length along the arm, half of it on either side of the follower's point."""
     rollers: Annotated[int, Field(strict=True, ge=6, le=100)] | None = None
-    """An indexing cam for a turret of so many rollers, which goes on by one of them every turn. base is left out."""
+    """An indexing cam for a turret of so many rollers, which advances by one of them every turn. base is left out."""
 
 
 class ProfileDocument(DocumentTable):
@@ -153,11 +153,11 @@ class ProfileDocument(DocumentTable):
     file_unit: Size | None = None
     """Length of the unit of a file that does not state one, such as "1 mm"."""
     tolerance: Extent | None = None
-    """Points, CSV: how far (root mean square) the spline may pass from them. Default 0."""
+    """Points, CSV: root mean square distance at which the spline may pass them. Default 0."""
     radius: Annotated[list[RadiusSegment], Field(min_length=1)] | None = None
     """Given profile: radius over the polar angle in the cam's link, segments over 360 deg that start at base."""
     undercut: Literal["refuse", "cut"] = "refuse"
-    """Lift: what to do where the follower is too large for the law: refuse, or make what the cutter really leaves."""
+    """Lift, where the follower is too large for the law: "refuse", or "cut", the profile that the cutter really leaves."""
     barrel: BlankDocument | None = None
     """The cam's axis lies in the plane: a cylinder with a groove (closure = "form"). base: the roller's place along it."""
     rib: BlankDocument | None = None
@@ -256,7 +256,7 @@ _THINNEST = 1e-9  # width of a contact [m]
 
 
 class RatingDocument(DocumentTable):
-    """By what the contact of a cam is judged."""
+    """Criteria of the contact of a cam."""
 
     width: Size | None = None
     """Length of the line on which cam and follower touch, across the plane: with it the Hertz pressure is computed."""
@@ -267,9 +267,10 @@ class RatingDocument(DocumentTable):
     poisson: Annotated[list[Number], Field(min_length=2, max_length=2)] | None = None
     """Poisson's ratios [cam, follower], beside modulus. Default 0.3."""
     limit: Pressure | None = None
-    """Largest Hertz pressure that is allowed; more is an event."""
+    """Largest allowed Hertz pressure; more is an event."""
     margin: Effort | None = None
-    """Closure = "force": contact force that has to remain; less is an event, and `mechviz cams` gives the least spring for it."""
+    """Closure = "force": least contact force that must remain; less is an event, and `mechviz cams` gives the least spring for
+    it."""
 
     @model_validator(mode="after")
     def _agrees(self) -> RatingDocument:
@@ -296,9 +297,9 @@ class GraphicalDocument(DocumentTable):
     """The lift by the graphical method of the lecture, beside the exact one."""
 
     step: Angle
-    """The cam is turned by this much from point to point; so often that it comes round, at least four times."""
+    """Step of the cam's angle from point to point; a turn has a whole number of steps, at least four."""
     lines: Literal["chord", "tangent"] = "chord"
-    """By what the curves are differentiated: slopes of their chords, or of tangents laid by eye."""
+    """Differentiation of the curves: slopes of their chords, or of tangents laid by eye."""
     resolution: Range = 0.0
     """Resolution of readings from the drawing: a length, of an oscillating follower an angle. Default 0."""
 
@@ -328,7 +329,7 @@ def rating_of(rating: RatingDocument, path: str, convert: Converter) -> CamRatin
 
 
 def graphical_of(graphical: GraphicalDocument, across: str, path: str, convert: Converter) -> CamDrawn | None:
-    """The core's request for a drawing; ``across``: what the follower's coordinate is. Faults are noted."""
+    """The core's specification of the drawing; ``across``: the kind of the follower's coordinate. Faults are noted."""
     step = convert.si(graphical.step, "angle", f"{path}.step")
     resolution = convert.si(graphical.resolution, across, f"{path}.resolution")
     if math.isnan(step) or math.isnan(resolution):
@@ -341,7 +342,7 @@ def graphical_of(graphical: GraphicalDocument, across: str, path: str, convert: 
 
 
 def whole_step(step: float) -> float | None:
-    """The step [rad] that makes exactly a turn in 4 to 100,000 steps, where ``step`` is that but for rounding; else None."""
+    """The exact step [rad] that divides a turn into 4 to 100,000 steps, where ``step`` is that up to rounding; else None."""
     turns = 2.0 * math.pi / step if step > 0.0 else 0.0
     if not _FEWEST - 1e-6 <= turns <= _MOST + 1e-6 or abs(turns - round(turns)) > 1e-6:
         return None
@@ -349,7 +350,7 @@ def whole_step(step: float) -> float | None:
 
 
 def step_fault(step: float) -> tuple[str, str]:
-    """Fault of a step [rad] that ``whole_step`` does not take, and the remedy."""
+    """Message and remedy for a step [rad] that ``whole_step`` does not accept."""
     turns = 2.0 * math.pi / step if step > 0.0 else math.inf
     size = as_angle(step)
     if step > 0.0 and turns > _MOST:

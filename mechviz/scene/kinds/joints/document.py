@@ -1,6 +1,6 @@
-"""A joint of a scene document: one of the kinds with the keys that go with it; and what it is in the core.
+"""A joint of a scene document: one of the kinds with the keys that go with it, and its conversion to the core.
 
-To add a kind: its keyword and keys, what becomes of it in the core and its entry in a module of this folder.
+To add a kind, define its keyword and keys, its conversion to the core and its entry in a module of this folder.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class JointKeys(KindTable):
     """Assembly mode: the pin lies on this side of the line from the first link's other pin to the second link's.
     Rolling, rack: the wheel or pinion lies on this side of the edge or guide, looking along it. Default left."""
     assembly: Literal["open", "crossed"] | None = None
-    """Assembly mode of a four-bar, said of the pin between coupler and rocker."""
+    """Assembly mode of a four-bar, stated at the pin between coupler and rocker."""
     branch: Literal["ahead", "behind"] | None = None
     """Assembly mode of a group with a sliding joint: further along the guide's direction, or further back."""
     friction: FrictionDocument | None = None
@@ -88,7 +88,7 @@ class JointDocument(JointKeys, CamKeys, WheelKeys, LowerKeys):
 
     @property
     def mode(self) -> str | None:
-        """The assembly mode, whichever way it is said; the side of a wheel on its edge is none."""
+        """The assembly mode, by whichever key it is stated; the side of a wheel on its edge is none."""
         return next((mode for key in self.traits.modes if (mode := getattr(self, key)) is not None), None)
 
     @model_validator(mode="after")
@@ -117,7 +117,7 @@ class JointDocument(JointKeys, CamKeys, WheelKeys, LowerKeys):
         return self
 
     def says(self, key: str) -> bool:
-        """Whether a key says something: not what holds without it."""
+        """Whether a key has a value other than its default."""
         return getattr(self, key) not in (None, False, [])
 
     def instead(self, key: str) -> str:
@@ -140,7 +140,7 @@ class JointDocument(JointKeys, CamKeys, WheelKeys, LowerKeys):
 
 
 def check_joints(reading: Reading) -> Iterator[Fault]:
-    """Faults of the names that joints refer to beside their links and points, and of the parts that they bring along."""
+    """Faults of the names that joints refer to beside their links and points, and of the parts that they generate."""
     taken = {"links": link_names(reading), "joints": list(reading.document.joints)}
     for name, joint in reading.document.joints.items():
         if len(joint.kinds) > 1:
@@ -158,7 +158,7 @@ def check_joints(reading: Reading) -> Iterator[Fault]:
 
 
 def joint_spec(name: str, joint: JointDocument, document: SceneDocument, placement: Placement, convert: Converter) -> Joint | None:
-    """The core's joint; faults of its values are noted. None where too little of it is left."""
+    """The core's joint; faults of its values are noted. None where too much of it is missing."""
     return joint.traits.make(JointMaker(name, joint, document, placement, convert))
 
 
@@ -176,7 +176,7 @@ def drawn_place(joint: JointDocument, placement: Placement) -> tuple[float, floa
 
 
 def modes_of(document: SceneDocument) -> dict[str, str]:
-    """Assembly modes by the name that the core knows the joint by.
+    """Assembly modes by the names of the joints in the core.
 
     The side of a cylinder is that of its eye. A cylinder that nothing drives has a positive length, never the other branch.
     """

@@ -39,7 +39,7 @@ class LowerKeys(DocumentTable):
     guide: Text | None = None
     """Prismatic, pin in slot, screw: the link that carries the guide, slot or spindle. Default: the first."""
     length: Ends | None = None
-    """Pin in slot, prismatic: how far the pin or slider can go along the slot or guide from its point, or [from, to]; cylinder: its
+    """Pin in slot, prismatic: travel of the pin or slider along the slot or guide from its point, or [from, to]; cylinder: its
     greatest length, or [least, greatest]. Prescribed motion beyond is refused, free motion meets an end stop there. Default: no
     ends."""
     angle: Angle | None = None

@@ -1,5 +1,5 @@
-"""Wheels: rolling on an edge, and gears, belts, chains and racks, which tie motions of wheels together that pins hold. Do these
-pins exist, and do the sizes fit?"""
+"""Joints of wheels: rolling on an edge, and gears, belts, chains and racks, which couple the motions of wheels held by pins; checks
+that these pins exist and that the sizes fit."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 Teeth = Annotated[int, Field(strict=True, ge=1, le=100_000)]
 
-_FIT = 1e-3  # radii are stated with few digits: how far they may miss the distance of the axes, relative to it
+_FIT = 1e-3  # relative error of radii, stated with few digits, in the distance of the axes
 _STEEPEST = math.radians(45.0)  # pressure angles of real teeth lie between 14.5 and 30 degrees
 
 
@@ -46,7 +46,7 @@ class WheelKeys(DocumentTable):
     rack: TwoLinks | None = None
     """[pinion, rack]."""
     carrier: LinkName | None = None
-    """Gear, belt, chain: the link to which both wheels are pinned. Default: the fixed link, or the only one in question."""
+    """Gear, belt, chain: the link to which both wheels are pinned. Default: the fixed link, or the only one possible."""
     teeth: Annotated[list[Teeth], Field(min_length=2, max_length=2)] | None = None
     """Gear: numbers of teeth [first, second]."""
     radii: Annotated[list[Size], Field(min_length=2, max_length=2)] | None = None
@@ -58,7 +58,7 @@ class WheelKeys(DocumentTable):
     pressure_angle: Angle | None = None
     """Gear, rack: angle between the force and the tangent of the pitch circles. Default 20 deg."""
     crossed: Flag = False
-    """Belt: it crosses between the pulleys and turns them against each other."""
+    """Belt: it crosses between the pulleys, which then turn in opposite directions."""
     slider: Text | None = None
     """Rack: the prismatic joint that guides the rack on the link to which the pinion is pinned."""
 
@@ -140,10 +140,10 @@ def _pinned_to(document: SceneDocument, link: str) -> dict[str, str]:
 def _on_one_axis(document: SceneDocument, link: str) -> list[str]:
     """All links that turn about the same axes as a link: those that a pin joins to it, and those pinned at the same places of them.
 
-    Welds are followed too; whether the axis is then the same is seen when the scene is compiled.
+    Welds are followed, too; whether the axis is then the same is checked when the scene is compiled.
     """
     axle, ends = [link], [(link, "")]
-    for here, place in ends:  # grows while it is walked through
+    for here, place in ends:  # grows during the loop
         for name, joint in document.joints.items():
             if joint.kind not in ("revolute", "weld") or here not in joint.links:
                 continue
@@ -162,7 +162,7 @@ def _on_one_axis(document: SceneDocument, link: str) -> list[str]:
 
 
 def _places(document: SceneDocument, link: str, name: str) -> object:
-    """Places of points, as far as a scene states them."""
+    """The coordinates of a point as the scene states them, else its name."""
     known = document.links.get(link)
     return known.points.get(name, name) if known is not None and isinstance(known.points, dict) else name
 
@@ -172,7 +172,7 @@ def carrier_of(document: SceneDocument, joint: JointDocument) -> str | None:
     if joint.carrier is not None:
         return joint.carrier
     both: list[str] = []
-    for neighbours in (_pinned_to, _on_one_axis):  # directly, or by way of others on the same axis
+    for neighbours in (_pinned_to, _on_one_axis):  # directly, or through others on the same axis
         first, second = (neighbours(document, link) for link in joint.links)
         both = both or [link for link in first if link in second and link not in joint.links]
     if document.frame in both:
@@ -181,7 +181,7 @@ def carrier_of(document: SceneDocument, joint: JointDocument) -> str | None:
 
 
 def _unclear(reading: Reading) -> bool:
-    """Whether it is not known of some joint which links it joins, so that it may be the one that is missed."""
+    """Whether the links of some joint are unknown, so that it may be the one that seems to be missing."""
     joints = reading.document.joints.values()
     doubtful = any(len(joint.kinds) > 1 or any(isinstance(link, UnknownName) for link in joint.links) for joint in joints)
     return bool(reading.shapeless) or doubtful or "*" in reading.broken["joints"]
@@ -256,7 +256,7 @@ def _check_rack(reading: Reading, path: str, joint: JointDocument) -> Iterator[F
 def _check_sizes(
     path: str, joint: JointDocument, sizes: tuple[float, float], document: SceneDocument, placement: Placement, convert: Converter
 ) -> None:
-    """Notes sizes that cannot mesh: a ring that is not larger than its pinion, radii that do not fit the axes' distance [m]."""
+    """Note sizes that cannot mesh: a ring that is not larger than its pinion, radii that do not fit the axes' distance [m]."""
     if any(map(math.isnan, sizes)):
         return
     key = "teeth" if joint.teeth is not None else "radii"

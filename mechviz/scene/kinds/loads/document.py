@@ -1,6 +1,6 @@
-"""A load of a scene document: one of the kinds with the keys that go with it; and what it is in the core.
+"""A load of a scene document: one of the kinds with the keys that go with it, and its conversion to the core.
 
-To add a kind: its keyword and keys, what becomes of it in the core and its entry in a module of this folder.
+To add a kind, define its keyword and keys, its conversion to the core and its entry in a module of this folder.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ class LoadKeys(KindTable):
     step: StepDocument | None = None
     """Force, torque, actuator: the value is multiplied by a factor that jumps at a time."""
     ramp: RampDocument | None = None
-    """Force, torque, actuator: the value is multiplied by a factor that changes evenly between two times."""
+    """Force, torque, actuator: the value is multiplied by a factor that changes linearly between two times."""
     chirp: ChirpDocument | None = None
     """Force, torque, actuator: the value is multiplied by a sine whose frequency changes with time."""
     use: Literal["useful", "harmful"] | None = None
@@ -103,7 +103,7 @@ class LoadDocument(LoadKeys, MachineKeys, GasKeys, SpringKeys, PrescribedKeys):
 
 
 def check_loads(reading: Reading) -> Iterator[Fault]:
-    """Every fault of reference in the loads that could be read."""
+    """Every fault of references in the loads that could be read."""
     for name, load in reading.document.loads.items():
         path = f"loads.{name}"
         yield from check_prescribed(reading, load, path)
@@ -115,8 +115,9 @@ def check_loads(reading: Reading) -> Iterator[Fault]:
 
 
 def load_specs(name: str, load: LoadDocument, reading: Reading, convert: Converter, leader: str | None = None) -> tuple[Load, ...]:
-    """The load, or the loads that it is made of; none where a name that it refers to is not there (which `check_loads` says), or a
-    part of it is faulty. ``leader``: the first joint whose drive moves, if it is known; factors depend on it that name none."""
+    """The core's load, or the loads of which it consists; none where a name that it refers to does not exist (which `check_loads`
+    reports), or a part of it is faulty. ``leader``: the first joint whose drive moves, if known; factors that name no joint depend
+    on it."""
     made: list[tuple[Load, ...]] = []
     for kind in load.kinds:
         try:
@@ -125,5 +126,5 @@ def load_specs(name: str, load: LoadDocument, reading: Reading, convert: Convert
         except (AssertionError, ArithmeticError, IndexError, TypeError, ValueError):
             if not reading.faults:
                 raise
-            return ()  # what fails here fails by a part that could not be read, which is noted already
+            return ()  # caused by a part that could not be read, whose fault is noted already
     return made[0] if len(made) == 1 else ()

@@ -56,7 +56,7 @@ class MachineKeys(DocumentTable):
     governor: Text | None = None
     """The revolute joint or the link that a machine with a proportional speed governor drives."""
     servo: ServoName | None = None
-    """The revolute or sliding joint whose coordinate a servo leads to a target, in a motion under forces."""
+    """The revolute or sliding joint whose coordinate a servo controls to a target, in a motion under forces."""
     stall_torque: TorqueValue | None = None
     """DC motor: torque at rest; its sign is the direction."""
     no_load_speed: AngularSpeed | None = None
@@ -74,17 +74,17 @@ class MachineKeys(DocumentTable):
     set_speed: AngularSpeed | None = None
     """Governor: speed without load."""
     gain: TorsionalGain | None = None
-    """Governor: torque per speed that is missing."""
+    """Governor: torque per speed below the set speed."""
     limits: Annotated[list[TorqueValue], Field(min_length=2, max_length=2)] | None = None
     """Governor: least and greatest torque."""
     target: ServoTarget | None = None
-    """Servo: the wanted coordinate, times a signal if one is given; or a law of motion, by the keys of a drive."""
+    """Servo: the target coordinate, times a signal if one is given; or a law of motion, by the keys of a drive."""
     proportional: Stiffness | None = None
-    """Servo: torque per angle, or force per length, that the joint is behind its target."""
+    """Servo: torque per angle, or force per length, of the error (target less coordinate)."""
     derivative: Coefficient | None = None
-    """Servo: torque per angular speed, or force per speed, that it is slower than its target. Default 0."""
+    """Servo: torque per angular speed, or force per speed, of the rate of the error. Default 0."""
     integral: IntegralGain | None = None
-    """Servo: torque per angle and time, or force per length and time: of what it was behind since the start. Default 0."""
+    """Servo: torque per angle and time, or force per length and time, of the integral of the error since the start. Default 0."""
 
 
 def _driven(m: LoadMaker, name: str) -> dict[str, Any]:
@@ -243,4 +243,4 @@ MACHINES = {
         needs=_GOVERNOR,
     ),
 }
-"""The kinds of loads that drive."""
+"""The kinds of loads of machines."""

@@ -127,7 +127,7 @@ def stated_factor(m: LoadMaker) -> Factor | None:
 
 
 def _argument_kind(m: LoadMaker, of: str, joint: str | None) -> str | None:
-    """The kind of quantity that a factor depends on; None where its joint is not there."""
+    """The kind of quantity that a factor depends on; None where its joint does not exist or is faulty."""
     if of in _ARGUMENT_KINDS:
         return _ARGUMENT_KINDS[of]
     first = m.leader or next((name for name, p in m.document.joints.items() if p.driven), None)
@@ -139,13 +139,13 @@ def _argument_kind(m: LoadMaker, of: str, joint: str | None) -> str | None:
 
 
 def _likely_kind(given: FactorTable | FactorPolynomial) -> str:
-    """The kind where the joint is not known: that of the values as they are written."""
+    """The probable kind of the argument where the joint is not known, from the units of the values."""
     sort = probable_sort(given)
     return sort if given.of == "position" else _RATES.get(sort, "time")
 
 
 def _moderate(m: LoadMaker, values: list[float], path: str) -> bool:
-    """Notes the first number that is beyond all measure."""
+    """Whether no number is beyond `LARGEST_VALUE`; the first one that is is noted."""
     for k, value in enumerate(values):
         if abs(value) > LARGEST_VALUE:
             m.convert.note(f"{path}[{k}]", f"{value:g} is beyond {LARGEST_VALUE:g}.", "Check the number.")
@@ -191,7 +191,7 @@ def check_factor(reading: Reading, load: LoadDocument, path: str) -> Iterator[Fa
 
 
 def check_prescribed(reading: Reading, load: LoadDocument, path: str) -> Iterator[Fault]:
-    """Forces and torques: link, point and the link that they act against."""
+    """Faults of the link, the point and the opposite link of forces and torques."""
     if load.on is None:
         return
     if load.on == reading.document.frame:

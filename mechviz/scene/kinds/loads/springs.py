@@ -1,4 +1,4 @@
-"""Springs, dampers and bushings; resistance of a medium against points and links, of oil in joints; what keeps belts tight."""
+"""Springs, dampers and bushings; drag of a medium on points and links, viscous friction in joints; tension of belts."""
 
 from __future__ import annotations
 
@@ -64,8 +64,8 @@ class SpringKeys(DocumentTable):
     solid_length: Size | None = None
     """Spring: length at which its coils touch. A shorter spring is an event."""
     free_angle: Angle | None = None
-    """Torsion spring, bushing: angle from the first link's frame to the second's without load. It starts nearest to it.
-    Default 0."""
+    """Torsion spring, bushing: angle from the first link's frame to the second's without load. At the start the angle counts as the
+    one nearest to it. Default 0."""
     extended: Size | None = None
     """Gas spring: distance of its two points when extended."""
     gas_length: Size | None = None
@@ -79,7 +79,7 @@ class SpringKeys(DocumentTable):
     belt_tension: BeltName | None = None
     """The belt or chain that a tensioner keeps tight."""
     slack: ForceValue | None = None
-    """Belt tension: what the slack span pulls."""
+    """Belt tension: tension of the slack span."""
     coefficient: NotNegative | None = None
     """Belt tension: coefficient of friction between belt and pulleys; slip is an event. Default: it cannot slip."""
 
@@ -107,7 +107,7 @@ def _damper(m: LoadMaker) -> Load | None:
     return _between(m, Damper, m.load.damper, values)
 
 
-MOST_EXPONENT = 10.0  # of a gas spring: powers of what is far beyond overflow
+MOST_EXPONENT = 10.0  # of a gas spring: far larger powers overflow
 
 
 def _gas_spring(m: LoadMaker) -> Load | None:
