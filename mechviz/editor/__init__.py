@@ -1,1 +1,1 @@
-"""Editing a scene: parameters, limits, history and solving in the background; no browser inside."""
+"""Editing of scenes: parameters, limits, history and solving in the background; independent of the browser."""

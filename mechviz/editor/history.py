@@ -1,4 +1,4 @@
-"""History of an edited scene: undo, redo, reset. Steps of one drag are one step."""
+"""History of an edited scene: undo, redo, reset. The changes of one drag are one step."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ MOST_STEPS = 500
 
 @dataclass(frozen=True)
 class Draft:
-    """A scene being edited: its document, and the loads that are switched off, which wait with their values."""
+    """A scene being edited: its document, and the names of the loads that are switched off (``idle``), which keep their values."""
 
     name: str
     document: SceneDocument
@@ -34,13 +34,13 @@ class Draft:
         return cls(scene.name, scene.document, scene.folder)
 
     def scene(self) -> Scene:
-        """The scene that the draft says, without what is switched off. Raises `SceneError` where it says none."""
+        """The scene of the draft, without the loads that are switched off. Raises `SceneError` where it is not valid."""
         changes: dict[Place, Any] = {("loads", name): None for name in self.idle}
         document = changed_document(self.document, changes, self.name, self.folder) if changes else self.document
         return assembled(document, self.name, self.folder)
 
     def changed(self, changes: Mapping[Place, Any]) -> Draft:
-        """The draft with other values at some places. Raises `SceneError`."""
+        """The draft with the values at some places replaced. Raises `SceneError`."""
         return replace(self, document=changed_document(self.document, changes, self.name, self.folder))
 
     def with_value(self, place: Place, value: object) -> Draft:
@@ -55,11 +55,12 @@ class Draft:
         return self.changed(changes)
 
     def with_effect(self, effect: str, on: bool) -> Draft:
-        """The draft with an effect named or not; the order of those that are there stays."""
+        """The draft with an effect switched on or off; the other effects keep their order."""
         return self.with_named("effects", effect, on)
 
     def with_named(self, key: str, name: str, on: bool) -> Draft:
-        """The draft with a name in one of its lists or tables, such as ``polygons``, ``centrodes`` or ``sections``, or not."""
+        """The draft with a name added to one of its lists or tables, such as ``polygons``, ``centrodes`` or ``sections``, or
+        removed from it."""
         if isinstance(getattr(self.document, key), Mapping):
             return self.changed({(key, name): {} if on else None})
         named = [n for n in getattr(self.document, key) if n != name] + ([name] if on else [])
@@ -72,7 +73,7 @@ class Draft:
 
 
 class History:
-    """Drafts one after the other. ``change`` puts a new one behind the present one, which forgets what was undone."""
+    """A sequence of drafts. ``change`` adds a new one after the present one and discards those that were undone."""
 
     def __init__(self, opened: Draft, clock: Callable[[], float] = time.monotonic):
         self._drafts = [opened]
@@ -81,7 +82,7 @@ class History:
         self._last: tuple[str, float] = "", -1e9
 
     def copied(self) -> History:
-        """A history that goes its own way from here on."""
+        """A copy of the history that changes independently."""
         other = copy.copy(self)
         other._drafts = list(self._drafts)
         return other
@@ -103,7 +104,7 @@ class History:
         return self._at + 1 < len(self._drafts)
 
     def change(self, draft: Draft, what: str) -> None:
-        """A new draft; ``what`` names the value that was changed, so that a drag becomes one step."""
+        """Add a draft; ``what`` names the value that was changed, so that a drag becomes one step."""
         now = self._clock()
         same = what == self._last[0] and now - self._last[1] < ONE_DRAG and self._at > 0
         self._last = what, now

@@ -1,4 +1,5 @@
-"""Another law for a segment of a motion, whose data are made from the motion that it has, so that this stays as near as can be."""
+"""Change of the law of a segment. The data of the new law are computed from the present motion, so that it changes as little as
+possible."""
 
 from __future__ import annotations
 
@@ -28,15 +29,15 @@ _LEAST = {f"least {order}": {"least": order} for order in ("acceleration", "jerk
 LAW_OPTIONS = (*RISES, "polynomial", STATED_ENDS, POLYNOMIAL, SPLINE, ACCELERATION, VELOCITY, TABLE, *_LEAST)
 
 _POINTS = {POLYNOMIAL: 3, SPLINE: 4}  # between the ends: few enough to be moved one by one
-_ROWS = 16  # steps of given accelerations and velocities, where nothing bends sooner
+_ROWS = 16  # steps of given accelerations and velocities, beside the bends
 _TABLE_ROWS = 24
 _DIGITS = 10
-_SMOOTH = 1e-6  # of a derivative's largest size: a smaller step is none
+_SMOOTH = 1e-6  # of a derivative's largest magnitude: smaller jumps do not count
 
 
 @dataclass(frozen=True)
 class _Segment:
-    """A segment as it is: its curve over 0 ... ``over`` [SI], and the segments around it."""
+    """A segment before the change: its curve over 0 ... ``over`` [SI], and the joined segments that contain it (``kinds``)."""
 
     curve: MotionCurve
     over: float
@@ -55,7 +56,7 @@ class _Segment:
         return not any([*self.state(0.0, 1)[1:], *self.state(self.over, 1, "left")[1:]])
 
     def jerk(self) -> float:
-        """That of the polynomial of the fifth degree at its end."""
+        """The jerk at its end of the polynomial of the fifth degree with its end conditions, as a bare number of the scene."""
         ends = ((0.0, self.curve(np.zeros(1), 2)), (self.over, self.curve(np.array([self.over]), 2, "left")))
         conditions = [BoundaryCondition(at, float(v), k) for at, state in ends for k, v in enumerate(state[:, 0])]
         return self.derivative(float(polynomial_law(conditions).limits(3)[0][-1, 3]), 3)
@@ -70,8 +71,8 @@ class _Segment:
 def law_changes(scene: Scene, place: Place, option: str) -> dict[Place, Any]:
     """The changes of a scene for another law, one of `LAW_OPTIONS`, at a place ``(..., k, "law")``.
 
-    Laws by data take these from the present motion. Where such a law meets derivatives at its ends and the present one has some
-    there, those are stated, or left to neighbours that have a shape of their own.
+    Laws defined by data take these from the present motion. Where such a law satisfies derivatives at its ends and the present
+    motion has some there, they are stated, or left free at neighbours of a fixed shape.
     """
     home, k = place[:-2], int(place[-2])
     segments: list[SegmentTable] = value_at(scene.document, home)
@@ -85,7 +86,7 @@ def law_changes(scene: Scene, place: Place, option: str) -> dict[Place, Any]:
     if isinstance(table.to, list):
         position = scene.document.formulas.get((*home, k, "to", 0), position)
     following = segments[k + 1] if k + 1 < len(segments) else segments[0] if joined.curve.repeats else None
-    bound = following is not None and _meets(following)  # it starts where this one ends, derivatives included
+    bound = following is not None and _meets(following)  # it starts with the state at the end of this one, derivatives included
     whole = not isinstance(table, RadiusSegment)  # else its ends have no derivatives
     if option == STATED_ENDS and whole:
         changes[(*home, k, "to")] = [position, *end[1:], *([] if bound else [present.jerk()])]
@@ -107,7 +108,7 @@ def law_changes(scene: Scene, place: Place, option: str) -> dict[Place, Any]:
 
 
 def _meets(segment: SegmentTable) -> bool:
-    """Whether a segment meets velocities and accelerations at its ends."""
+    """Whether a segment can satisfy velocities and accelerations at its ends."""
     return segment.law.meets if isinstance(segment.law, LawDocument) else segment.to is not None and segment.named == "polynomial"
 
 
@@ -118,7 +119,7 @@ def _present(joined: JoinedSegments, k: int, units: Units) -> _Segment:
 
 
 def _written(option: str, present: _Segment) -> Any:
-    """The law as the scene holds it."""
+    """The new law as plain data of the scene."""
     if option in _POINTS:
         count = _POINTS[option]
         places = present.over * np.arange(1, count + 1) / (count + 1)
@@ -138,8 +139,8 @@ def _written(option: str, present: _Segment) -> Any:
 
 
 def _rows(curve: MotionCurve, order: int) -> tuple[Real, Real]:
-    """Places and values of a derivative, two at one place where it jumps, which straight lines join; its integrals over the whole
-    are those of the curve."""
+    """Places and values of a derivative for a table that is joined by straight lines, with two rows at a jump. Its integrals over
+    the segment are those of the curve."""
     left, right = curve.limits(order + 1)
     inner = curve(np.linspace(0.0, curve.length, 65), order + 1)
     size = np.abs(np.vstack([left, right, inner.T])).max(axis=0)
@@ -173,7 +174,7 @@ def _rows(curve: MotionCurve, order: int) -> tuple[Real, Real]:
 
 
 def _positions(curve: MotionCurve, over: float, rest: bool) -> tuple[Real, Real]:
-    """Places and positions of a table; its spline has the velocities of the curve at its ends, which are none at ``rest``."""
+    """Places and positions of a table. Its spline has the velocities of the curve at both ends, which are zero at ``rest``."""
     at = np.linspace(0.0, over, _TABLE_ROWS + 1)
     values = curve(at, 0, "left")[0]
     wanted = curve(at[[0, -1]], 1, "right")[1]
@@ -187,8 +188,7 @@ def _positions(curve: MotionCurve, over: float, rest: bool) -> tuple[Real, Real]
 
 
 def _corrected(values: Real, linear: Callable[[Real], Real], wanted: Real) -> Real:
-    """Values of which those between the first and the last are changed as little as can be for ``linear`` of all to be what is
-    wanted."""
+    """Values whose inner ones are changed as little as possible (least squares) such that ``linear(values)`` is ``wanted``."""
     out = values.copy()
     if len(values) > 2:
         columns = np.array([linear(unit) for unit in np.eye(len(values))[1:-1]]).T

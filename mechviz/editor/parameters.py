@@ -1,7 +1,7 @@
-"""The values of a scene that can be edited: found by walking through its document, each with its unit and a sane range.
+"""The values of a scene that can be edited: found by traversing its document, each with its unit and a useful range.
 
-Nothing here knows a particular scene or keyword beyond how values are grouped and called: what is a quantity, of which kind
-and how it is bounded stands in the types of the document.
+Apart from groups and labels, nothing here depends on a particular scene or keyword: the types of the document state which values
+are quantities, of which kind, and their bounds.
 """
 
 from __future__ import annotations
@@ -27,11 +27,11 @@ from mechviz.scene.kinds.settings import ParameterDocument
 from mechviz.scene.scene import Scene
 from mechviz.scene.units import DERIVATIVES, UNIT_KINDS, QuantityError, Units, split, symbol_of, unit_factor, unit_of
 
-LONGEST_LIST = 4  # of longer ones not every value has a slider: a text has them all
-HIDDEN = {"units", "parameters", "run", "along", "bulges", "watch", "mesh_unit"}  # texts, directions, and what says how to compute
+LONGEST_LIST = 4  # longer lists are edited as texts, not by sliders
+HIDDEN = {"units", "parameters", "run", "along", "bulges", "watch", "mesh_unit"}  # texts, directions, settings of the computation
 CURVE_SAMPLES = 257  # of a curve, for its largest derivative
-RANGE_STEPS = 1000  # about, over a range
-WIDEST_RANGE = 20.0  # ranges that a typed value may ask for beyond the first one
+RANGE_STEPS = 1000  # approximate number of steps over a range
+WIDEST_RANGE = 20.0  # how much wider than the first range a typed value may make it
 BARE = {
     "linear speed": "{length}/{time}",
     "angular speed": "{angle}/{time}",
@@ -43,10 +43,12 @@ GROUPS = ("Parameters", "Lengths", "Drive", "Cam", "Loads and springs", "Masses"
 
 @dataclass(frozen=True)
 class Parameter:
-    """A number of a scene: ``value`` as it is written, in ``unit`` (shown), between ``low`` and ``high``, in steps of ``step``.
+    """A number of a scene: ``value`` as it is shown, in ``unit``, between ``low`` and ``high``, in steps of ``step``; a typed value
+    may lie between ``hard_low`` and ``hard_high``.
 
-    ``suffix`` is the unit in the text of the file where it stands there, "" for a bare number. ``sign``: what the shown value is
-    multiplied with: a length is shown positive, whichever way its point lies from the origin of its link. ``whole``: an integer.
+    ``suffix`` is the unit in the text of the file where it stands there, "" for a bare number. ``sign`` is the factor between the
+    shown and the written value: a length is shown positive, on whichever side of the origin of its link its point lies. ``whole``:
+    an integer.
     """
 
     path: Place
@@ -73,7 +75,7 @@ class Parameter:
         return place_key(self.path)
 
     def written(self, value: float) -> float | int | str:
-        """Text in the file for a shown value."""
+        """The value in the file for a shown value: a number, or a text with its unit."""
         number = round(value) if self.whole else float(f"{self.sign * value:.12g}")
         return f"{number!r} {self.suffix}" if self.suffix else number
 
@@ -107,7 +109,7 @@ def place_key(path: Place) -> str:
 
 
 def find_parameters(scene: Scene) -> tuple[Parameter, ...]:
-    """All numbers of a scene that make sense as sliders, in the order of ``GROUPS`` and of the file."""
+    """All numbers of a scene that are useful as sliders, in the order of ``GROUPS`` and of the file."""
     document = scene.document
     parameters = [p for leaf in _editable_leaves(document) if not _options(leaf) and (p := _parameter(scene, leaf)) is not None]
     parameters = [*_named(scene), *_scaled(parameters)]
@@ -115,8 +117,8 @@ def find_parameters(scene: Scene) -> tuple[Parameter, ...]:
 
 
 def find_choices(scene: Scene) -> tuple[Choice, ...]:
-    """All values that are one of a few texts: laws of motion, assembly modes, senses. Of a law that is a table the value is its
-    kind, which is none of the options."""
+    """All values that are one of a few texts: laws of motion, assembly modes, senses. A law that is a table has its kind as value,
+    which is none of the options."""
     choices = [
         Choice(path, group_of(path), label_of(path), f"{law.kind}, as stated", LAW_OPTIONS)
         for path, law in _law_tables(scene.document)
@@ -129,7 +131,8 @@ def find_choices(scene: Scene) -> tuple[Choice, ...]:
 
 
 def marked_series(document: SceneDocument) -> Iterator[tuple[Place, str, str, list[Place]]]:
-    """The like of numbered points of a link, P1, P2 ..., more than `LONGEST_LIST` of them, which are no joints."""
+    """Series of numbered points of a link, such as P1, P2 ..., that are no joints, of more than `LONGEST_LIST` points: the place,
+    the key and the label of each series, and the places of its points."""
     for link, entry in document.links.items():
         names = entry.points if isinstance(entry.points, dict) else ()
         for stem, group in groupby(names, lambda name: name.rstrip("0123456789")):
@@ -150,7 +153,7 @@ def _law_tables(document: SceneDocument) -> Iterator[tuple[Place, LawDocument]]:
 
 # -- walking ----------------------------------------------------------------------------------------------------------
 def _editable_leaves(document: SceneDocument) -> Iterator[Leaf]:
-    """The scalars of a scene that say something of it, as far as they are stated."""
+    """The scalars of a scene that can be edited, as far as they are stated; also default laws of segments."""
     listed = {place for *_, homes in marked_series(document) for place in homes}
     for leaf in leaves(document, _shown):
         if leaf.path in document.formulas or leaf.path[:-1] in listed:  # follows from parameters, or stands in a text
@@ -192,7 +195,7 @@ def _options(leaf: Leaf) -> tuple[str, ...]:
 
 
 def _named(scene: Scene) -> Iterator[Parameter]:
-    """The parameters of a scene that follow from no others."""
+    """The parameters of a scene that are not computed from others."""
     entries, document = scene.document.parameters, scene.document
     whole_places = [text for place, text in document.formulas.items() if isinstance(value_at(document, place), int)]
     counts = {name for text in whole_places for name in parse_expression(text).names}
@@ -259,8 +262,8 @@ def _parameter(scene: Scene, leaf: Leaf) -> Parameter | None:
 def _of_point(document: SceneDocument, path: Place) -> tuple[bool, bool]:
     """Whether a coordinate of a link's point is left out, and whether it is shown as the point's distance from the first one.
 
-    A link is moved as a whole by its origin, which changes nothing but the names of its coordinates: of a link whose first point
-    is the origin only the other points count, and of one that lies on an axis of the frame only the distance.
+    A shift of all points in the frame of their link does not change the mechanism: of a link whose first point is the origin only
+    the other points count, and for one of them on an axis of the frame only its distance.
     """
     link, point, k = str(path[1]), str(path[3]), int(path[4])
     points = document.links[link].points
@@ -297,8 +300,8 @@ def _bare_unit(units: Units, kind: str) -> str:
 
 # -- ranges -----------------------------------------------------------------------------------------------------------
 def _range(document: SceneDocument, path: Place, value: float, kind: str, least: str) -> tuple[float, float]:
-    """A range around a value in which something can be seen: wide enough to break the mechanism, not so wide that all else is
-    crammed into a corner of the slider."""
+    """A useful range around a value: wide enough to reach the limits of the mechanism, but not so wide that all usual values lie in
+    a corner of the slider."""
     size = abs(value)
     if least and value > 0.0 and kind != "angle":
         return _round_out(value / 4.0, value * 2.5)
@@ -309,14 +312,15 @@ def _range(document: SceneDocument, path: Place, value: float, kind: str, least:
         reach = max(size, 0.6 * _link_size(document, path)) or 1.0
         return _round_out(value - reach, value + reach)
     if value == 0.0:
-        return 0.0, 0.0  # filled in by those of the same kind
+        return 0.0, 0.0  # set by `_scaled`
     if kind in ("", "angular speed", "linear speed", "pressure", "power", "density"):
         return _round_out(*sorted((value / 4.0, value * 2.5)))
     return _round_out(-2.5 * size, 2.5 * size)
 
 
 def _usual_derivative(scene: Scene, path: Place, kind: str) -> float:
-    """The largest size that a derivative at an end of segments has anywhere in them, as a bare number of the scene."""
+    """The largest magnitude of a derivative over the segments at one end of which it is stated, as a bare number of the scene; 0
+    where it is unknown."""
     joined = scene.curves.get(place_key(path[:-3]))
     if joined is None or path[-2] != "to":
         return 0.0
@@ -325,7 +329,7 @@ def _usual_derivative(scene: Scene, path: Place, kind: str) -> float:
 
 
 def _plane_cam(document: SceneDocument, path: Place) -> bool:
-    """Whether a value in the profile of a cam belongs to one that turns in the plane."""
+    """Whether a value in the profile of a cam belongs to a plane cam."""
     profile: Any = getattr(document.joints[str(path[1])], "profile", None)
     return all(getattr(profile, kind, None) is None for kind in SOLIDS)
 
@@ -336,7 +340,7 @@ def _turn(document: SceneDocument, path: Place) -> float:
 
 
 def _unit_at(document: SceneDocument, path: Place, kind: str) -> float:
-    """SI units in the unit of a quantity in the document: its own, where it states one."""
+    """The factor to SI units of a value in the document: that of its own unit where it states one, else of the scene's."""
     value, units = value_at(document, path), document.unit_system
     try:
         return float(unit_factor(split(value)[1], kind) if isinstance(value, str) else units.factor(kind))
@@ -357,7 +361,7 @@ def _link_size(document: SceneDocument, path: Place) -> float:
 
 
 def _scaled(parameters: list[Parameter]) -> list[Parameter]:
-    """Ranges for values that are zero: up to the largest of the same unit and name, or what is usual."""
+    """The parameters, with ranges for values that are zero: up to the largest value of the same unit and name, or a usual one."""
     out = []
     for p in parameters:
         if p.high > p.low:
@@ -410,7 +414,7 @@ def group_of(path: Place) -> str:
 
 
 def label_of(path: Place) -> str:
-    """Label of a value: the item and the key, without the words that the group says already."""
+    """Label of a value: the item and the key, without the words that its group implies."""
     parts = [str(p) for p in path if not isinstance(p, int)]
     axis = ("x", "y")
     last = path[-1]

@@ -23,9 +23,9 @@ LONGEST_ROW = 3000  # numbers in a text: more would not fit into a message of th
 class NumberRow:
     """Numbers of a scene that are edited as one text: those of a long list, a table, or a series of points.
 
-    ``places``, ``values``: of each number, by points or rows where these have several; ``suffixes``: of each number of a row, the
-    unit where all have the same one in the file, else "". Of a table, whose text may have another number of rows: ``lists``, the
-    places of its columns, and the ``symbols`` of their units.
+    ``places``, ``values``: of each number, grouped by points or rows where these have several; ``suffixes``: for each column of a
+    row, the unit in the file where all its numbers have the same one, else "". Of a table, whose text may have another number of
+    rows: ``lists``, the places of its columns, and the ``symbols`` of their units.
     """
 
     key: str
@@ -39,12 +39,12 @@ class NumberRow:
 
     @property
     def kind(self) -> tuple[object, ...]:
-        """What two rows have in common that the same control may show."""
+        """What is equal in two rows that the same control can show."""
         return (self.title, self.lists or self.places)
 
     @property
     def hint(self) -> str:
-        """How its text is written."""
+        """The format of its text, in words."""
         return "a row a line, as copied from a spreadsheet or a CSV file, of any number" if self.lists else "with commas between"
 
     @property
@@ -53,8 +53,8 @@ class NumberRow:
         return between.join(", ".join(map(self._shown, row, self.suffixes)) for row in self.values)
 
     def changes(self, text: str) -> dict[Place, Any]:
-        """The changes of a scene for another text; values that are written as before stay. Raises `ValueError` where it has not
-        as many numbers, or rows of as many."""
+        """The changes of a scene for another text; values whose text is unchanged stay. Raises `ValueError` where the number of
+        values, or of values in a row, is wrong."""
         suffixes = self.suffixes
         if self.lists:
             rows, suffixes = self._rows_of(text)
@@ -138,7 +138,7 @@ def _row(
     key: str = "",
     homes: list[Place] | None = None,
 ) -> NumberRow | None:
-    """A text for the numbers at places; None where they are none, too many, or follow from parameters."""
+    """The row of the numbers at places; None where they are no numbers, too many, or computed from parameters."""
     document, (first, label) = scene.document, named
     wide = len(places[0])
     if wide * len(places) > LONGEST_ROW or any(len(row) != wide for row in places):
@@ -167,7 +167,8 @@ def _row(
 
 
 def _tables(document: SceneDocument) -> Iterator[tuple[Place, tuple[Place, ...]]]:
-    """Tables of a scene: where lists with as many entries, more than `LONGEST_LIST`, stand side by side, and where those are."""
+    """Tables of a scene: the place of each table in which several lists have the same number of entries, more than `LONGEST_LIST`,
+    and the places of these lists."""
     siblings: dict[Place, dict[int, list[Place]]] = {}
     for path, _, _, homes in _long_lists(document):
         if isinstance(path[-1], str) and not isinstance(value_at(document, path)[0], list | tuple):
@@ -177,12 +178,12 @@ def _tables(document: SceneDocument) -> Iterator[tuple[Place, tuple[Place, ...]]
 
 
 def _long_lists(value: Any, path: Place = ()) -> Iterator[tuple[Place, str, str, list[Place]]]:
-    """Where a list with more than `LONGEST_LIST` entries stands, its key, its label, and the places of its entries."""
+    """Each list with more than `LONGEST_LIST` entries: its place, its key, its label, and the places of its entries."""
     if isinstance(value, list | tuple) and value and not isinstance(value[0], DocumentTable):
         if len(value) > LONGEST_LIST:
             yield path, place_key(path), label_of(path), [(*path, k) for k in range(len(value))]
         return
-    hidden = {*HIDDEN, "outline"} if path[:1] == ("links",) else HIDDEN  # pictures, which are not drawn by numbers
+    hidden = {*HIDDEN, "outline"} if path[:1] == ("links",) else HIDDEN  # drawn outlines, which are not edited by numbers
     keys = (
         (k for k in type(value).model_fields if k in value.model_fields_set - hidden) if isinstance(value, DocumentTable) else value
     )

@@ -1,6 +1,6 @@
-"""Saving an edited scene into the text that it came from: only values that differ are written, comments and layout stay.
+"""Saving of an edited scene into the text from which it was read: only values that differ are written, comments and layout stay.
 
-The result is read back and counts only if it says exactly what the edited scene says.
+The result is read back and accepted only if it is equal to the edited scene.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ class _MissingError(Exception):
 
 
 def kept_text(opened: Scene, scene: Scene) -> str | None:
-    """The text of ``opened`` with the values of ``scene``, an edited copy of it; None where that text cannot say it."""
+    """The text of ``opened`` with the values of ``scene``, an edited copy of it; None where that text cannot express them."""
     if not opened.text:
         return None
     before, after = (_as_written(opened, s) for s in (opened, scene))
@@ -35,12 +35,12 @@ def kept_text(opened: Scene, scene: Scene) -> str | None:
 
 
 def _as_written(opened: Scene, scene: Scene) -> dict[str, Any]:
-    """The document of a scene as plain data, its keys as the text of ``opened`` calls them."""
+    """The document of a scene as plain data, with the names of keys in the text of ``opened``."""
     return {opened.former.get(key, key): value for key, value in scene.document.written().items()}
 
 
 def patched(text: str, before: Mapping[str, Any], after: Mapping[str, Any]) -> str | None:
-    """TOML ``text`` that says ``before``, changed so that it says ``after``; None where a changed value cannot be found in it."""
+    """TOML ``text`` of the data ``before``, changed to express ``after``; None where a changed value cannot be found in it."""
     try:
         document = tomlkit.parse(text)
         _change_table(document, before, after)
@@ -50,7 +50,7 @@ def patched(text: str, before: Mapping[str, Any], after: Mapping[str, Any]) -> s
 
 
 def _change_table(table: Any, before: Mapping[str, Any], after: Mapping[str, Any]) -> None:
-    """Write what differs in a table: changed values where they stand, new ones behind the last."""
+    """Write the differences in a table: changed values in their places, new ones after the last."""
     for key, old in before.items():
         if key in after and after[key] == old:
             continue
@@ -71,7 +71,7 @@ def _change_table(table: Any, before: Mapping[str, Any], after: Mapping[str, Any
 
 
 def _change_value(table: Any, key: Any, before: Any, after: Any) -> None:
-    """Write what differs in the value of a key, or of a place in an array."""
+    """Write the differences in the value of a key, or of a place in an array."""
     item = table[key]
     if isinstance(before, Mapping) and isinstance(after, Mapping) and isinstance(item, Mapping):
         _change_table(item, before, after)
@@ -91,7 +91,7 @@ def _change_value(table: Any, key: Any, before: Any, after: Any) -> None:
 
 
 def _body(table: object) -> list[tuple[Any, Item]]:
-    """The entries of a table with their comments. Raises where its parts stand apart in the text."""
+    """The entries of a table with their comments. Raises `_MissingError` where its parts are separate in the text."""
     if isinstance(table, Container):
         return table.body
     if isinstance(table, Table | InlineTable):
@@ -100,7 +100,7 @@ def _body(table: object) -> list[tuple[Any, Item]]:
 
 
 def _take_tail(body: list[tuple[Any, Item]]) -> str:
-    """Comments and blank lines at the end of some entries, which belong to what follows; they are taken away."""
+    """Remove the comments and blank lines at the end of some entries, which belong to what follows, and return them."""
     tail = ""
     for k in range(len(body) - 1, -1, -1):
         key, item = body[k]
@@ -114,7 +114,7 @@ def _take_tail(body: list[tuple[Any, Item]]) -> str:
 
 
 def _remove(table: Any, key: str) -> None:
-    """Take away a key: its line, its part of an inline table, or all its sections."""
+    """Remove a key: its line, its part of an inline table, or all its sections."""
     item, body = table[key], _body(table)
     place = next((k for k, (name, _) in enumerate(body) if name is not None and name.key == key), None)
     if place is None:
@@ -128,7 +128,7 @@ def _remove(table: Any, key: str) -> None:
 
 
 def _add(table: Any, key: str, value: Any) -> None:
-    """Write one more key behind the last plain one of a table."""
+    """Write a new key after the last plain one of a table."""
     item, body = tomlkit.value(value_text(value)), _body(table)
     if isinstance(table, InlineTable):
         blank = body.pop() if body and isinstance(body[-1][1], Whitespace) else None

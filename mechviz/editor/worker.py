@@ -1,5 +1,6 @@
-"""Work outside the threads that talk to browsers: the newest request wins, those that it overtakes are never begun. Such work is to
-find how far a value can be moved until the mechanism cannot be assembled, is undercut, or is no scene at all."""
+"""Background work of the editor, outside the threads that serve browsers: the newest request is carried out, requests that it
+overtakes are dropped. One kind of work finds how far a value can be moved until the mechanism cannot be assembled, is undercut, or
+the scene is invalid."""
 
 from __future__ import annotations
 
@@ -26,9 +27,10 @@ _left = itertools.count(1)
 
 
 class Latest(Generic[T]):
-    """One thread that calls ``work(request)`` for the newest request; ``rest()`` follows when none has come for ``quiet`` seconds.
+    """One thread that calls ``work(request)`` for the newest request; ``rest()`` follows when no request has come for ``quiet``
+    seconds.
 
-    ``failed(error)`` gets an exception in either; the thread lives on.
+    ``failed(error)`` gets an exception in either; the thread continues.
     """
 
     def __init__(
@@ -48,7 +50,7 @@ class Latest(Generic[T]):
         self._thread.start()
 
     def submit(self, request: T) -> None:
-        """Ask for work; a request that has not been begun is dropped."""
+        """Request work; an earlier request that has not begun is dropped."""
         with self._changed:
             self._waiting[:] = [request]
             self._asked += 1
@@ -56,17 +58,18 @@ class Latest(Generic[T]):
 
     @property
     def overtaken(self) -> bool:
-        """Whether a newer request waits: long work that asks now and then can give up."""
+        """Whether a newer request waits, or the thread is to end; long work checks this now and then and gives up."""
         return bool(self._waiting) or self._closed
 
     def wait(self, timeout: float = 600.0, *, rested: bool = False) -> bool:
-        """Until everything asked for so far is done (and the rest after it). False if that takes longer than ``timeout`` [s]."""
+        """Wait until all requests so far are done, with ``rested`` also the rest after them. False if that takes longer than
+        ``timeout`` [s]."""
         with self._changed:
             asked = self._asked
             return self._changed.wait_for(lambda: (self._done >= asked and (self._rested or not rested)) or self._closed, timeout)
 
     def close(self) -> None:
-        """End the thread after what it is doing."""
+        """End the thread after its present work."""
         with self._changed:
             self._closed = True
             self._changed.notify_all()
@@ -101,16 +104,16 @@ class Latest(Generic[T]):
 
 
 def left_over() -> None:
-    """Something has gone whose objects refer to each other, such as a browser or the drawing of a saved plot: of every `OFTEN` of
-    them all is collected. Python itself waits until such objects are a quarter of all, however much memory hangs on each."""
+    """To be called when objects that refer to each other are no longer used, such as those of a browser or of a saved plot. Every
+    `OFTEN`-th call collects garbage. Python itself waits until such objects are a quarter of all, however much memory they hold."""
     if next(_left) % OFTEN == 0:
         gc.collect()
         give_back_memory()
 
 
 def assembles(scene: Scene) -> bool:
-    """Whether a scene can be put together and solved over its run, looked at at a few frames; of one in which forces decide the
-    motion only the start."""
+    """Whether a scene can be assembled and solved over its run, tested at up to `TRIAL_FRAMES` frames; where forces determine the
+    motion, only at the start."""
     try:
         if scene.simulation is not None:
             solve_motion(compile_mechanism(scene.mechanism), np.zeros(1))
@@ -124,9 +127,9 @@ def assembles(scene: Scene) -> bool:
 def reachable(
     good: float, low: float, high: float, holds: Callable[[float], bool], given_up: Callable[[], bool] = lambda: False
 ) -> tuple[float, float] | None:
-    """The range around a ``good`` value, within ``low`` to ``high``, over which ``holds(value)``; None if it was given up.
+    """The range around a ``good`` value, within ``low`` to ``high``, over which ``holds(value)``; None if ``given_up()``.
 
-    Each side is walked in steps until one does not hold; the limit is then found by bisection, from the inside.
+    Each side is scanned in steps until a value fails; the limit is then found by bisection, from the inside.
     """
     ends = []
     for end in (low, high):
