@@ -1,7 +1,9 @@
-"""How two levers lead a pen: by two rods that meet at it, or by two crossed slides. Lengths over the size of the drawing.
+"""Linkages by which two levers lead a pen: two rods that meet, or two crossed slides. Lengths are relative to the size of the
+drawing.
 
 The levers have their pivots ``PIVOTS`` to either side of the middle and are about as long as the drawing is large. The sheet is
-``SHEET`` above them. The levers' pins run in slots across the ways of the slides, so that each lever leads one coordinate alone.
+``SHEET`` above the pivots. In the linkage of slides the levers' pins run in slots across the directions of the slides, so that each
+lever leads one coordinate only.
 """
 
 from __future__ import annotations
@@ -45,7 +47,7 @@ class PenLinkage(ABC):
 
 
 class Rods(PenLinkage):
-    """Two rods; the pen is half of one beyond the pin at which they meet."""
+    """Two rods joined by a pin; the pen is on the left one, half a rod's length beyond the pin."""
 
     pen = "left rod"
     joints = (
@@ -73,7 +75,7 @@ class Rods(PenLinkage):
 
 
 class CrossSlides(PenLinkage):
-    """A slide across on the frame, and on it one along the sheet with the pen."""
+    """A cross slide along x on the frame, and on it a slide along y with the pen."""
 
     pen = "pen slide"
     joints = (
@@ -90,7 +92,7 @@ class CrossSlides(PenLinkage):
         return np.arcsin(places.imag / self.levers[0]), np.arccos(places.real / self.levers[1])
 
     def links(self) -> list[str]:
-        """The pen comes from below on the right, where nothing is written yet."""
+        """The links beside the levers, as lines of a scene. The pen comes from below on the right, where nothing is written yet."""
         rail = self.rail * self.size
         low, high = (
             self.pivots[0] + self.levers[0],
@@ -107,7 +109,8 @@ class CrossSlides(PenLinkage):
 
 
 def _lever_angles(pen: Complex, pivot: complex, lever: float, rod: float, side: float) -> Real:
-    """Directions (N,) [rad] of a lever whose rod reaches the pen, its end on the left (``side`` 1) of the line to it."""
+    """Directions (N,) [rad] of a lever whose rod reaches the pen; its end is on the left (``side`` 1) or right (-1) of the line
+    from the pivot to the pen."""
     away = pen - pivot
     far = np.abs(away)
     cosine = (lever**2 + far**2 - rod**2) / (2.0 * lever * far)

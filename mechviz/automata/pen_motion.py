@@ -1,11 +1,11 @@
-"""The motion of a pen along strokes: at an even speed, slower at corners, with a bounded jerk, in one turn of a shaft.
+"""The motion of a pen along strokes: at a constant speed, slower at corners, with a bounded jerk, in one turn of a shaft.
 
-Each stroke is run through from rest to rest under a bounded acceleration; the pen lifts, goes straight on to the next stroke, and
-is put down. This motion over time is smoothed by a cubic B-spline (four averages over a time h in a row), so that its jerk is
+Each stroke is drawn from rest to rest under a bounded acceleration; the pen is lifted, goes straight to the next stroke, and is
+lowered. This motion over time is smoothed by a cubic B-spline (four successive averages over a time h), so that its jerk is
 continuous and at most (2/3) |change of velocity| / h^2 at a corner. A corner of turn d that is passed at the speed v is cut by
-(7/15) v h sin(d/2); where the line would miss its stroke by more than is allowed the pen goes slower.
+(7/15) v h sin(d/2); where the line would miss its stroke by more than is allowed, the pen is slower.
 
-It also stands as a bare program for three motors: tables over time of two crossed slides and of the pen's lift.
+The motion can also be written as a program for three motors: tables over time of two crossed slides and of the pen's lift.
 """
 
 from __future__ import annotations
@@ -29,22 +29,23 @@ _FINE = 3.0  # samples of a stroke within h at full speed
 _GRID = 6  # places of the smoothed motion within h
 _SLOWEST = 0.01  # of the full speed
 _ROUNDS = 40  # of slowing down where the line misses its stroke
-_RAMPS = (0.004, 0.0057, 0.008, 0.0113, 0.016, 0.0226, 0.032, 0.045)  # ways to full speed, over the size of the drawing
-_WINDOW = 10  # samples to either side among which the nearest place of a line is
+_RAMPS = (0.004, 0.0057, 0.008, 0.0113, 0.016, 0.0226, 0.032, 0.045)  # trial distances to full speed, over the size of the drawing
+_WINDOW = 10  # samples to either side among which the nearest place of a line is sought
 PEN_DOWN = 0.25  # of the lift: below it the pen is on the paper
 _OFF = 0.36  # of the time of a cycloidal lift: after it the pen is higher than that
-_NOTHING = 1e-9  # of a range [rad]
-_EVEN = 0.2  # a speed counts as even within this part of the full one
+_NOTHING = 1e-9  # largest range that is left out [rad]
+_EVEN = 0.2  # deviation from the full speed, relative to it, up to which a speed counts as even
 
 
 @dataclass(frozen=True, eq=False)
 class PenMotion:
-    """Places (N,) [m] of the pen at even steps of the shaft's angle from 0 on, and the angles [rad] of what it does.
+    """Places (N,) [m] of the pen at equal steps of the shaft's angle from 0 on, and the shaft's angles [rad] of its strokes and
+    lifts.
 
     ``strokes``: begin and end of each, while the pen rests on the paper; ``pen_up``: after each stroke begin and end of the
-    lifting, begin and end of the lowering. ``error`` [m]: the largest distance between the line and its strokes, either way.
-    ``even``: the share of the line that is drawn at the full speed, within a fifth. Peaks by the angle: ``speed`` [m/rad],
-    ``acceleration`` [m/rad^2], ``jerk`` [m/rad^3].
+    lifting, begin and end of the lowering. ``error`` [m]: the largest distance between the line and its strokes, in both
+    directions. ``even``: the share of the line that is drawn at the full speed, within a fifth. Peaks of derivatives by the angle:
+    ``speed`` [m/rad], ``acceleration`` [m/rad^2], ``jerk`` [m/rad^3].
     """
 
     places: Complex
@@ -63,7 +64,7 @@ class PenMotion:
 
     @property
     def lifts(self) -> list[tuple[float, float | None]]:
-        """Ranges [rad] of the turn one after the other, and to where the pen goes in them: 1 up, 0 down, None stays."""
+        """Successive ranges [rad] of the turn, each with the position of the pen at its end: 1 up, 0 down, None unchanged."""
         strides: list[tuple[float, float | None]] = []
         at = 0.0
         for rising, up, falling, down in self.pen_up:
@@ -81,10 +82,12 @@ def plan_motion(
     *,
     stated: float | None = None,
 ) -> PenMotion:
-    """The motion along strokes (n,) [m] that misses them by at most ``error`` [m], the pen's lifts taking ``rise`` [rad] each.
+    """The motion along strokes (n,) [m] that misses them by at most ``error`` [m], with ``rise`` [rad] of the shaft for each lift
+    of the pen.
 
-    How quickly the pen comes to full speed is chosen: the least ``size`` of the largest speed [m/rad] and acceleration [m/rad^2],
-    by the shaft's angle. Raises where the error cannot be reached; ``stated``: that which was asked for, where it is another one.
+    The distance in which the pen comes to full speed is chosen for the least ``size`` of the largest speed [m/rad] and acceleration
+    [m/rad^2], by the shaft's angle. Raises `MechanismError` where the error cannot be reached; ``stated``: the error for the
+    message, where it is another one.
     """
     if not error > 0.0:
         raise MechanismError(Fault("error", f"{as_length(error)}: a line cannot be drawn without any error.", "Give more."))
@@ -103,7 +106,7 @@ def plan_motion(
 
 
 def _planned(strokes: Sequence[Complex], error: float, rise: float, ramp: float) -> PenMotion | None:
-    """The motion that comes to full speed (1) over the way ``ramp`` [m]; None where it misses strokes by more than allowed."""
+    """The motion that comes to full speed (1) over the distance ``ramp`` [m]; None where it misses strokes by more than allowed."""
     a = 0.5 / ramp
     h = _SMOOTH / a
     fine = h / _FINE
@@ -126,8 +129,8 @@ def _planned(strokes: Sequence[Complex], error: float, rise: float, ramp: float)
 
 @dataclass(frozen=True, eq=False)
 class _Timed:
-    """When the pen is where: ``times`` of the samples of each stroke; ``knots`` and ``places`` of the whole cycle, which lasts
-    ``total``; ``marks``: angles as in `PenMotion`."""
+    """The pen's motion before the smoothing: ``times`` of the samples of each stroke; ``knots`` (times) and ``places`` of the whole
+    cycle, which lasts ``total``; begins and ends of ``strokes`` and ``pen_up`` as in `PenMotion`, in time."""
 
     times: list[Real]
     knots: Real
@@ -138,12 +141,12 @@ class _Timed:
 
 
 def _timed(lines: list[Complex], caps: list[Real], a: float, h: float, rise: float) -> _Timed:
-    """The samples of all strokes with their times, and of the ways between them; lifts are a part of the whole time."""
+    """The samples of all strokes with their times, and of the travel between them; lifts take a fixed share of the whole time."""
     own = [_times(line, cap, a) for line, cap in zip(lines, caps, strict=True)]
     strides = [_sampled(np.array([line[-1], lines[(k + 1) % len(lines)][0]]), h) for k, line in enumerate(lines)]
     between = [_times(stride, np.ones(len(stride)), a) for stride in strides]
     total = sum(t[-1] for t in (*own, *between))
-    for _ in range(60):  # the lifts are a part of the whole: a contraction
+    for _ in range(60):  # lifts take a fixed share of the whole time: this iteration is a contraction
         lift = rise / (2.0 * np.pi) * total
         before = 2.0 * SMOOTHING_REACH * h + _OFF * lift  # the smoothed pen rests, then lifts a quarter
         waits = [max(before, 0.5 * (2.0 * lift + 2.0 * SMOOTHING_REACH * h - t[-1])) for t in between]
@@ -193,7 +196,7 @@ class _Smooth:
 
 
 def _finished(timed: _Timed, smooth: _Smooth, error: float, h: float) -> PenMotion:
-    """The motion by the angle of the shaft, at places a step of h apart."""
+    """The motion by the angle of the shaft, at places a time step of about h apart."""
     turn = 2.0 * np.pi / timed.total
     count = max(int(np.ceil(timed.total / h)), 32)
     n = len(smooth.grid)
@@ -222,13 +225,14 @@ def _finished(timed: _Timed, smooth: _Smooth, error: float, h: float) -> PenMoti
 
 
 def _sampled(z: Complex, step: float) -> Complex:
-    """Points of a polyline at most a step apart, its corners among them."""
+    """Points of a polyline at most ``step`` apart, its corners among them."""
     counts = np.maximum(1, np.ceil(np.abs(np.diff(z)) / step).astype(int))
     return np.concatenate([*(a + (b - a) * np.arange(n) / n for a, b, n in zip(z[:-1], z[1:], counts, strict=True)), z[-1:]])
 
 
 def _times(z: Complex, cap: Real, a: float) -> Real:
-    """Times of samples that are passed from rest to rest, as fast as their caps and the acceleration allow."""
+    """Times of samples that are passed from rest to rest, as fast as their largest speeds ``cap`` and the acceleration ``a``
+    allow."""
     lengths = np.abs(np.diff(z))
     square = np.minimum(cap, 1.0) ** 2
     square[0] = square[-1] = 0.0
@@ -243,7 +247,7 @@ def _times(z: Complex, cap: Real, a: float) -> Real:
 
 
 def _apart(points: Complex, line: Complex) -> Real:
-    """Distances of points (n,) from a line through as many points, looked for near the same place in it."""
+    """Distances of points (n,) from a line through as many points, sought near the same index."""
     n = len(points)
     best = np.full(n, np.inf)
     at = np.arange(n)
@@ -257,7 +261,7 @@ def _apart(points: Complex, line: Complex) -> Real:
 
 
 def csv_table(header: str, length: float, values: Real) -> bytes:
-    """A CSV table of periodic values (N,) at even steps over a length; the last row is the first one again."""
+    """A CSV table of periodic values (N,) at equal steps over a length; the last row repeats the first one."""
     places = length * np.arange(len(values) + 1) / len(values)
     rows = (f"{a:.12g},{b:.7f}" for a, b in zip(places, np.append(values, values[0]), strict=True))
     return (header + "\n" + "\n".join(rows) + "\n").encode()

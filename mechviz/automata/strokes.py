@@ -1,4 +1,4 @@
-"""Strokes of a drawing: read from SVG or written in a single-stroke font, scaled to a sheet, put in order."""
+"""Strokes of a drawing: read from SVG or written in a single-stroke font, scaled to a sheet, ordered."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from mechcore.errors import Fault, MechanismError
 from mechviz.files import OutputError, open_regular
 
 EXTRA = "Install it: pip install 'mechviz[draw]'"
-_CORNER = math.radians(55.0)  # a polyline of a font turns less where it stands for a curve
+_CORNER = math.radians(55.0)  # a polyline of a font turns less where it represents a curve
 _STEP = 8  # points between two of a font's
-_FLAT = 400  # pieces of the drawing's larger side: a curve's chords are this short where it is flattened
+_FLAT = 400  # chords of flattened curves are the drawing's larger side over this
 _CAPITAL = 0.7  # height of capitals over the size of a font
 _MOST = 200_000  # points of a drawing
 _ROUNDS = 40  # of improvement of the order of strokes
@@ -26,8 +26,8 @@ _ROUNDS = 40  # of improvement of the order of strokes
 def svg_strokes(path: Path | str, font: str = "scripts") -> list[Complex]:
     """The strokes of an SVG drawing, one for each part of a path, (n,) points in its own unit with y upwards.
 
-    Curves are flattened. Fillings are taken by their outlines. Texts are written in a Hershey ``font`` of single strokes.
-    Raises `OutputError` where it cannot be read or has nothing in it.
+    Curves are flattened. Fills are represented by their outlines. Texts are written in a Hershey ``font`` of single strokes. Raises
+    `OutputError` where the file cannot be read or has nothing to draw.
     """
     try:
         from svgelements import SVG, Move, Shape, Text
@@ -114,8 +114,8 @@ def on_sheet(strokes: Sequence[Complex], width: float) -> list[Complex]:
 
 
 def ordered_strokes(strokes: Sequence[Complex], near: float) -> list[Complex]:
-    """The strokes in an order, and each in a direction, with short ways between them: the nearest next, then improved by turning
-    parts of the order round (2-opt). Strokes are joined as by `joined_strokes`."""
+    """The strokes in an order, and each in a direction, with short travel between them: the nearest next, then improved by
+    reversing parts of the order (2-opt). Strokes are joined as by `joined_strokes`."""
     rest, ordered = list(strokes), []
     at = min(rest, key=lambda s: s[0].real)[0]
     while rest:
@@ -132,7 +132,7 @@ def ordered_strokes(strokes: Sequence[Complex], near: float) -> list[Complex]:
 
 
 def joined_strokes(strokes: Sequence[Complex], near: float) -> list[Complex]:
-    """The strokes in their order, as one writes; those whose ends are not farther apart than ``near`` from each other are one."""
+    """The strokes in their order; successive ones whose ends are at most ``near`` apart are joined to one."""
     joined = [strokes[0]]
     for stroke in strokes[1:]:
         if abs(stroke[0] - joined[-1][-1]) <= near:
@@ -143,11 +143,11 @@ def joined_strokes(strokes: Sequence[Complex], near: float) -> list[Complex]:
 
 
 def _improved(order: list[Complex]) -> bool:
-    """Turns round one part of the order where that shortens the ways between; False where none does."""
+    """Reverse one part of the order if that shortens the travel between strokes; False where none does."""
     n = len(order)
     starts, ends = np.array([s[0] for s in order]), np.array([s[-1] for s in order])
     for i in range(n):
-        before = ends[i - 1]  # the last one leads back to the first: a machine draws again and again
+        before = ends[i - 1]  # the last one leads back to the first: a machine repeats the drawing
         j = np.arange(i, n if i else n - 1)
         after = starts[(j + 1) % n]
         gain = abs(starts[i] - before) + abs(after - ends[j]) - abs(ends[j] - before) - abs(after - starts[i])
@@ -160,7 +160,7 @@ def _improved(order: list[Complex]) -> bool:
 
 
 def _cleaned(strokes: Sequence[Complex]) -> list[Complex]:
-    """Without points that repeat the one before, and without strokes of one point."""
+    """The strokes without points that repeat the one before, and without strokes of one point."""
     cleaned = []
     size = max((float(np.ptp(s.real) + np.ptp(s.imag)) for s in strokes if len(s)), default=0.0)
     for stroke in strokes:

@@ -1,7 +1,7 @@
 """A walk on level ground of a mechanism whose frame is the body of an animal or a toy: the lowest foot stands still.
 
-The body keeps its attitude. At every time the foot that is lowest in the body's axes is the one on the ground: the body moves as
-that foot's point moves in it, backwards. Where another foot takes over the speed of the body may jump. Feet that touch the ground
+The body keeps its attitude. At every time the foot that is lowest in the body's axes stands on the ground: the body moves opposite
+to that foot's motion in these axes. Where another foot takes over, the speed of the body may jump. Feet that touch the ground
 without being the lowest slip.
 """
 
@@ -21,20 +21,21 @@ from mechviz.scene.scene import Scene
 GROUND, CART, LAWN = "ground", "cart", "lawn"
 SLIDES = ("along", "up")
 _GREEN = "#7aa35a"
-_BEYOND = 2.6  # of the body's height: how far the lawn goes on beyond its way
+_BEYOND = 2.6  # of the body's height: how far the lawn extends beyond its path
 _FEWEST = 8  # rows of a table
-_SHORTEST = 1e-9  # of a cycle: no foot stands for less
+_SHORTEST = 1e-9  # of a cycle: shorter stances are left out
 _TABLE = 240  # rows of a cycle, beside the places where another foot takes over
 
 
 @dataclass(frozen=True, eq=False)
 class Walk:
     """A walk over one cycle at ``time`` (F,) [s]: ``body`` (F,) the place of the body's axes in the world [m], the first at x = 0;
-    ``rate`` its velocity (F,) [m/s], ``foot`` (F,) which foot stands on the ground. ``time`` has the times at which another one
-    takes over twice, with the velocities before and after.
+    ``rate`` its velocity (F,) [m/s], ``foot`` (F,) the index of the foot that stands. A time at which another foot takes over is in
+    ``time`` twice, with the velocities before and after.
 
-    ``advance`` [m] in the cycle; ``bounce`` [m]: how far the body goes up and down; ``shares`` of the cycle that each foot stands;
-    ``slips`` [m]: how far each slips in the cycle while it is on the ground, or not higher than ``touch``, and another one stands.
+    ``advance`` [m] in the cycle; ``bounce`` [m]: range of the body's height; ``shares`` of the cycle in which each foot stands;
+    ``slips`` [m]: distance that each foot slips in the cycle, while it is not higher than ``touch`` above the ground and another
+    one stands.
     """
 
     feet: tuple[str, ...]
@@ -52,7 +53,7 @@ class Walk:
 def walk_of(scene: Scene, feet: Sequence[tuple[str, str]], touch: float) -> Walk:
     """The walk of a scene whose fixed link is the body, on its ``feet``: links and their points. ``touch`` [m], see `Walk`.
 
-    Raises where there are fewer than two feet, or where the motion does not repeat.
+    Raises `MechanismError` where there are fewer than two feet, or where the motion does not repeat.
     """
     names = tuple(f"{link}.{point}" for link, point in feet)
     if len({*feet}) < len(feet) or len(feet) < 2:
@@ -66,7 +67,7 @@ def walk_of(scene: Scene, feet: Sequence[tuple[str, str]], touch: float) -> Walk
     t, z, v, foot = _with_changes(motion.time, place, rate)
     step, frames = np.diff(t), np.arange(len(t))
     speed = -v[foot, frames]
-    back = -np.diff(z.real, axis=1)[foot[1:], frames[1:] - 1]  # while a foot stands the body goes as its point goes backwards
+    back = -np.diff(z.real, axis=1)[foot[1:], frames[1:] - 1]  # the body moves opposite to the foot that stands
     x = np.concatenate([[0.0], np.cumsum(np.where(step > 0.0, back, 0.0))])
     body = x - 1j * z[foot, frames].imag
     above = z.imag - z.imag.min(axis=0) - touch
@@ -77,7 +78,8 @@ def walk_of(scene: Scene, feet: Sequence[tuple[str, str]], touch: float) -> Walk
 
 
 def _way_where(speed: Real, above: Real, step: Real) -> float:
-    """The way [m] at speeds (F,) [m/s] while a height (F,) is not above zero, both straight between the frames, ``step`` apart."""
+    """The distance [m] covered at speeds (F,) [m/s] while a height (F,) is not above zero; both are linear between frames, ``step``
+    (F - 1,) [s] apart."""
     a, b = above[:-1], above[1:]
     on = (a <= 0.0) | (b <= 0.0)
     change = np.where((a <= 0.0) == (b <= 0.0), 0.0, a / np.where(a == b, 1.0, a - b))
@@ -87,7 +89,8 @@ def _way_where(speed: Real, above: Real, step: Real) -> float:
 
 
 def _with_changes(time: Real, place: Complex, rate: Complex) -> tuple[Real, Complex, Complex, Index]:
-    """Times, places and velocities of all feet and the one that stands, with the times put in, twice, at which that changes."""
+    """Times, places and velocities of all feet, and the foot that stands. The times at which that changes are inserted, each
+    twice."""
     lowest = np.argmin(place.imag, axis=0)
     times, places, rates, feet = [time[:1]], [place[:, :1]], [rate[:, :1]], [lowest[:1]]
     for k in range(len(time) - 1):
@@ -109,13 +112,13 @@ def _with_changes(time: Real, place: Complex, rate: Complex) -> tuple[Real, Comp
 
 
 def _between(a: Complex, b: Complex, da: Complex, db: Complex, u: float, h: float) -> Complex:
-    """A cubic through places and rates at both ends of a step, at a part of it."""
+    """Cubic Hermite interpolation from places and rates at both ends of a step ``h``, at its part ``u``."""
     w = 1.0 - u
     return a * w * w * (1.0 + 2.0 * u) + b * u * u * (1.0 + 2.0 * w) + h * (da * u * w * w - db * u * u * w)
 
 
 def walking_scene(scene: Scene, walk: Walk, name: str) -> Scene:
-    """The scene with the ground as its fixed link: two slides lead the body along it, as the walk says; the feet are traced."""
+    """The scene with the ground as its fixed link: two slides lead the body along it as in the walk; the feet are traced."""
     document = scene.document
     data = document.written()
     taken = [key for key in (GROUND, CART, LAWN) if key in document.links] + [
@@ -154,7 +157,7 @@ def walking_scene(scene: Scene, walk: Walk, name: str) -> Scene:
 
 
 def _lawn(walk: Walk) -> list[list[str]]:
-    """Corners of a strip of ground under the whole way."""
+    """Corners of a strip of ground under the whole path."""
     height = float(walk.body.imag.max())
     left, right = walk.body.real.min() - _BEYOND * height, walk.body.real.max() + _BEYOND * height
     return [
@@ -165,7 +168,7 @@ def _lawn(walk: Walk) -> list[list[str]]:
 
 
 def _stance(time: Real, values: Real) -> dict[str, Any]:
-    """The segment of a drive over the places of a slide while one foot stands."""
+    """The segment of a drive for the positions of a slide while one foot stands."""
     after = time - time[0]
     if len(time) < _FEWEST:
         after, values = (

@@ -1,8 +1,8 @@
 """A drawing machine for a motion of a pen: two levers on a shaft of cams lead the pen by rods or slides, a third lever lifts it.
 
-Lengths follow from the size of the drawing: those of what leads the pen are in `pen_linkages`. On the cams the levers are shorter,
-by one of `RATIOS`. The shaft lies below the pivots, as far as the cams ask for: they are as small as a limit of the pressure angle
-and rollers that do not undercut allow.
+Lengths follow from the size of the drawing; those of the linkage that leads the pen are in `pen_linkages`. The arms of the levers
+on the cams are shorter than the levers, by one of `RATIOS`. The shaft lies below the pivots, at the distance that the cams require:
+they are as small as the limit of the pressure angle, and rollers without undercut, allow.
 """
 
 from __future__ import annotations
@@ -30,17 +30,17 @@ from mechviz.runs import run_scene
 from mechviz.scene.folder import SceneFolder
 from mechviz.scene.scene import Scene, loads
 
-RATIOS = (4.0, 6.0, 9.0, 13.0)  # of the levers, the least one at which the cams are no larger than the drawing
+RATIOS = (4.0, 6.0, 9.0, 13.0)  # of lever to arm; the least one is used with which the cams are no larger than the drawing
 _ROLLER = 0.02  # radius of the rollers, over the size of the drawing
 _SPARE = 1.2  # least radius of curvature of the pitch curve, over the roller's
-_LIFT = 0.02  # way of the third roller, over the size of the drawing
-_LIFTER = 0.35  # length of the third lever
-_LIFTS = math.radians(4.0)  # of the shaft, for a lift of the pen
+_LIFT = 0.02  # travel of the third roller, over the size of the drawing
+_LIFTER = 0.35  # length of the third lever, over the size of the drawing
+_LIFTS = math.radians(4.0)  # angle of the shaft for a lift of the pen [rad]
 _FRONT = 0.3  # of the plane of the hand crank, over the size of the drawing
-_MOST_LIFTING = 0.3  # of the turn
-_GROWTH = 1.04  # of cams, from one size that is tried to the next
+_MOST_LIFTING = 0.3  # largest part of the turn for lifting and lowering
+_GROWTH = 1.04  # ratio of successive trial sizes of cams
 _LARGEST = 40.0  # cams, over the size of the drawing
-_TRIES = 4  # machines, each drawn with a smaller share of the error than the one before
+_TRIES = 4  # trial machines, each with a smaller share of the error than the one before
 _TEACHES = "Two cams on one shaft move two levers, %s; a third lifts it between strokes."
 _CHECKED = 4  # frames for each row of the tables where the line is compared with its strokes
 
@@ -49,10 +49,10 @@ _CHECKED = 4  # frames for each row of the tables where the line is compared wit
 class Writer:
     """A drawing machine and what is known of it.
 
-    ``scene`` with its tables, None of a bare motion; ``motion`` of the pen; ``error`` [m]: largest distance between the line that
-    the machine draws and the strokes, either way; ``ratio`` of the levers: so much farther the pen moves than the rollers do, and
-    so much larger become what the cams are off. Of the three cams: ``pressure_angles`` [rad], largest ``radii`` of the pitch
-    curves [m], ``sharpest`` [m]: least convex radii of curvature of the profiles.
+    ``scene`` with its tables, None of a motion without levers; ``motion`` of the pen; ``error`` [m]: largest distance between the
+    line that the machine draws and the strokes, in both directions; ``ratio`` of the levers: travel of the pen over that of the
+    rollers, by which errors of the cams are enlarged, too. Of the three cams: ``pressure_angles`` [rad], largest ``radii`` of the
+    pitch curves [m], ``sharpest`` [m]: least convex radii of curvature of the profiles.
     """
 
     scene: Scene | None
@@ -78,8 +78,8 @@ def design_writer(
 ) -> Writer:
     """The machine that draws strokes (n,) [m] about the origin, and misses them by at most ``error`` [m] when it is run.
 
-    ``speed`` of the shaft [rad/s]; ``linkage`` leads the pen; without ``levers`` the pen's motion alone. ``progress`` hears what is
-    done. Raises where the error cannot be reached.
+    ``speed`` of the shaft [rad/s]; ``linkage`` leads the pen; without ``levers`` only the motion of the pen is planned.
+    ``progress`` gets the name of each stage. Raises `MechanismError` where the error cannot be reached.
     """
     every = np.concatenate(list(strokes))
     size = max(float(np.ptp(every.real)), float(np.ptp(every.imag)))
@@ -111,8 +111,8 @@ def design_writer(
 
 
 def drawn_error(scene: Scene, motion: PenMotion, strokes: Sequence[Complex], link: str) -> float:
-    """The largest distance [m] between strokes (n,) on the sheet and what the pen ``P`` of a scene's link draws of each, either
-    way."""
+    """The largest distance [m] between strokes (n,) on the sheet and the line that the pen ``P`` of a scene's link draws for each,
+    in both directions."""
     frames = _CHECKED * len(motion.places)
     moved = run_scene(scene.changed({("run", "frames"): frames})).motion
     at = moved.point(link, "P") @ np.array([1.0, 1.0j])
@@ -128,7 +128,8 @@ def drawn_error(scene: Scene, motion: PenMotion, strokes: Sequence[Complex], lin
 
 @dataclass(frozen=True, eq=False)
 class _Wanted:
-    """The law of a lever's lift over the shaft's angle [rad], its arm [m], and the side of the line to the axis where that is."""
+    """The law of a lever's lift over the shaft's angle [rad], the length of its arm [m], and the side of the line to the axis on
+    which the arm is."""
 
     lift: MotionCurve
     arm: float
@@ -161,8 +162,8 @@ def _looked_at(cam: Cam) -> tuple[float, float, float]:
 
 
 def _cam(wanted: _Wanted, middle: float, roller: float) -> tuple[Cam, float] | None:
-    """The cam whose lever stands across at half the lift, its roller then ``middle`` from the axis, and the distance of its pivot;
-    None where the lever does not reach."""
+    """The cam whose roller is ``middle`` [m] from the axis at half the lift, with the arm perpendicular to that radius, and the
+    distance [m] of its pivot from the axis; None where the arm does not reach."""
     lift, arm = wanted.lift, wanted.arm
     apart = math.hypot(middle, arm)
     top = float(lift(np.linspace(0.0, 2.0 * np.pi, 721), 0)[0].max())
@@ -174,7 +175,8 @@ def _cam(wanted: _Wanted, middle: float, roller: float) -> tuple[Cam, float] | N
 
 
 def _least(wanted: Sequence[_Wanted], roller: float, limit: float, low: float, high: float) -> float:
-    """The least distance [m] of the rollers from the axis, at half their lifts, at which all cams can be cut and pushed."""
+    """The least distance [m] of the rollers from the axis, at half their lifts, at which all cams keep to the limit of the pressure
+    angle without undercut. Raises `MechanismError` where there is none up to ``high``."""
     middle = low
     while middle < high:
         made = [_cam(lever, middle, roller) for lever in wanted]
@@ -192,7 +194,7 @@ def _fits(cam: Cam, roller: float, limit: float) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class _Machine:
-    """The places of everything: what leads the pen, the shaft, levers left, right and lifting."""
+    """The layout of the machine: the linkage that leads the pen, the shaft, and the left, right and lifting levers."""
 
     linkage: PenLinkage
     ratio: float  # of the longer lever to its arm

@@ -1,6 +1,7 @@
-"""The suite of hard cases: places where mechanisms are hard, each with what is expected there, independently of what computes it.
+"""The suite of hard cases: situations in which mechanisms are hard to compute, each with an expectation that is independent of the
+solver.
 
-Modules with their ``CASES``, and one with the mechanisms that they share with the tests.
+Each module of a subject has its ``CASES``; one module has the mechanisms that they share with the tests.
 """
 
 from mechviz.hard_cases import cams, constraints, dynamics, friction, input, linkages

@@ -1,4 +1,4 @@
-"""Hard cases of cams: offset rollers, undercut, cusps, pressure angles, jumps of laws, contact that is lost."""
+"""Hard cases of cams: offset rollers, undercut, cusps, pressure angles, jumps of laws, follower separation."""
 
 from __future__ import annotations
 
@@ -168,7 +168,8 @@ def _cut() -> Outcome:
 
 
 def _separation() -> Outcome:
-    """A spring too weak: contact is lost where k (d0 + s) + m g + m w^2 s'' = 0 first, by a fine scan by hand."""
+    """A spring that is too weak: contact is lost where k (d0 + s) + m g + m w^2 s'' = 0 at the lowest speed, found by a fine scan
+    by hand."""
     closure = Closure(mass=0.4, stiffness=2000.0, preload=0.01)
     lost = first_separation(closure, LIFT)
     assert lost is not None
@@ -188,7 +189,7 @@ def _separation() -> Outcome:
 
 
 def _joint(face: Any, **more: object) -> Mechanism:
-    """A translating follower with its spring, driven at 20 rad/s; ``more``: numbers of the joint that a case varies."""
+    """A translating follower with its spring, driven at 20 rad/s; ``more``: values of the joint that a case varies."""
     own: dict[str, Any] = {"lift": LIFT, "base": 0.04, **more}
     return Mechanism(
         name="cam",
@@ -210,7 +211,7 @@ def _joint(face: Any, **more: object) -> Mechanism:
 
 
 def _loses_contact() -> Outcome:
-    """The joint itself reports the stretch in which its contact would have to pull; its edge by hand."""
+    """The joint reports the interval in which its contact force would have to pull; the force along the guide by hand."""
     m = _joint(Roller(0.01))
     m = replace(m, drives=(Drive(joint="O", law=ConstantSpeed(0.0, 200.0)),))
     motion = solve_motion(compile_mechanism(m), np.linspace(0.0, TURN / 200.0, 721))
@@ -231,7 +232,8 @@ def _loses_contact() -> Outcome:
 
 
 def _knife_on_a_square() -> Outcome:
-    """A knife on a square cam turning about its middle: r = a / cos(theta) to the corners, where it is carried over the corner."""
+    """A knife on a square cam that turns about its centre: r = a / cos(theta) up to the corners, at which it is carried over the
+    corner."""
     contour = polygon([0.03 + 0.03j, -0.03 + 0.03j, -0.03 - 0.03j, 0.03 - 0.03j])
     theta = np.linspace(0.0, TURN, 361)
     contact = analyse(contour, Follower(Translating(), Knife()), theta)
@@ -246,7 +248,7 @@ def _knife_on_a_square() -> Outcome:
 
 
 def _round_trip() -> Outcome:
-    """The profile that synthesis gives, analysed as a mere contour, moves the follower by the law again."""
+    """The profile from synthesis, analysed as a given contour, moves the follower by the same law."""
     cam = cam_on_base(LIFT, Follower(Oscillating(0.1 + 0.0j, 0.09), Roller(0.012)), 0.04)
     theta = np.linspace(0.0, TURN, 361) + 1e-3
     contact = analyse(cam_contour(cam), cam.follower, theta)
@@ -259,7 +261,7 @@ def _round_trip() -> Outcome:
 
 
 def _high_pressure() -> Outcome:
-    """A base circle so small that the pressure angle passes 56 degrees: tan(alpha) = s' / (r0 + s) by a fine scan."""
+    """A base circle so small that the pressure angle exceeds 56 degrees: tan(alpha) = s' / (r0 + s) by a fine scan."""
     theta = np.linspace(0.0, TURN, 200_001)
     s, s1, _ = _cycloidal(theta)
     limits = find_limits(cam_on_base(LIFT, Follower(Translating(), Knife()), 0.006))
@@ -270,7 +272,8 @@ def _high_pressure() -> Outcome:
 
 
 def _jerk() -> Outcome:
-    """Parabolic rises: the acceleration jumps by 4 h / beta^2 at the ends and 8 in the middle, and nothing is smoothed over."""
+    """Parabolic rises: the acceleration jumps by 4 h / beta^2 at the ends and by 8 h / beta^2 in the middle, without any
+    smoothing."""
     law = program([Segment(UP, STROKE, "parabolic"), Segment(1.0), Segment(1.6, 0.0, "parabolic"), Segment(TURN - 4.6)])
     steps = jumps(law, (0, 1, 2))
     sizes = sorted(abs(j.size) for j in steps)

@@ -1,4 +1,4 @@
-"""A hard case: what happens there, what is expected of it, and how the result that is computed is compared with that."""
+"""A hard case: its difficulty, what is expected of it, and the comparison of the computed result with that."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ CASE_FAMILIES: tuple[CaseFamily, ...] = ("linkages", "cams", "friction", "dynami
 
 @dataclass(frozen=True)
 class Check:
-    """One comparison: ``error`` is how far the result is from what is expected, ``bound`` how far it may be."""
+    """One comparison: ``error`` is the deviation of the result from the expected one, ``bound`` the largest that is allowed."""
 
     name: str
     error: float
@@ -35,8 +35,8 @@ class Check:
 
 @dataclass(frozen=True)
 class Outcome:
-    """Outcome of a case. ``residual``: largest loop residual over the mechanism's size; ``condition``: largest of a block;
-    ``events``: what the program says of the place, in words."""
+    """Outcome of a case. ``residual``: largest loop residual over the mechanism's size; ``condition``: largest condition number of
+    a block; ``events``: what the program reports there, in words."""
 
     summary: str
     checks: tuple[Check, ...]
@@ -57,8 +57,8 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Case:
-    """A hard case. ``happens``: what is hard there; ``expected``: the expectation and where it comes from; ``peers``: who fails
-    there."""
+    """A hard case. ``happens``: what is hard there; ``expected``: the expectation and its source; ``peers``: other programs that
+    fail there."""
 
     name: str
     family: CaseFamily
@@ -68,7 +68,7 @@ class Case:
     peers: str = ""
 
     def run(self) -> Outcome:
-        """The outcome with its time; an exception is an outcome too, one that has failed."""
+        """The outcome with its time; an exception is an outcome, too, which has failed."""
         start = time.perf_counter()
         try:
             outcome = self.compute()
@@ -78,21 +78,22 @@ class Case:
 
 
 def compare(name: str, got: object, want: object, bound: float, *, scale: float | None = None) -> Check:
-    """Largest difference, relative to ``scale`` (default: the largest expected value)."""
+    """The check of the largest difference, relative to ``scale`` (default: the largest expected value)."""
     got, want = np.asarray(got, float), np.asarray(want, float)
     size = float(np.max(np.abs(want))) if scale is None else scale
     return Check(name, float(np.max(np.abs(got - want))) / (size or 1.0), bound)
 
 
 def judged(name: str, holds: Any) -> Check:
-    """A statement that holds or does not."""
+    """The check of a statement that holds or does not."""
     return Check(name, 0.0 if bool(np.all(holds)) else 1.0, 0.5)
 
 
 def motion_outcome(
     motion: Motion, summary: str, checks: Iterable[Check], forces: Forces | None = None, events: Iterable[str] = ()
 ) -> Outcome:
-    """The outcome of a motion: its loops have to close to rounding beside whatever else is checked."""
+    """The outcome of a motion: beside the given checks its loops have to close to rounding and, with ``forces``, its power has to
+    balance."""
     size = motion.model.length_scale
     residual = float(np.max(motion.closure)) / size
     every = [*checks, Check("loops close", residual, 1e-12)]
@@ -105,7 +106,8 @@ def motion_outcome(
 
 
 def refused(attempt: Callable[[], object], *patterns: str, checks: Callable[[str], Sequence[Check]] = lambda _: ()) -> Outcome:
-    """The outcome of something that has to be refused in words that match every pattern; ``checks`` look at the words."""
+    """The outcome of an attempt that has to raise `MechanismError` with a message that matches every pattern; ``checks`` examine
+    the message."""
     try:
         attempt()
     except MechanismError as e:
@@ -123,7 +125,7 @@ def _number(value: float | None) -> str:
 
 
 def case_table(results: Sequence[tuple[Case, Outcome]], width: int = 160) -> str:
-    """One row a case: what happens there, what is expected, what was found, the check nearest to its bound, residual, condition,
+    """Table with one row for each case: difficulty, expectation, result, the check nearest to its bound, residual, condition,
     events, pass or fail."""
     from rich import box
     from rich.console import Console
@@ -157,7 +159,7 @@ def case_table(results: Sequence[tuple[Case, Outcome]], width: int = 160) -> str
 
 
 def summary(results: Sequence[tuple[Case, Outcome]]) -> str:
-    """How many pass, and which do not."""
+    """The number of cases that pass, the time, and the names of those that fail."""
     failed = [c.name for c, o in results if not o.passed]
     seconds = sum(o.seconds for _, o in results)
     tail = f"; failed: {', '.join(failed)}" if failed else ""
@@ -165,7 +167,7 @@ def summary(results: Sequence[tuple[Case, Outcome]]) -> str:
 
 
 def as_data(results: Sequence[tuple[Case, Outcome]]) -> list[dict[str, Any]]:
-    """The same as plain values; what is not a finite number is a text, as JSON has none."""
+    """The results as plain values; numbers that are not finite are texts, as JSON has none."""
     return [
         {
             "family": c.family,

@@ -32,7 +32,7 @@ beta, confirmed by an energy quadrature (tests/reference/andrews.json); the publ
 def _outcome(
     simulation: Simulation, summary: str, checks: list[Check], *, drift: float | None = 1e-8, frames: int = 101
 ) -> Outcome:
-    """The outcome of a simulation: loops close and energy is accounted for, beside what else is checked."""
+    """The outcome of a simulation: beside the given checks its loops have to close and its energy has to balance."""
     t = np.linspace(0.0, simulation.duration, frames)
     motion = simulation.motion(t)
     residual = float(np.max(motion.closure)) / simulation.compiled.model.length_scale
@@ -65,7 +65,7 @@ def _squeezer(method: Method, tolerance: float, bound: float) -> Outcome:
 
 
 def _rotating(length_inertia: float, moment: float, speed: float, t: float) -> float:
-    """Angle turned by a pendulum J phi'' = -M sin(phi) from the top at a speed, by Jacobi's amplitude.
+    """Angle turned by a pendulum J phi'' = -M sin(phi) that starts at the top with a speed, by Jacobi's amplitude.
 
     phi = 2 am(Omega t / 2 + K), modulus m = 4 (M / J) / Omega^2 with Omega the speed at the bottom (Whittaker, Analytical Dynamics,
     44).
@@ -82,7 +82,7 @@ def _rotating(length_inertia: float, moment: float, speed: float, t: float) -> f
 
 
 def _chain(n: int, method: Method = "auto") -> Outcome:
-    """All uprights turn alike: one pendulum with J = (n + 1)/3 + n and M = ((n + 1)/2 + n) g."""
+    """All uprights have the same angle: one pendulum with J = (n + 1)/3 + n and M = ((n + 1)/2 + n) g."""
     simulation = simulate(chain(n, Free(np.pi / 2, -1.0)), 10.0, method=method, tolerance=1e-9)
     turned = np.pi / 2 - float(simulation([10.0])[0][0, 0])
     want = _rotating((n + 1) / 3.0 + n, ((n + 1) / 2.0 + n) * G, 1.0, 10.0)
@@ -102,7 +102,7 @@ def _pendulum_at(angle: float, t: object) -> Any:
 
 
 def _near_the_top() -> Outcome:
-    """Released 0.1 degree from the top: an error there grows ten thousandfold before it comes down."""
+    """Released 0.1 degree from the top: an error there grows by the factor 10,000 before it comes down."""
     angle = np.radians(179.9)
     period = 4.0 * ellipkm1(np.cos(0.5 * angle) ** 2) * np.sqrt(0.4 / (1.5 * G * 0.35))
     simulation = simulate(pendulum(0.4, 1.5, 0.35, angle), period, tolerance=1e-12)
@@ -141,7 +141,8 @@ def _start_in_a_dead_point() -> Outcome:
 
 
 def _zeno() -> Outcome:
-    """A pendulum that bounces on a stop at its lowest place: each bounce e times as fast."""
+    """A pendulum that bounces on a stop at the lowest place of its path: each bounce multiplies its speed by e, until it stays in
+    contact."""
     stop = EndStop(name="wall", joint="O", at=-np.pi / 2 + 0.5, side="lower", restitution=0.5)
     simulation = simulate(pendulum(0.4, 1.5, 0.35, 1.0), 20.0, stops=[stop], tolerance=1e-9)
     speed = np.sqrt(2.0 * 1.5 * G * 0.35 * (np.cos(0.5) - np.cos(1.0)) / 0.4)
@@ -156,7 +157,7 @@ def _zeno() -> Outcome:
 
 
 def _stiff() -> Outcome:
-    """c q' = -m g d sin q: tan(q/2) decays with exp(-m g d t / c); the speed follows with 1e-5 s."""
+    """c q' = -m g d sin q: tan(q/2) decays with exp(-m g d t / c); the speed follows with a time constant of 1e-5 s."""
     oil = Viscous(name="oil", joint="O", coefficient=4e4)
     m = pendulum(0.4, 1.5, 0.35, 1.0, loads=(oil,))
     simulation = simulate(m, 200.0, method="radau", tolerance=1e-6)
@@ -184,7 +185,7 @@ def _double(effects: tuple[str, ...], tolerance: float, starts: tuple[float, flo
 
 
 def _lagrange(t: float, y: Any) -> list[float]:
-    """The double pendulum's equations as a textbook has them, angles from the x axis."""
+    """The equations of the double pendulum from a textbook, angles from the x axis."""
     a, b, u, v = y
     m1, m2, l1, c1, c2, j1, j2 = 1.0, 0.7, 1.0, 0.5, 0.4, 1.0 / 12, 0.7 * 0.64 / 12
     k = m2 * l1 * c2
@@ -197,7 +198,7 @@ def _lagrange(t: float, y: Any) -> list[float]:
 
 
 def _chaos() -> Outcome:
-    """Against Lagrange's equations by hand and DOP853; neighbouring motions part by e in half a second."""
+    """Against Lagrange's equations by hand and DOP853; neighbouring motions diverge by the factor e in half a second."""
     start = (0.3, 0.5, 0.0, -2.0)
     simulation = simulate(_double(("inertia", "gravity"), 1e-11, start), 3.0, tolerance=1e-11)
     other = solve_ivp(
@@ -224,7 +225,7 @@ def _there_and_back() -> Outcome:
 
 
 def _knee() -> Outcome:
-    """The lower joint hits a stop without loss: no impulse on the upper joint's coordinate, energy stays."""
+    """The lower joint hits a stop without loss: no impulse on the upper joint's coordinate, and energy is conserved."""
     stop = EndStop(name="knee", joint="J", at=-1.0, side="lower", restitution=1.0)
     simulation = simulate(_double(("inertia",), 1e-10, (-0.5, 0.0, 0.0, -3.0)), 2.0, stops=[stop], tolerance=1e-10)
     hit = next(h for h in simulation.events if h.kind == "impact").time
@@ -275,7 +276,7 @@ def _equilibrium() -> Outcome:
 
 
 def _step_load() -> Outcome:
-    """A torque that is switched on at 1 s: speed M (t - 1) / J after it, the kink is met exactly."""
+    """A torque that is switched on at 1 s: speed M (t - 1) / J after it; the jump is located exactly."""
     push = Torque(name="push", link="body", moment=2.0, factor=Factor(function=lambda t: (np.asarray(t) > 1.0) * 1.0, of="time"))
     m = pendulum(0.4, 0.0, 0.0, 0.0, loads=(push,), effects=("inertia",))
     simulation = simulate(m, 3.0, tolerance=1e-9)

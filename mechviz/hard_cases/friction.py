@@ -1,5 +1,5 @@
-"""Hard cases of dry friction: it jams, locks itself, turns back, and statics does not determine the load; under forces a mechanism
-runs down, sticks and slips, brakes, has no acceleration."""
+"""Hard cases of dry friction: jamming, self-locking, reversal, and normal loads that statics does not determine; under forces
+motions that run down, stick-slip, braking, and states in which no acceleration exists."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ G = 9.81
 
 
 def friction_in(forces: Forces) -> FrictionResult:
-    """The friction of forces that have some."""
+    """The friction of forces; they must have some."""
     assert forces.friction is not None
     return forces.friction
 
 
 def rubbing_joint(joint: Any, friction: Friction) -> Any:
-    """A joint of a kind that can have friction, with it."""
+    """A joint, of a kind that can have friction, with ``friction``."""
     return replace(joint, friction=friction)
 
 
@@ -61,7 +61,7 @@ def _beyond_the_jam() -> Outcome:
 
 
 def _jam_between_frames() -> Outcome:
-    """The gallery's sleeve: where the lift's arm reaches b / (2 mu) = 200 mm, found between frames."""
+    """The gallery's sleeve: the time at which the lift's arm reaches b / (2 mu) = 200 mm, found between frames."""
     scene = load("jamming-sleeve")
     m = scene.mechanism
     forces = solve_forces(solve_motion(compile_mechanism(m), default_times(m, 37)))
@@ -86,7 +86,7 @@ def _self_locking() -> Outcome:
 
 
 def _reversal() -> Outcome:
-    """A slider-crank through its dead centre: friction of the piston is zero at rest and changes its sign around it."""
+    """A slider-crank through its dead centre: the friction force of the piston is zero at rest and changes its sign there."""
     m = slider_crank(0.05, 0.18, loads=(Force(name="F", link="piston", point="C", vector=(-9.0, -2.0)),), effects=("friction",))
     m = replace(m, joints=(*m.joints[:-1], rubbing_joint(m.joints[-1], Friction(coefficient=0.2))))
     forces = load_at(m, [-1e-4, 0.0, 1e-4], 1.0)
@@ -100,7 +100,7 @@ def _reversal() -> Outcome:
 
 
 def _two_ends() -> Outcome:
-    """mu F while the load lies within the bearing, 2 mu F e / b outside: on both sides of where that changes."""
+    """mu F while the load lies within the bearing, 2 mu F e / b outside: on both sides of the transition."""
     b, mu, checks = 0.08, 0.15, []
     for e in (0.0, 0.04 - 1e-9, 0.04 + 1e-9, 0.1):
         forces = load_at(bearing(e, Friction(coefficient=mu, length=b)), [0.0], 2.0)
@@ -109,7 +109,7 @@ def _two_ends() -> Outcome:
 
 
 def _one_pin() -> Outcome:
-    """|a + b g| = g is a quadratic: loads up to where the branch turns back, |b| sin(angle) = 1."""
+    """|a + b g| = g is a quadratic: loads up to the turning point of the branch, |b| sin(angle) = 1."""
     angle, a = 2.2, 3.0 * np.exp(0.4j)
     size = np.array([0.3, 0.95, 1.1, 1.0 / np.sin(2.2) - 1e-6, 1.0 / np.sin(2.2) + 1e-6, 5.0])
     b = size * np.exp(1j * (angle + 0.4))
@@ -199,7 +199,8 @@ def _simulated(simulation: Simulation, summary: str, checks: list[Check]) -> Out
 
 
 def _runs_down() -> Outcome:
-    """Every half swing the amplitude falls by 2 mu m g / k, at half periods; it sticks in the dead band, off the middle."""
+    """In every half swing the amplitude falls by 2 mu m g / k, at half periods; the block sticks in the dead band, off the
+    middle."""
     mu, k, x0 = 0.1, 100.0, 0.2
     step, half = 2.0 * mu * G / k, np.pi / 10.0
     count = int(np.ceil((x0 - 0.5 * step) / step))
@@ -217,7 +218,7 @@ def _runs_down() -> Outcome:
 
 
 def _stick_slip() -> Outcome:
-    """A mass on a belt held by a spring: sticks until k x = mu_s m g, slips on an arc about mu_k m g / k, over and over."""
+    """A mass on a belt held by a spring: it sticks until k x = mu_s m g and slips on an arc about mu_k m g / k, repeatedly."""
     k, belt, static, kinetic = 50.0, 0.1, 0.4, 0.2
     w, x1 = np.sqrt(k), static * G / k
     centre = kinetic * G / k

@@ -1,4 +1,4 @@
-"""Hard cases of input: what users really write. Either it means what it says, to the last digit, or every fault is named."""
+"""Hard cases of input: what users really write. Either it is read correctly to the last digit, or every fault is named."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ BASE: dict[str, Any] = {
         "D": {"revolute": ["rocker", "frame"]},
     },
 }
-"""A sound crank-rocker, which the cases spoil."""
+"""A valid crank-rocker, which the cases change."""
 
 
 def _changed(**changes: object) -> dict[str, Any]:
-    """The crank-rocker with values changed, each at a path such as ``links__crank__mass``; None takes a key away."""
+    """The crank-rocker with values changed, each at a path such as ``links__crank__mass``; None removes a key."""
     data: dict[str, Any] = json.loads(json.dumps(BASE))
     for path, value in changes.items():
         *parents, key = path.split("__")
@@ -47,7 +47,7 @@ def _changed(**changes: object) -> dict[str, Any]:
 
 
 def _faulty(attempt: Callable[[], object], *expected: tuple[str, str, str]) -> Outcome:
-    """The outcome of a scene with exactly the expected faults: (path, part of what is wrong, part of the remedy)."""
+    """The outcome of an attempt that has to give exactly the expected faults: (path, part of the message, part of the remedy)."""
     try:
         attempt()
     except SceneError as e:
@@ -108,7 +108,7 @@ def seven_slips() -> dict[str, Any]:
 
 
 def _many_slips() -> Outcome:
-    """Seven slips at once: each is reported, nothing that merely follows from them."""
+    """Seven slips at once: each is reported, but nothing that is only a consequence of them."""
     data = seven_slips()
     return _faulty(
         lambda: Scene.build(**data),

@@ -18,7 +18,7 @@ from mechviz.scene.scene import load
 
 
 def _branch(mode: str) -> Outcome:
-    """Cranks 0.1 on a frame of 0.3: rocker and crank turn alike, or the rocker by (r^2 - d^2)/(r^2 + d^2 - 2 r d cos)."""
+    """Cranks 0.1 on a frame of 0.3: the rocker turns as fast as the crank, or (r^2 - d^2)/(r^2 + d^2 - 2 r d cos) times as fast."""
     t = np.sort(np.concatenate([np.arange(1, 2001) * np.pi - 0.5, np.linspace(0.0, 1000 * TURN, 10_001)]))
     motion = solve_motion(compile_mechanism(four_bar(0.3, 0.1, 0.3, 0.1, start=0.5, mode=mode)), t)
     want = np.ones_like(t) if mode == "left" else (0.01 - 0.09) / (0.1 - 0.06 * np.cos(t + 0.5))
@@ -42,7 +42,7 @@ def _kite() -> Outcome:
 
 
 def _flat_margin() -> Outcome:
-    """Frame + crank = coupler + rocker - 1e-12: the pin D against the triangle in 60 digits."""
+    """Frame + crank = coupler + rocker - 1e-12: the pin D compared with the triangle in 60 digits."""
     motion = at(four_bar(3.0, 1.0, 2.5, 1.5 + 1e-12, start=np.pi), [np.pi])
     with localcontext() as context:
         context.prec = 60
@@ -78,7 +78,7 @@ def _beyond() -> Outcome:
 
 
 def _sliver() -> Outcome:
-    """The links miss each other by 1e-9 in a range that no frame meets; its edge by the law of cosines."""
+    """The links miss each other by 1e-9 in a range that no frame hits; its limit by the law of cosines."""
     m = four_bar(3.0, 1.0, 2.5, 1.5 - 1e-9, start=0.3)
     edge = np.degrees(np.arccos((10.0 - (4.0 - 1e-9) ** 2) / 6.0))
 
@@ -150,7 +150,7 @@ def _long_chain() -> Outcome:
 
 
 def _triad() -> Outcome:
-    """A group of class III over ten turns: the branch at the end is that of the start; rates by a second route."""
+    """A group of class III over ten turns: the branch at the end is that of the start; rates by a second method."""
     m = load("triad").mechanism
     compiled = compile_mechanism(m)
     period = m.drives[0].law.duration
@@ -169,7 +169,7 @@ def _triad() -> Outcome:
 
 
 def _double_rocker() -> Outcome:
-    """Driven exactly to where coupler and rocker are in line, by the law of cosines; it goes on to the other side."""
+    """Driven exactly to where coupler and rocker are in line, by the law of cosines; the motion continues on the other side."""
     limit = float(np.arccos((0.3**2 + 0.22**2 - (0.16 + 0.21) ** 2) / (2 * 0.3 * 0.22)))
     m = replace(four_bar(0.3, 0.22, 0.16, 0.21), drives=(Drive(joint="A", law=Oscillation(0.0, limit, 0.25)),))
     motion = solve_motion(compile_mechanism(m), np.linspace(0.0, 8.0, 1601))

@@ -1,4 +1,4 @@
-"""Small mechanisms of the hard cases, built straight from the core's specs; those with dry friction have answers known by hand."""
+"""Small mechanisms of the hard cases, built directly from the core's specs; those with dry friction have results known by hand."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def pin(name: str, first: str, second: str, at: str | None = None) -> Revolute:
 
 
 def body(name: str, points: Mapping[str, tuple[float, float]], bodies: Bodies | None) -> Link:
-    """A link with what ``bodies`` (link -> mass, centre, inertia) says of it."""
+    """A link with its mass, centre and inertia from ``bodies`` (link -> mass, centre, inertia)."""
     mass, centre, inertia = (bodies or {}).get(name, (0.0, (0.0, 0.0), 0.0))
     return Link(name=name, points=points, mass=mass, centre=(centre[0], centre[1]), inertia=inertia)
 
@@ -169,7 +169,8 @@ def load_at(mechanism: Mechanism, positions: ArrayLike, speed: float = 1.0, acce
 
 
 def sleeve(x: float, length: float, mu: float, *, weight: float = 30.0, **more: Any) -> Mechanism:
-    """A sleeve on a column with its weight [N] on the axis, lifted at a distance x from it (drive H); ``more``: of its friction."""
+    """A sleeve on a column with its weight [N] on the axis, lifted at a distance x from it (drive H); ``more``: keys of its
+    friction."""
     return Mechanism(
         name="sleeve",
         frame="frame",
