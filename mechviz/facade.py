@@ -110,7 +110,7 @@ class Result:
 
     @cached_property
     def catalogue(self) -> Catalogue:
-        """All quantities, the axes of plots and the health of the solution."""
+        """All quantities, the axes of plots, and the health of the solution: closure errors and condition."""
         return self._source.catalogue if isinstance(self._source, Run) else Catalogue(recorded_numbers(self._source))
 
     @property
@@ -217,7 +217,7 @@ class Result:
         """Write a picture and return its path: a drawing from the front (.svg), or the solids in a view (.png), which needs
         Chromium.
 
-        It shows the time ``at`` [s], the ``frame`` of this number, or the first frame at which the drive reaches ``angle`` [°]; by
+        It shows the time ``at`` [s], the ``frame`` of this number, or the time at which the drive first reaches ``angle`` [°]; by
         default the time at which a page opens. ``view``: 3d, front, iso, top, left, right or back. ``size``: width and height [px].
         Raises `OutputError`.
         """

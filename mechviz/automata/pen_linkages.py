@@ -86,7 +86,7 @@ class CrossSlides(PenLinkage):
     )
     words = "whose pins lead two crossed slides with the pen along the line"
     lengths = (1.3, 1.0)  # the first reaches so far that its slot passes beside the roller: their layers then keep them apart
-    rail, stem = -1.2 + 0.9j, 0.85  # where the cross slide is held, beside all that moves; the pen above where its slide is held
+    rail, stem = -1.2 + 0.9j, 0.85  # guide of the cross slide, beside all moving parts; the pen above the guide of its slide
 
     def angles(self, places: Complex) -> tuple[Real, Real]:
         return np.arcsin(places.imag / self.levers[0]), np.arccos(places.real / self.levers[1])

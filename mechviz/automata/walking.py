@@ -112,7 +112,7 @@ def _with_changes(time: Real, place: Complex, rate: Complex) -> tuple[Real, Comp
 
 
 def _between(a: Complex, b: Complex, da: Complex, db: Complex, u: float, h: float) -> Complex:
-    """Cubic Hermite interpolation from places and rates at both ends of a step ``h``, at its part ``u``."""
+    """Cubic Hermite interpolation at the part ``u`` of a step ``h``, from places and rates at its ends."""
     w = 1.0 - u
     return a * w * w * (1.0 + 2.0 * u) + b * u * u * (1.0 + 2.0 * w) + h * (da * u * w * w - db * u * u * w)
 

@@ -82,7 +82,7 @@ def _profile_case(what: str) -> Outcome:
 
 
 def _modified_trapezoid() -> Outcome:
-    """Acceleration 8 pi / (2 + pi) times sine quarters and constants; integrated twice by Gauss quadrature."""
+    """Acceleration 8 pi / (2 + pi) times sine quarters and constants; its integral, the velocity, by Gauss quadrature."""
     law = rise("modified-trapezoid")
     peak = 8.0 * np.pi / (2.0 + np.pi)
     x = np.linspace(0.0, 1.0, 801)

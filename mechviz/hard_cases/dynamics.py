@@ -122,7 +122,8 @@ def _many_swings() -> Outcome:
 
 
 def _triple_rocker() -> Outcome:
-    """No link turns fully: every coordinate has dead points. Energy by positions alone, speeds by differences."""
+    """No link turns fully: every coordinate has dead points. Kinetic and potential energy by hand, from positions and speeds of the
+    links."""
     simulation = simulate(bars(1.0, 0.7, 0.6, 0.8, 1.2, 5.0), 3.0, tolerance=1e-10)
     t = np.linspace(0.0, 3.0, 301)
     motion = simulation.motion(t)

@@ -78,7 +78,7 @@ def _same(first: Any, second: Any, links: Sequence[str], bound: float) -> list[C
 
 
 def _units() -> Outcome:
-    """The same crank-rocker in millimetres, in inches, and with every value in a unit of its own."""
+    """The same crank-rocker in millimetres, in inches, and with values in units of their own."""
     base = _solved(Scene.build(**BASE))
     inches = json.loads(json.dumps(BASE))
     inches["units"] = {"length": "in", "angle": "turn"}
@@ -123,7 +123,7 @@ def _many_slips() -> Outcome:
 
 
 def _read_write_read() -> Outcome:
-    """Numbers of all sizes come back bit for bit through the written text."""
+    """Numbers of all magnitudes are written as text and read back bit for bit."""
     rng = np.random.default_rng(5)
     values = [*(rng.uniform(1.0, 10.0, 40) * 10.0 ** rng.integers(-12, 12, 40)).tolist(), 0.1, 1 / 3, 2.2250738585072015e-08]
     points = {f"P{k}": [v, -v] for k, v in enumerate(values)}
@@ -136,7 +136,7 @@ def _read_write_read() -> Outcome:
 
 
 def _strange_names() -> Outcome:
-    """Names with spaces, Greek, Cyrillic, Chinese and emphasis of their own: nothing depends on the alphabet."""
+    """Names with spaces, fractions, apostrophes, Greek, Cyrillic and Chinese letters: nothing depends on the alphabet."""
     names = {"crank": "Kurbel ½", "coupler": "κοινωνός b'", "rocker": "коромысло 摇杆"}
     text = json.dumps(BASE)
     for old, new in names.items():
@@ -171,7 +171,7 @@ def _not_toml() -> Outcome:
 
 
 def _tiny_and_huge() -> Outcome:
-    """The crank-rocker a billion times as large and as small: the same angles."""
+    """The crank-rocker a billion times as large, and a million times as small: the same angles."""
     base = _solved(Scene.build(**BASE))
     checks = []
     for unit in ("nm", "Mm"):

@@ -31,7 +31,7 @@ _HOMES = {
 
 
 def __getattr__(name: str) -> Any:
-    """Names on first use: listing the gallery must not load the machinery that reads scenes."""
+    """The public name, imported on first use: listing the gallery must not load the machinery that reads scenes."""
     if name not in _HOMES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     return getattr(import_module(f".{_HOMES[name]}", __name__), name)

@@ -83,7 +83,7 @@ class RunDocument(DocumentTable):
     cycles: Annotated[int, Field(strict=True, ge=1, le=100_000)] = 1
     """Number of cycles of the drive."""
     duration: Duration | None = None
-    """Free coordinates, or nothing that moves: duration of the run. A run at rest without a duration has one frame."""
+    """Free coordinates, or a mechanism at rest: duration of the run. At rest without it one frame."""
     steady: Annotated[int, Field(strict=True, ge=1, le=1000)] | None = None
     """One free crank: the run starts in the steady state whose cycle is this many turns; without a duration it lasts one cycle."""
     tolerance: Tolerance | None = None

@@ -217,7 +217,7 @@ _COLOUR = "#[0-9a-fA-F]{6}"
 
 
 def _name(value: str) -> str:
-    """Names become parts of paths in recordings and of file names."""
+    """A valid name: names become parts of paths in recordings and of file names."""
     if not value:
         raise fault("an empty name.", "Give it a name.")
     if len(value) > 100:

@@ -1,4 +1,4 @@
-"""The folder of a scene: where the files that it names are found, and what they held when they were read."""
+"""The folder of a scene: where the files that it names are found, and their contents when they were read."""
 
 from __future__ import annotations
 

@@ -116,7 +116,7 @@ class _Table:
         return 0.0 if fallback is None else self.convert.si(fallback, kind, f"friction.{key}")
 
     def sliding(self, brake: float, *, only_brake: bool = False) -> dict[str, Any] | None:
-        """Coefficients and Stribeck speed of sliding surfaces; none where there is a brake only, or nothing."""
+        """Coefficients and Stribeck speed of sliding surfaces; None where there is only a brake, or nothing."""
         own, coefficient = self.own, self.own.coefficient if self.own.coefficient is not None else self.default.coefficient
         if own.stribeck is not None and coefficient is None and self.has_valid("coefficient"):
             self.note("stribeck", "there is no coefficient of sliding to which the curve falls.", "Add coefficient = 0.1.")

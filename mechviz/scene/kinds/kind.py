@@ -33,13 +33,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class Kind:
-    """A kind of joint or load, as far as its form goes."""
+    """A kind of joint or load: its name and its keys."""
 
     words: str  # its name in a sentence
     example: str  # an entry of the scene in TOML
-    keys: tuple[str, ...] = ()  # that go with it
-    needs: Mapping[str, str] = field(default_factory=dict)  # those without a default, with an example of each
-    one_of: tuple[str, ...] = ()  # exactly one of these
+    keys: tuple[str, ...] = ()  # keys that go with it
+    needs: Mapping[str, str] = field(default_factory=dict)  # keys without a default, with an example of each
+    one_of: tuple[str, ...] = ()  # exactly one of these keys
     synonyms: tuple[str, ...] = ()  # other terms for it
     instead: Mapping[str, str] = field(default_factory=dict)  # key of another kind -> remedy: what was probably meant by it
 
@@ -94,7 +94,7 @@ class KindTable(DocumentTable):
 # -- joints -------------------------------------------------------------------------------------------------------------
 @dataclass(frozen=True, kw_only=True)
 class JointKind(Kind):
-    """A kind of joint: all that is known of its keyword, from the words for it to the joint of the core."""
+    """A kind of joint with all properties of its keyword, from its name to the joint of the core."""
 
     make: Callable[[JointMaker], Joint | None]  # the core's joint; None where too much of it is missing
     modes: tuple[str, ...] = ()  # keys that select an assembly mode
@@ -219,10 +219,10 @@ NotNegative = Annotated[Number, AfterValidator(_not_negative)]
 
 @dataclass(frozen=True, kw_only=True)
 class LoadKind(Kind):
-    """A kind of load: all that is known of its keyword, from the words for it to the load of the core."""
+    """A kind of load with all properties of its keyword, from its name to the load of the core."""
 
-    make: Callable[[LoadMaker], Load | tuple[Load, ...] | None]  # the core's; None where a name is not there or a part is faulty
-    some: tuple[str, ...] = ()  # at least one of these
+    make: Callable[[LoadMaker], Load | tuple[Load, ...] | None]  # the core's; None where a name or part is faulty
+    some: tuple[str, ...] = ()  # at least one of these keys
     between: bool = False  # its keyword names two points or links, which differ
     check: Callable[[Reading, str, Any], Iterator[Fault]] | None = None  # faults of what stands at the path of its keyword
     threefold: bool = False  # stiffness and damping in x, y and angle

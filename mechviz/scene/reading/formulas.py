@@ -136,8 +136,7 @@ def parameter_changes(document: SceneDocument, values: Mapping[str, float | str]
 
 
 def parameter_arrays(document: SceneDocument, values: Mapping[str, Real]) -> dict[str, Amount]:
-    """The parameters of many designs: the ``values`` (D,) of some in SI units, and all others, computed from them where they depend
-    on them."""
+    """All parameters of many designs in SI units: the ``values`` (D,) of some, and the others evaluated from them."""
     entries = document.parameters_written
     known = resolve({"parameters": entries}).parameters
     amounts = {name: Amount(own, known[name].amount.powers) for name, own in values.items()}

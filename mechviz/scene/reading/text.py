@@ -1,4 +1,4 @@
-"""Scene files: find them, read their text, report errors of TOML syntax, and write TOML in the layout of a person."""
+"""Scene files: finding and reading them, reporting errors of TOML syntax, and writing TOML as a person would."""
 
 from __future__ import annotations
 

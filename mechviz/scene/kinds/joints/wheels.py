@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 Teeth = Annotated[int, Field(strict=True, ge=1, le=100_000)]
 
-_FIT = 1e-3  # relative error of radii, stated with few digits, in the distance of the axes
+_FIT = 1e-3  # radii are stated with few digits: their allowed error, relative to the distance of the axes
 _STEEPEST = math.radians(45.0)  # pressure angles of real teeth lie between 14.5 and 30 degrees
 
 

@@ -145,7 +145,7 @@ def _likely_kind(given: FactorTable | FactorPolynomial) -> str:
 
 
 def _moderate(m: LoadMaker, values: list[float], path: str) -> bool:
-    """Whether no number is beyond `LARGEST_VALUE`; the first one that is is noted."""
+    """Whether no number is beyond `LARGEST_VALUE`; the first that is gives a fault."""
     for k, value in enumerate(values):
         if abs(value) > LARGEST_VALUE:
             m.convert.note(f"{path}[{k}]", f"{value:g} is beyond {LARGEST_VALUE:g}.", "Check the number.")
