@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 def __getattr__(name: str) -> Any:
-    """Motion under forces on first use."""
+    """``Simulation`` and ``simulate``, which are imported on first use."""
     module = {"Simulation": "simulation", "simulate": "simulate"}.get(name)
     if module is None:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

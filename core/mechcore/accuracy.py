@@ -1,7 +1,7 @@
-"""Every dial of accuracy in one place: what each trades, its default, and the setting that follows from a single wanted error.
+"""All accuracy settings: what each one controls, its default, and the settings that follow from one target error.
 
 Errors are relative: lengths to the mechanism's size, angles to a radian, everything else to the peak of the quantity over the run.
-The defaults are what the program does where nobody asks: positions to rounding, rates exactly, motion under forces to 1e-9.
+With the defaults positions are found to rounding, rates exactly, motion under forces to 1e-9.
 """
 
 from __future__ import annotations
@@ -16,31 +16,31 @@ Differentiation = Literal["exact", "differences", "graphical"]
 NumberFormat = Literal["float64", "float32"]
 
 LOOSEST, TIGHTEST = 1e-1, 1e-13
-"""Largest and smallest error that can be asked for: below, rounding times condition decides."""
+"""Largest and smallest target error: below the smallest, rounding times the condition number decides."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Accuracy:
-    """All settings. ``target`` is the error that was asked for, None where the settings were set one by one or not at all."""
+    """All settings. ``target`` is the target error, None where the settings were chosen one by one or not at all."""
 
     target: float | None = None
-    position: float = 2e-15  # residual at which Newton's method stops in groups without a closed form, in sizes of the mechanism
-    frames: int | None = None  # a cycle of the first drive (or over the duration); None: what the scene says
-    interpolation: Literal[0, 1, 3, 5] = 3  # between frames: last value, straight, cubic and quintic with the rates as slopes
+    position: float = 2e-15  # residual at which Newton's method stops in groups without a closed form, relative to the size
+    frames: int | None = None  # per cycle of the first drive, or over the duration; None: as in the scene
+    interpolation: Literal[0, 1, 3, 5] = 3  # degree between frames: 0 the last value; 3 and 5 with the rates as slopes
     differentiation: Differentiation = "exact"  # rates by linear equations, by differences of frames, or drawn by chords
     differences: Literal[2, 4, 6] = 4  # order of the differences
-    resolution: float = 5e-4  # graphical: what can be read off the drawing, of its size
-    method: Literal["auto", "energy", "gauss", "radau"] | None = None  # motion under forces; None: what the scene says
-    integrator: float | None = None  # its local error; None: what the scene says
-    nodes: int | None = None  # of a window of collocation: its order is twice that; None: as many as digits are wanted
+    resolution: float = 5e-4  # graphical: smallest length that is read off the drawing, relative to its size
+    method: Literal["auto", "energy", "gauss", "radau"] | None = None  # motion under forces; None: as in the scene
+    integrator: float | None = None  # local error of the integrator; None: as in the scene
+    nodes: int | None = None  # of a collocation window, whose order is twice that; None: about one per digit of the tolerance
     window: float | None = None  # longest window [s]; None: as long as the error allows
-    friction: float = 1e-13  # residual at which Newton's method for normal loads stops, of the largest load of the frame
-    event: float = 1e-9  # times of events, in distances of two frames
-    chord: float | None = None  # between round shapes and their facets [m]; None: 0.5 % of the radius, or by the target
+    friction: float = 1e-13  # residual, relative to a frame's largest load, at which Newton's method for normal loads stops
+    event: float = 1e-9  # error of the times of events, in frame intervals
+    chord: float | None = None  # deviation of facets from round shapes [m]; None: 0.5 % of the radius, or by the target
     profile: int | None = None  # points of a cam's profile in meshes; None: 1080, or by the target
-    numbers: NumberFormat | None = None  # digits that recorded data keep; None: float64, or by the target
-    decimation: int = 1  # every so many frames are recorded
-    pictures: int | None = None  # every so many of those arrows are drawn; None: up to 720 a cycle, or by the target
+    numbers: NumberFormat | None = None  # number format of recorded data; None: float64, or by the target
+    decimation: int = 1  # k: every k-th frame is recorded
+    pictures: int | None = None  # k: every k-th recorded frame has arrows; None: up to 720 per cycle, or by the target
 
     def __post_init__(self) -> None:
         faults = [fault for name in _BOUNDS for fault in self._check(name)]
@@ -99,10 +99,10 @@ DEFAULT = Accuracy()
 
 
 def accuracy_for(target: float, **settings: Any) -> Accuracy:
-    """The setting for a wanted error; ``settings`` override single ones.
+    """The settings for a target error; ``settings`` override single ones.
 
-    Each iterative stage gets a tenth of the error, so that what they add up to stays below it. Settings that depend on the motion
-    stay open and is found by measuring a run: ``frames``, and of what is kept and drawn ``chord``, ``profile``, ``numbers`` and
+    Each iterative stage gets a tenth of the error, so that their sum stays below it. Settings that depend on the motion stay open
+    and are found by measuring a run: ``frames``, and for recording and drawing ``chord``, ``profile``, ``numbers`` and
     ``pictures``.
     """
     if isinstance(target, bool) or not isinstance(target, int | float) or not TIGHTEST <= target <= LOOSEST:

@@ -1,4 +1,4 @@
-"""Types of arrays: real and complex numbers, indices, flags. Shapes stand in docstrings. Unit vectors."""
+"""Types of arrays (real and complex numbers, indices, flags; docstrings give the shapes), and a few functions of arrays."""
 
 from collections.abc import Callable
 from typing import Any, cast
@@ -10,10 +10,10 @@ Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 Index = NDArray[np.intp]
 Integers = NDArray[np.int64]  # frames, and ticks of timelines
-Single = NDArray[np.float32]  # what is drawn
+Single = NDArray[np.float32]  # drawn data
 Flags = NDArray[np.bool_]
 Values = NDArray[np.floating[Any]] | float  # numbers over frames, or one for all
-Vec2 = tuple[float, float]  # a plane vector that is stated
+Vec2 = tuple[float, float]  # a plane vector as given by the user
 Plane = NDArray[np.complexfloating[Any, Any]] | complex  # plane vectors over frames, or one for all
 
 
@@ -22,16 +22,16 @@ modulus = cast(Callable[[Plane | Values], Values], abs)
 
 
 def unit_vectors(z: Plane) -> Complex:
-    """z over its length, of symbols too. NaN stays NaN without a warning, which the division of a complex NaN would give."""
+    """z divided by its length; z may be symbols. NaN stays NaN without the warning that the division of a complex NaN gives."""
     return cast(Complex, z * (1.0 / np.abs(z)))
 
 
 def numbers(values: ArrayLike) -> Real:
-    """Values as an array of at least one number; a symbol of a program in C, which stands for one, as it is."""
+    """Values as an array of one dimension or more; a symbol of a program in C is returned unchanged."""
     return cast(Real, values) if hasattr(values, "on_curve") else np.array(values, float, ndmin=1, copy=None)
 
 
 def ascending(values: Real) -> Real:
-    """The values in order, each once, as `np.unique`, which loads numpy's masked arrays first: a tenth of a short command."""
+    """The distinct values in ascending order. `np.unique` would first load numpy's masked arrays: a tenth of a short command."""
     ordered = np.sort(values)
     return cast(Real, ordered[np.append(True, ordered[1:] != ordered[:-1])])

@@ -1,7 +1,7 @@
 """Files that are made once and kept in the user's cache: compiled programs, the atlas of coupler curves.
 
-The cache is a folder of the user's alone. A file in it has its own checksum in its name, and is written under another one first,
-so that neither a second process nor a power failure leaves a damaged one that is used.
+The cache is a folder that only the user can access. The name of a file contains its checksum, and a file is first written under a
+temporary name: a file that a second process or a power failure has damaged is never used.
 """
 
 from __future__ import annotations
@@ -14,17 +14,17 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-DIGEST_LENGTH = 32  # of digests
+DIGEST_LENGTH = 32  # hexadecimal digits of a digest
 
 
 def cache_folder() -> Path:
-    """Where files are kept: ``mechviz`` in the user's cache folder."""
+    """The folder of the cache: ``mechviz`` in the user's cache folder."""
     stated = os.environ.get("XDG_CACHE_HOME", "")
     return (Path(stated) if os.path.isabs(stated) else Path.home() / ".cache") / "mechviz"
 
 
 def digest(data: bytes) -> str:
-    """A digest of what a file is made of, or of the file."""
+    """A digest of the data from which a file is made, or of the file itself."""
     return hashlib.sha256(data).hexdigest()[:DIGEST_LENGTH]
 
 
@@ -36,8 +36,8 @@ def is_cached(identity: str, ending: str) -> bool:
 
 @contextmanager
 def cached_file(identity: str, ending: str, make: Callable[[Path], None]) -> Iterator[Path]:
-    """The file of an identity (a `digest` of all that it depends on) and an ending such as ".so", which ``make`` writes where it is
-    not there; in a temporary folder where the cache cannot be made or others could use it. Raises `OSError`."""
+    """The file of an identity (a `digest` of all that it depends on) and an ending such as ".so"; ``make`` writes it where the
+    cache has none. It is in a temporary folder where the cache cannot be made or others could access it. Raises `OSError`."""
     with _folder() as folder:
         yield _is_intact(folder, identity, ending) or _made(folder, identity, ending, make)
 
@@ -55,7 +55,7 @@ def _folder() -> Iterator[Path]:
 
 
 def _owned(folder: Path) -> bool:
-    """Whether a folder is the user's own, and nobody else can write or read in it."""
+    """Whether a folder is the user's own, can be written, and is closed to other users."""
     try:
         state = folder.lstat()
     except OSError:
@@ -66,7 +66,7 @@ def _owned(folder: Path) -> bool:
 
 
 def _is_intact(folder: Path, identity: str, ending: str) -> Path | None:
-    """The file in a folder whose name is its own checksum; those of the same identity that are damaged go."""
+    """The file of an identity whose name has its checksum, None where there is none; damaged files of the identity are deleted."""
     for path in folder.glob(f"{identity}-*{ending}"):
         with suppress(OSError):
             if path.stem == f"{identity}-{digest(path.read_bytes())}":
@@ -76,7 +76,7 @@ def _is_intact(folder: Path, identity: str, ending: str) -> Path | None:
 
 
 def _made(folder: Path, identity: str, ending: str, make: Callable[[Path], None]) -> Path:
-    """Make the file, which then gets the name by which it is known."""
+    """The file, made under a temporary name and then renamed to its identity and checksum."""
     handle, name = tempfile.mkstemp(prefix="making-", suffix=ending, dir=folder)
     os.close(handle)
     try:

@@ -9,7 +9,7 @@ from mechcore.records import dataclass
 from mechcore.texts import Text, UnitSystem
 
 T = TypeVar("T")
-MOST_NAMES = 20  # that an error lists
+MOST_NAMES = 20  # names that an error lists
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ class MechanismError(ValueError):
 
 
 class Named(dict[str, T]):
-    """Things of a ``kind`` by name. Another name raises a `MechanismError` that says which there are, ``others`` included."""
+    """Things of a ``kind`` by name. An unknown name raises a `MechanismError` that lists the known names, ``others`` included."""
 
     def __init__(self, kind: str, things: Mapping[str, T], others: Iterable[str] = ()):
         super().__init__(things)

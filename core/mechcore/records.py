@@ -1,8 +1,8 @@
-"""``dataclass`` as of the standard library, for classes of which a run uses few: its methods are written when first needed.
+"""A lazy ``dataclass``: the methods of a class are generated when its first instance is made. Also the numbers in such records.
 
-The library writes and compiles the methods of a class where the class is defined, about half a millisecond each: for all kinds of
-joints, loads, cams and steps together a third of the time of a short command. Also the numbers in
-such records, by where they are, and records with other ones in their places.
+The standard library generates and compiles the methods where a class is defined, in about half a millisecond per class: for all
+kinds of joints, loads, cams and steps together a third of the time of a short command, which uses few of them. `numbers_in` lists
+the numbers in a record with their places, `with_numbers` makes a copy with other numbers in these places.
 """
 
 from __future__ import annotations
@@ -18,7 +18,10 @@ if TYPE_CHECKING:
 else:
 
     def dataclass(cls: type | None = None, /, **options: object) -> Any:
-        """The class as a dataclass with these options, which is completed by its first instance, or whoever asks for its fields."""
+        """The class as a dataclass with these options; its methods are generated when an instance is made or its fields are read.
+
+        Classes with methods or options that this does not cover become dataclasses at once.
+        """
         if cls is None:
             return lambda owner: dataclass(owner, **options)
         if {"__init__", "__setstate__", "__reduce__", "__slots__"} & cls.__dict__.keys() or options.keys() - OPTIONS:
@@ -35,7 +38,7 @@ _lock = RLock()
 
 
 class _Lazy:
-    """A class that is to become a dataclass; in the place of its fields, which complete it when they are asked for."""
+    """A class that is to become a dataclass: a descriptor in place of its fields, which completes the class when they are read."""
 
     def __init__(self, cls: Any, options: dict[str, Any]):
         self.cls, self.options, self.done = cls, options, False
@@ -45,7 +48,7 @@ class _Lazy:
         return self.cls.__dataclass_fields__
 
     def stand_in(self, method: Any) -> Any:
-        """A method that completes the class, then calls the method of that name."""
+        """A method that completes the class, then calls ``method(class)`` with its own arguments."""
 
         def first(this: Any, *args: Any, **given: Any) -> None:
             self.complete()
@@ -54,7 +57,7 @@ class _Lazy:
         return first
 
     def complete(self) -> None:
-        """Completes the class. Where other threads run, the stand-in for ``__init__`` stays until there is another."""
+        """Generate the methods of the class. While other threads run, the stand-in stays until it is replaced by ``__init__``."""
         with _lock:
             if self.done:
                 return
@@ -73,23 +76,23 @@ class _Lazy:
 
 
 def _restore(this: object, state: dict[str, Any]) -> None:
-    """Restore the state, as ``pickle`` and ``copy`` do by themselves."""
+    """Restore the state as ``pickle`` and ``copy`` do for a class without ``__setstate__``."""
     this.__dict__.update(state)
 
 
 T = TypeVar("T")
 NumberPlace = tuple[Any, ...]
-"""Names of fields and numbers of entries, from outside inwards."""
+"""Names of fields and indices of entries, the outermost first."""
 
 
 def numbers_in(thing: object, place: NumberPlace = ()) -> list[tuple[NumberPlace, float]]:
-    """The numbers of a dataclass or tuple, each with its place; those that other objects keep to themselves left out."""
+    """The numbers of a dataclass or tuple, each with its place, without those of `kept_numbers`."""
     return [(at, number) for at, number, kept in _numbers(thing, place, False) if not kept]
 
 
 def kept_numbers(thing: object, place: NumberPlace = ()) -> list[tuple[NumberPlace, float]]:
-    """The numbers that `numbers_in` leaves out: of objects such as tables that make something of them once and for all, so that
-    other numbers in their places would change nothing."""
+    """The numbers that `numbers_in` leaves out, each with its place: those of objects such as tables that compute other fields
+    from them when they are made, so that other numbers in these places would change nothing."""
     return [(at, number) for at, number, kept in _numbers(thing, place, False) if kept]
 
 
@@ -108,7 +111,7 @@ def _numbers(thing: object, place: NumberPlace, kept: bool) -> Iterator[tuple[Nu
 
 
 def with_numbers(thing: T, numbers: Mapping[NumberPlace, Any]) -> T:
-    """A dataclass or tuple with something else in place of some numbers: arrays of designs, or traced numbers; unchecked."""
+    """A copy of a dataclass or tuple with some numbers replaced, by arrays of designs or traced numbers; nothing is checked."""
     if not numbers:
         return thing
     if () in numbers:

@@ -1,7 +1,7 @@
-"""Texts for people with quantities in them: written in SI units where they arise, shown in the units of whoever reads them.
+"""Texts that contain quantities: stored in SI units, shown in the units of the reader.
 
-A quantity is put into a text, an f-string for example, by `as_length` and its relatives; `Text` shows it. `Fault` and `Event` make
-a `Text` of their words, so that a caller with other units (a scene in inches) shows the same words in them.
+`as_length` and its relatives put a quantity into a text, for example an f-string; `Text` shows it. `Fault` and `Event` make a
+`Text` of their words, so that a caller with other units (a scene in inches) shows the same words in these.
 """
 
 from __future__ import annotations
@@ -24,23 +24,23 @@ QuantityKind = Literal[
     "1/m",
     "rad/m^2",
 ]
-"""Kinds of quantities; those without a unit of their own in scenes go by their SI units."""
+"""Kinds of quantities; a kind for which scenes have no unit of their own is named by its SI unit."""
 
 
 class UnitSystem(Protocol):
     """Units in which quantities are shown."""
 
     def show(self, value: float, kind: str, digits: int) -> str:
-        """A quantity in SI units of a kind (see `QuantityKind`) as number, with so many digits, and unit."""
+        """A quantity [SI] of a kind (see `QuantityKind`) as a number with so many significant digits, and its unit."""
 
 
 def shown(number: float, symbol: str, digits: int) -> str:
-    """A number with so many digits and its unit; no space before a degree sign, and no minus before zero."""
+    """A number with so many significant digits and its unit; no space before a degree sign, no minus sign before zero."""
     return f"{number + 0.0:.{digits}g}{'' if symbol == '°' else ' '}{symbol}"
 
 
 class _MillimetresAndDegrees:
-    """The units of texts that nobody has asked in other units."""
+    """The default units of texts."""
 
     _UNITS: Mapping[str, tuple[float, str]] = {
         "length": (1e-3, "mm"),
@@ -67,7 +67,7 @@ _QUANTITY = re.compile(f"{_MARK}([^{_MARK}]*){_MARK}([^{_MARK}]*){_MARK}([^{_MAR
 
 
 def as_quantity(value: float, kind: QuantityKind, digits: int = 6) -> str:
-    """A quantity [SI] as a part of a text that becomes a `Text`, with so many digits."""
+    """A quantity [SI] as a part of a text that becomes a `Text`, with so many significant digits."""
     return f"{_MARK}{kind}{_MARK}{float(value)!r}{_MARK}{digits}{_MARK}"
 
 
@@ -97,18 +97,18 @@ def as_pressure(value: float, digits: int = 6) -> str:
 
 
 def as_coordinate(value: float, *, rotary: bool, digits: int = 6) -> str:
-    """The coordinate of a joint as a part of a text: an angle [rad] of a rotary one, else a length [m]."""
+    """The coordinate of a joint as a part of a text: an angle [rad] of a rotary joint, else a length [m]."""
     return as_quantity(value, "angle" if rotary else "length", digits)
 
 
 class Text(str):
-    """Words in which quantities are shown in millimetres and degrees, or in the units of `in_units`; a string like any other.
+    """A string whose quantities are shown in millimetres and degrees, or in the units of `in_units`.
 
-    Made from words in which `as_length` and its relatives stand, or from another `Text`.
+    It is made from words that contain the results of `as_length` and its relatives, or from another `Text`.
     """
 
     source: str
-    """The words with their quantities."""
+    """The words with their quantities in SI units, as `as_quantity` marks them."""
 
     def __new__(cls, source: str, units: UnitSystem = _PLAIN) -> Text:
         raw = source.source if isinstance(source, Text) else source
@@ -119,7 +119,7 @@ class Text(str):
 
     @classmethod
     def of(cls, words: str) -> Text:
-        """The text that words make; a text as it is, in the units in which it is shown."""
+        """A `Text` of these words; a `Text` is returned unchanged, with its units."""
         return words if isinstance(words, Text) else cls(words)
 
     def in_units(self, units: UnitSystem) -> Text:

@@ -9,7 +9,7 @@ one has the angle psi of its arm from the line pivot -> O. Reference points: kni
 the middle of a flat face. Normals point from the cam to the follower, radii of curvature are positive where the cam is convex,
 pressure angles are positive when the cam lifts the follower.
 
-The way through the package::
+A tour of the package::
 
     lift = mechcore.laws.program([Segment(2.0, 0.02, "cycloidal"), Segment(1.0), Segment(1.6, 0.0, "3-4-5"), ...])
     follower = Follower(Translating(offset=0.01), Roller(0.008))        # guide x face
@@ -24,7 +24,7 @@ The way through the package::
 
 ``followers`` guides and faces; ``synthesis`` plane cams, their equivalent linkage; ``limits``, ``sizing`` limits, and the search
 for base circle and offset; ``pieces``, ``contour``, ``contact``, ``analysis`` given profiles; ``real_profiles`` their lift, the
-graphical method, what is left of undercut ones; ``closures`` yokes, conjugate cams, closure by a spring, jamming, Hertz;
+graphical method, undercut profiles as cut; ``closures`` yokes, conjugate cams, closure by a spring, jamming, Hertz;
 ``spatial`` barrel, end, globoidal and inverse cams; ``placement`` cams in their mechanisms.
 """
 

@@ -72,8 +72,8 @@ def analyse(
     """Angles (n) of the cam (lengths of a wedge) -> contact and motion of the follower. Ordered angles give the bridges too.
 
     ``samples``: points of the whole contour that are compared at each angle; a bump narrower than the distance of two is missed.
-    ``near``: contacts at ascending angles that enclose these, found with as many samples: where those before and after lie close
-    together, the contact is looked for between them.
+    ``near``: contacts at ascending angles that enclose these, found with as many samples: where those before and after are close
+    together, the contact is searched for between them only.
     """
     task = Task(contour, follower, turn, wedge)
     angle = numbers(angles)
@@ -208,7 +208,7 @@ def _residual(task: Task, angle: Real, c: Complex, t: Real, q: Real, fixed: bool
 
 
 def _bridges(task: Task, derived: _Found, each: int) -> list[Bridge]:
-    """Places where the contact leaps: the step along the profile is far more than its rate on either side explains."""
+    """The leaps of the contact: steps along the profile that are far larger than the rates on either side explain."""
     z, rate, angle = derived.point, derived.rate, derived.angle
     step = np.abs(np.diff(z))
     allowed = 4.0 * np.fmax(rate[1:], rate[:-1]) * np.diff(angle) + 1e-6 * task.contour.size
@@ -229,7 +229,7 @@ def _bridges(task: Task, derived: _Found, each: int) -> list[Bridge]:
             if b - a < 1e-13:
                 break
         if abs(zb - za) < 1e-4 * step[k]:
-            continue  # it only moved fast
+            continue  # a fast movement, no leap
         ends = []
         for x in (a, b):
             located = locate_contact(task, np.array([x]), each)

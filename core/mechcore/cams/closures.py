@@ -25,12 +25,12 @@ class Breadth:
     angle: float
 
     def constant(self, tolerance: float = 1e-9) -> bool:
-        """The yoke's faces stay in contact: deviation within the tolerance of the breadth."""
+        """Whether both faces of the yoke stay in contact: the deviation is at most ``tolerance`` times the breadth."""
         return self.deviation <= tolerance * abs(self.mean)
 
 
 def breadth(law: MotionCurve, count: int = 1440) -> Breadth:
-    """h(theta) + h(theta + pi) over half a turn: constant for a yoke follower with parallel faces or opposite rollers."""
+    """The breadth h(theta) + h(theta + pi) over half a turn; a yoke of parallel faces or opposite rollers needs a constant one."""
     if abs(law.length - 2.0 * np.pi) > 1e-9 or not law.repeats:
         raise MechanismError(Fault("cam.law", f"a cycle of {as_angle(law.length)}.", "A yoke needs a law that repeats every turn."))
     x = law.start + np.pi * np.arange(count) / count
@@ -66,7 +66,7 @@ def conjugate(
 
 @dataclass(frozen=True)
 class SecondRoller:
-    """The second roller of a conjugate pair where its follower bears it; fields as the arguments of `conjugate`."""
+    """The second roller of a conjugate pair, with its place on the follower; fields as the arguments of `conjugate`."""
 
     radius: float
     span: float | None = None
@@ -75,7 +75,7 @@ class SecondRoller:
     angle: float | None = None
 
     def cam(self, first: Cam) -> Cam:
-        """Its cam, beside the ``first``."""
+        """The cam of this roller, conjugate to the ``first``."""
         return conjugate(first, self.radius, span=self.span, offset=self.offset, arm=self.arm, angle=self.angle)[0]
 
 
@@ -96,7 +96,7 @@ class Closure:
 
     @property
     def dead(self) -> float:
-        """Force at zero lift and rest [N]."""
+        """Force at zero lift, at rest [N]."""
         return self.stiffness * self.preload + self.mass * self.gravity + self.load
 
 
@@ -186,8 +186,8 @@ def hertz(
 ) -> HertzContact:
     """Line contact of two cylinders (H. Hertz): force (n) [N], radius of the cam (n) [m] (negative: concave, infinite: flat).
 
-    ``follower_radius`` [m]: roller or arc, infinite for a flat face. 0 for a knife or a cusp: infinite pressure. Where the cam is
-    hollower than the roller the contact cannot be there: NaN. Lost contact (force <= 0): no pressure.
+    ``follower_radius`` [m]: roller or arc, infinite for a flat face. 0 for a knife or a cusp: infinite pressure. Where the cam's
+    hollow is tighter than the roller, no contact is possible: NaN. Lost contact (force <= 0): no pressure.
     """
     f, rho = np.broadcast_arrays(np.asarray(force, float), np.asarray(cam_radius, float))
     if not width > 0.0:
@@ -215,11 +215,11 @@ def rollers_for(
     modulus: tuple[float, float] = (2.1e11, 2.1e11),
     poisson: tuple[float, float] = (0.3, 0.3),
 ) -> tuple[Real, Real]:
-    """The least and the greatest rollers (n) [m] with which the Hertz pressure keeps to ``limit`` [Pa] on a given pitch curve.
+    """The least and greatest radii (n) [m] of rollers with which the Hertz pressure on a pitch curve is at most ``limit`` [Pa].
 
-    ``force`` (n) [N] along the normal, ``pitch_radius`` (n) [m], negative where it is hollow: neither depends on the roller while
-    the pitch curve stays. A roller r has the reduced radius r (rho - r) / rho, at most rho / 4. The least is infinite where a
-    place of the pitch curve is too sharp for any roller.
+    ``force`` (n) [N] along the normal, ``pitch_radius`` (n) [m], negative where it is hollow: neither depends on the roller as
+    long as the pitch curve is the same. A roller r has the reduced radius r (rho - r) / rho, at most rho / 4. Where the pitch
+    curve is too sharp for any roller, the least radius is infinite.
     """
     f, rho = np.broadcast_arrays(np.maximum(np.asarray(force, float), 0.0), np.asarray(pitch_radius, float))
     stiff = contact_modulus(modulus, poisson)
@@ -239,6 +239,6 @@ def roller_range(
     modulus: tuple[float, float] = (2.1e11, 2.1e11),
     poisson: tuple[float, float] = (0.3, 0.3),
 ) -> tuple[float, float]:
-    """The least and the greatest roller [m] that do at all places of a pitch curve; arguments as those of `rollers_for`."""
+    """The least and the greatest radius [m] of a roller that meets the limit everywhere; arguments as those of `rollers_for`."""
     low, high = rollers_for(force, pitch_radius, width, limit, modulus, poisson)
     return float(low.max()), float(high.min())

@@ -1,8 +1,8 @@
-"""Where any follower touches a given profile, found globally.
+"""The contact of any follower with a given profile, found globally.
 
-At every angle each point of the profile asks for a coordinate of the follower (the one at which the follower's face would touch it
-coming from outside); the largest of them is the contact, wherever on the profile it lies: first contact wins. The best samples are
-then refined to the tangency, or to the corner.
+At every angle each point of the profile belongs to a coordinate of the follower: that at which its face, coming from outside, would
+touch the point. The largest of these coordinates is that of the contact, wherever on the profile its point lies. The best samples
+are then refined to the tangency, or to the corner.
 """
 
 from __future__ import annotations
@@ -17,15 +17,15 @@ from mechcore.cams.followers import Arc, Flat, Follower, Translating
 from mechcore.numerics import jets
 from mechcore.records import dataclass
 
-NEAR_JOINT = 1e-9  # ends of two pieces nearer than this part of the contour are one point
+NEAR_JOINT = 1e-9  # distance, relative to the contour's size, below which the ends of two pieces coincide
 SAMPLES_AROUND = 12  # samples on either side of one about which the contact is known to lie
-THIN_ROLLER = 3.0  # distances of two samples below which the radius of a roller is small
-ROOT_ACCURACY = 5e-15  # of a piece's range: roots are known to this; heights are level there, so that they are known to its square
+THIN_ROLLER = 3.0  # radius, in distances of two samples, below which a roller is thin
+ROOT_ACCURACY = 5e-15  # error of roots, as a part of a piece's range; heights are stationary there: their error is its square
 
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """A given profile, its follower and the sense in which the cam turns; a ``wedge`` moves on straight."""
+    """A given profile, its follower and the sense in which the cam turns; a ``wedge`` translates instead."""
 
     contour: Contour
     follower: Follower
@@ -48,10 +48,10 @@ class Task:
         frame = (1j * self.turn) ** np.arange(len(c))[:, None] * np.exp(1j * self.turn * angle)
         return jets.jet_product(frame, c)
 
-    # -- the coordinate that a point asks for -------------------------------------------------------------------------
+    # -- the coordinate at which the face touches a point -------------------------------------------------------------
 
     def height(self, z: Complex) -> Real:
-        """Ground points -> the coordinate at which the face touches them from outside; -inf where it passes by."""
+        """Ground points -> the coordinate at which the face touches them from outside; -inf where it cannot."""
         guide, face = self.follower.guide, self.follower.face
         r = self.follower.radius
         with np.errstate(invalid="ignore", divide="ignore"):
@@ -107,10 +107,11 @@ class Task:
 
 
 def bracketed_roots(f: Callable[[Real, Index], Real], a: Real, b: Real, fa: Real, fb: Real, live: Flags) -> tuple[Real, Real]:
-    """Roots of many functions between ``a`` and ``b`` (n), where their values ``fa``, ``fb`` have opposite signs, and values there.
+    """Roots (n) of many functions in brackets from ``a`` to ``b`` (n), whose values ``fa``, ``fb`` have opposite signs, and the
+    functions' values (n) there.
 
-    ``f`` takes places and the indices of the functions that they belong to. Inverse quadratic interpolation where it is safe, else
-    bisection (T. R. Chandrupatla, Advances in Engineering Software 28, 1997). Where not ``live``: the better end.
+    ``f`` takes arguments and the indices of their functions. Inverse quadratic interpolation where it is safe, else bisection
+    (T. R. Chandrupatla, Advances in Engineering Software 28, 1997). Where not ``live``: the end with the smaller value.
     """
     a, b, fa, fb = a.copy(), b.copy(), fa.copy(), fb.copy()
     c, fc = a.copy(), fa.copy()
@@ -168,8 +169,8 @@ def locate_contact(task: Task, angle: Real, each: int, near: Index | None = None
 def _pointed(task: Task, pieces: Index, points: Complex) -> bool:
     """Whether the face is a knife, or a roller so thin that samples of the profile may miss it.
 
-    Its centre is then the tip of a knife on the curve at the roller's radius; of all crossings the highest is the contact, as any
-    lower one is a place where the roller touches elsewhere as well.
+    Its centre is then treated as the tip of a knife on the curve offset by the roller's radius. Of all crossings the highest is
+    the contact: at a lower one the roller would overlap the profile elsewhere.
     """
     face, radius = task.follower.face, task.follower.radius
     if isinstance(face, Flat) or (isinstance(face, Arc) and face.half_angle < np.pi):
@@ -181,7 +182,8 @@ def _pointed(task: Task, pieces: Index, points: Complex) -> bool:
 
 
 def _round(task: Task, angle: Real, pieces: Index, us: Real, points: Complex, each: int) -> tuple[Index, Real, Real, Flags]:
-    """``pieces``, ``us``, ``points`` (n or 1, s): the samples that are compared at each angle, in their order along the contour."""
+    """Contacts (see `locate_contact`) of a round or flat face. ``pieces``, ``us``, ``points`` (n or 1, s): the samples that are
+    compared at each angle, in their order along the contour."""
     z = task.ground(points, angle[:, None])
     h = task.height(z)
     # candidates: local maxima within a piece, its ends included
@@ -200,7 +202,7 @@ def _round(task: Task, angle: Real, pieces: Index, us: Real, points: Complex, ea
         k = rank[:, j]
         rows = np.arange(angle.size)
         sample = top[rows, k]
-        # a peak rises above its highest sample by less than that lies above the lower one of its neighbours
+        # a peak exceeds its highest sample by less than this exceeds the lower one of its neighbours
         with np.errstate(invalid="ignore"):
             gain = sample - np.minimum(before[rows, k], after[rows, k])
         m = np.flatnonzero((sample > -np.inf) & (sample + gain > best))
@@ -217,7 +219,7 @@ def _round(task: Task, angle: Real, pieces: Index, us: Real, points: Complex, ea
 
 
 def _slope(task: Task, angle: Real, p: Index, u: Real) -> tuple[Real, Real]:
-    """Sign of the change of the coordinate along the contour, and the coordinate itself."""
+    """A number with the sign of the coordinate's change along the contour, and the coordinate itself."""
     c = task.contour.on(p, u, 1)
     z = task.ground(c[0], angle)
     q = task.height(z)
@@ -228,7 +230,8 @@ def _slope(task: Task, angle: Real, p: Index, u: Real) -> tuple[Real, Real]:
 
 
 def _climb(task: Task, angle: Real, p: Index, low: Real, high: Real, middle: Real) -> tuple[Real, Real, Flags]:
-    """The top of the coordinate along the contour within brackets: tangency, or an end of a piece."""
+    """The parameter at which the coordinate is largest along the contour within brackets, at a tangency or an end of a piece; the
+    coordinate there; and whether it is a corner."""
     g, q = _slope(task, angle, p, middle)
     a = np.where(g > 0.0, middle, low)
     b = np.where(g > 0.0, high, middle)
@@ -241,7 +244,7 @@ def _climb(task: Task, angle: Real, p: Index, low: Real, high: Real, middle: Rea
 
     def slope(x: Real, m: Index) -> Real:
         gx, qx = _slope(task, angle[m], p[m], x)
-        return np.where(np.isfinite(qx), gx, np.where(x < middle[m], 1.0, -1.0))  # beyond the face: to the side of the middle
+        return np.where(np.isfinite(qx), gx, np.where(x < middle[m], 1.0, -1.0))  # beyond the face: rises towards middle
 
     x, _ = bracketed_roots(slope, a, b, ga, gb, ~(end_low | end_high))
     sharp = task.contour.sharp_joints  # a smooth joint of two pieces is no corner
@@ -259,7 +262,7 @@ def _knife(task: Task, angle: Real, pieces: Index, us: Real, points: Complex, ea
     z = task.ground(points, angle[:, None])
     f, h = task.knife_gap(z), task.knife_height(z)
     s = f >= 0.0
-    # two pieces that meet where the tip passes: rounding may leave the change of sign to neither of them
+    # where the tip passes a joint of two pieces, rounding may hide the change of sign from both
     joint = (pieces[:, 1:] != pieces[:, :-1]) & (np.abs(np.diff(points, axis=1)) < NEAR_JOINT * np.abs(points).max())
     cross = (s[:, 1:] != s[:, :-1]) & (joint | (pieces[:, 1:] == pieces[:, :-1]))
     joint = np.broadcast_to(joint, cross.shape)
@@ -289,7 +292,7 @@ def _knife(task: Task, angle: Real, pieces: Index, us: Real, points: Complex, ea
         out[0][better], out[1][better] = p[better], x[better]
     corner = np.zeros(angle.size, bool)
     sharp = np.flatnonzero(task.contour.sharp_joints[:-1])
-    if radius > 0.0 and sharp.size:  # there the curve at the roller's radius has a gap
+    if radius > 0.0 and sharp.size:  # the offset curve has gaps at corners
         h = task.height(task.ground(task.contour.on(sharp, np.zeros(sharp.size), 0), angle[:, None]))
         k, height = h.argmax(axis=1), h.max(axis=1)
         corner = height > best

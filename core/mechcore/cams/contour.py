@@ -53,7 +53,8 @@ class Contour:
         return k, t - k
 
     def on(self, piece: Index, u: Real, order: int, distance: float = 0.0) -> Complex:
-        """Pieces (n) and their own parameters (n) -> points of the curve ``distance`` outside, with derivatives (order + 1, n)."""
+        """Pieces (n) and their own parameters (n) -> points of the curve offset outwards by ``distance`` [m], with derivatives
+        (order + 1, n)."""
         out = np.empty((order + 1, np.size(u)), complex)
         kinds, _, _, ranges = self._rows
         of_cam = np.flatnonzero(kinds[piece] == 3)
@@ -73,13 +74,13 @@ class Contour:
 
     @cached_property
     def _cam(self) -> Cam | None:
-        """The cam of which pieces are ranges."""
+        """The cam whose working curve pieces are ranges of; None where there is none."""
         return next((p.cam for p in self.pieces if isinstance(p, CamPiece)), None)
 
     @cached_property
     def _rows(self) -> tuple[Index, Complex, Complex, Real]:
-        """Of every piece: its kind (1 polynomial, lines among them; 2 arc; 3 range of the cam; 0 something else), coefficients, an
-        arc's centre, radius, start and sweep, and a range's piece of the law and ends. Many are evaluated in one go with them."""
+        """Tables by which many pieces are evaluated at once: kinds (1 polynomial, lines included; 2 arc; 3 range of the cam; 0
+        other), coefficients of polynomials, centre, radius, start and sweep of arcs, piece of the law and both ends of ranges."""
         kinds = np.zeros(len(self.pieces), int)
         longest = max([2, *(len(p.c) for p in self.pieces if isinstance(p, PolynomialPiece))])
         powers = np.zeros((len(self.pieces), longest), complex)
@@ -133,14 +134,14 @@ class Contour:
         return np.asarray(np.imag(np.conj(d[1]) * d[2]) / np.abs(d[1]) ** 3)
 
     def samples(self, each: int) -> tuple[Index, Real, Complex]:
-        """``each`` even parameters on every piece, ends included: pieces (m), parameters (m), points (m)."""
+        """``each`` evenly spaced parameters on every piece, ends included: pieces (m), parameters (m), points (m)."""
         u = np.linspace(0.0, 1.0, each)
         pieces, us = np.repeat(np.arange(self.count), each), np.tile(u, self.count)
         return pieces, us, self.on(pieces, us, 0)[0]
 
     @cached_property
     def sharp_joints(self) -> Flags:
-        """Whether joint k, where piece k begins, is a corner (count + 1); the ends of an open contour are."""
+        """Whether joint k, where piece k begins, is a corner (count + 1); the ends of an open contour count as corners."""
         out = np.zeros(self.count + 1, bool)
         for k, _ in self.corners():
             out[k] = True
@@ -152,12 +153,12 @@ class Contour:
 
     @cached_property
     def size(self) -> float:
-        """Largest distance from the origin [m], of samples."""
+        """Largest distance of samples from the origin [m]."""
         return float(np.abs(self.samples(33)[2]).max())
 
     @cached_property
     def area(self) -> float:
-        """Enclosed area by samples [m2]; positive: counter-clockwise."""
+        """Enclosed area [m2] from samples, positive where the contour runs counter-clockwise."""
         z = self.samples(129)[2]
         return float(0.5 * np.sum(np.imag(np.conj(z) * np.roll(z, -1))))
 
@@ -181,7 +182,7 @@ def moved_contour(contour: Contour, shift: complex, turn: complex) -> Contour:
 
 
 def _checked(pieces: Sequence[SmoothPiece], closed: bool = True) -> Contour:
-    """Pieces that join; a closed contour is turned counter-clockwise by the caller's orientation, gaps are refused."""
+    """The contour of pieces that join. Raises at gaps; the caller orients a closed contour counter-clockwise."""
     contour = Contour(tuple(pieces), closed)
     ends = [p(np.array([0.0, 1.0]), 0)[0] for p in pieces]
     for k in range(0 if closed else 1, len(pieces)):
@@ -198,7 +199,7 @@ def _checked(pieces: Sequence[SmoothPiece], closed: bool = True) -> Contour:
 
 
 def line(a: complex, b: complex) -> SmoothPiece:
-    """A straight piece."""
+    """A straight piece from ``a`` to ``b``."""
     if a == b:
         raise MechanismError(Fault("contour", "a line of no length.", "Leave it out."))
     return StraightPiece(complex(a), complex(b))
@@ -230,7 +231,7 @@ def bulged(vertices: ArrayLike, bulges: ArrayLike | None = None, closed: bool = 
     if not pieces or (closed and len(pieces) < 2):
         raise MechanismError(Fault("contour", f"{len(z)} vertices make no outline.", "Give at least two, and arcs or a third."))
     contour = Contour(tuple(pieces), closed)
-    if closed and contour.area < -1e-12 * contour.size**2:  # an eight of equal lobes has none, either way round
+    if closed and contour.area < -1e-12 * contour.size**2:  # a figure of eight of equal lobes has area zero in either sense
         return bulged(z[::-1], -np.roll(b[::-1], -1), closed)
     return _checked(pieces, closed)
 
@@ -252,7 +253,7 @@ def spline_contour(points: ArrayLike, tolerance: float = 0.0, closed: bool = Tru
     """A spline through measured points (complex), or near them within ``tolerance`` (root mean square) [m]: (contour, rms
     correction).
 
-    Even degrees and closed outlines need at least degree + 2 points.
+    Raises for fewer than degree + 2 points, for a point twice in a row, and for a tolerance as large as a closed outline's scatter.
     """
     from scipy.interpolate import BSpline, PPoly, splprep
 
@@ -272,7 +273,7 @@ def spline_contour(points: ArrayLike, tolerance: float = 0.0, closed: bool = Tru
     data = np.append(z, z[0]) if closed else z
     allowed = len(z) * tolerance**2
     tck: Any
-    for part in (1.0, 0.5, 0.0):  # where its search for the smoothest ends too far from the points: nearer to them, at last through
+    for part in (1.0, 0.5, 0.0):  # where the smoothest spline found is too far from the points: less tolerance, at last none
         (tck, u), off, ier, _ = splprep([data.real, data.imag], k=degree, s=part * allowed, per=closed, full_output=True)
         if ier <= 0 or off <= allowed:
             break
@@ -284,29 +285,28 @@ def spline_contour(points: ArrayLike, tolerance: float = 0.0, closed: bool = Tru
     pieces: list[SmoothPiece] = []
     for i in range(len(x.x) - 1):
         h = x.x[i + 1] - x.x[i]
-        if h > 0.0 and -1e-12 < x.x[i] < 1.0 - 1e-12:  # periodic knots go on beyond
+        if h > 0.0 and -1e-12 < x.x[i] < 1.0 - 1e-12:  # periodic knots extend beyond
             pieces.append(PolynomialPiece((x.c[::-1, i] + 1j * y.c[::-1, i]) * h ** np.arange(k + 1)))
     return Contour(tuple(pieces), closed), rms
 
 
 def polar_contour(radius: MotionCurve) -> Contour:
-    """r(phi) over a turn, each piece of the curve one piece of the contour (polynomial cams)."""
+    """The contour r(phi) over one turn (polynomial cams); each piece of the curve is one piece of the contour."""
     if abs(radius.length - 2.0 * np.pi) > 1e-9:
         raise MechanismError(Fault("contour", f"a polar curve over {as_angle(radius.length)}.", "Give it over one turn."))
     knots = radius.knots
     values = radius(np.append(np.linspace(0.0, radius.length, LEAST_CHORDS), knots), 0)[0]
-    if not values.min() > LEAST_RADIUS * values.max():  # it would have no tangent there, or go on opposite of its angle
+    if not values.min() > LEAST_RADIUS * values.max():  # no tangent at zero; below it the curve is opposite
         what = f"its radius falls to {as_length(float(values.min()))}: the cam's axis is not inside of the profile."
         raise MechanismError(Fault("contour", what, "Keep it above zero."))
     return _checked([PolarPiece(radius, float(a), float(b - a)) for a, b in pairwise(knots)])
 
 
 def joined_ranges(cam: Cam, pieces: Sequence[CamPiece]) -> list[SmoothPiece]:
-    """Ranges of a working curve with what the follower itself cuts where its velocity jumps.
+    """Ranges of a working curve, joined by the curves that the follower cuts where its velocity jumps.
 
-    A round face stands still on the pitch curve's corner and cuts an arc of its own radius about it; a flat one cuts a
-    straight line.
-    Where such a corner is convex the arc (or line) runs backwards: the profile is undercut (``find_limits`` says so).
+    A round face rests on the corner of the pitch curve and cuts an arc of its own radius about it; a flat face cuts a straight
+    line. Where such a corner is convex, the arc (or line) runs backwards: the profile is undercut (``find_limits`` reports it).
     """
     out: list[SmoothPiece] = []
     flat, r = isinstance(cam.follower.face, Flat), cam.follower.radius
@@ -329,7 +329,7 @@ def joined_ranges(cam: Cam, pieces: Sequence[CamPiece]) -> list[SmoothPiece]:
 def cam_contour(cam: Cam) -> Contour:
     """The working curve of a synthesised cam as a given profile, a piece for each piece of its law.
 
-    Pitch curves of disc cams run against the cam's turning; the pieces are reversed where that is needed.
+    Pitch curves of disc cams run against the rotation of the cam; the pieces are reversed where that is needed.
     """
     if cam.outer:
         raise MechanismError(Fault("cam.outer", "the far flank of a groove is no outline.", "Analyse the near flank."))
@@ -341,16 +341,16 @@ def cam_contour(cam: Cam) -> Contour:
     return Contour(tuple(joined_ranges(cam, pieces)), not cam.wedge)
 
 
-LEAST_RADIUS = 1e-6  # radius of a polar curve, relative to its longest
-LEAST_CHORDS = 720  # chords round the profile, at least
-_TOUCHING = 1e-9  # parts of a chord by which it may miss the other, and of the profile below which points are one
+LEAST_RADIUS = 1e-6  # least radius of a polar curve, relative to its largest
+LEAST_CHORDS = 720  # least number of chords around the profile
+_TOUCHING = 1e-9  # tolerance of chords that touch, over their length; distance of points that coincide, over the size
 
 
 def self_crossing(contour: Contour) -> complex | None:
-    """A place [m] where a closed contour crosses or touches itself, None of a simple one; by its chords.
+    """A point [m] where a closed contour crosses or touches itself, found by its chords; None where the contour is simple.
 
-    Two chords that are no neighbours meet where ``a + t r = b + s q`` has both parameters in [0, 1]; joints whose middles are
-    farther apart than the longest chord cannot.
+    Two chords that are not neighbours meet where ``a + t r = b + s q`` has both parameters in [0, 1]. Chords whose midpoints are
+    farther apart than the longest chord cannot meet.
     """
     from scipy.spatial import cKDTree
 

@@ -136,8 +136,8 @@ class Flat:
     """A flat face through the reference point: across the line of a translating follower, along the arm of an oscillating one.
 
     ``tilt`` [rad] turns it counter-clockwise; ``shift`` [m] moves the face of an oscillating follower from the arm's line
-    towards the cam. ``left``, ``right`` [m]: how far the face reaches from the reference point along its direction. They are limits
-    to judge a contact by: the follower moves as if the face were endless.
+    towards the cam. ``left``, ``right`` [m]: how far the face reaches from the reference point along its direction. They only serve
+    to judge a contact: the follower moves as if the face were infinite.
     """
 
     tilt: float = 0.0

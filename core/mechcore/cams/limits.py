@@ -65,7 +65,7 @@ def _grid(cam: Cam, given: Synthesis | None, count: int) -> tuple[Synthesis, Syn
 
 
 def _vertex(x: Real, y: Real) -> Real:
-    """Lowest points of the parabolas through three points each, x (m, 3) evenly spaced; kept within them."""
+    """Places of the extremes (m) of parabolas through three points each, x (m, 3) evenly spaced, clipped to the range of x."""
     with np.errstate(divide="ignore", invalid="ignore"):
         shift = 0.5 * (y[:, 0] - y[:, 2]) / (y[:, 0] - 2.0 * y[:, 1] + y[:, 2])
     shift = np.where(np.isfinite(shift), np.clip(shift, -1.0, 1.0), 0.0)
@@ -76,7 +76,7 @@ _QUANTITIES = ("rise", "fall", "sharp", "convex", "concave", "pitch", "left", "r
 
 
 def _costs(s: Synthesis, flat: bool) -> list[Real]:
-    """Rows to be made least: one for each quantity of ``_QUANTITIES``; infinite where it does not exist."""
+    """Rows to be minimised, one for each quantity of ``_QUANTITIES``; infinite where a quantity does not exist."""
     alpha = s.cam.turn * s.pressure_angle
     with np.errstate(divide="ignore", invalid="ignore"):
         radius = s.radius
@@ -98,7 +98,7 @@ def _costs(s: Synthesis, flat: bool) -> list[Real]:
 
 def find_limits(cam: Cam, on: Synthesis | None = None, count: int = 3600) -> CamLimits:
     """Extremes over a cycle: on a grid (that of ``on``, even over the cycle, else ``count`` angles), then on finer grids and a
-    parabola about each best point, and at the law's knots from both sides. Values are right to about 1e-12; angles to 1e-6.
+    parabola about each best point, and at the law's knots from both sides. Values are exact to about 1e-12, angles to 1e-6.
     """
     flat = isinstance(cam.follower.face, Flat)
     grid, knots = _grid(cam, on, count)
@@ -153,8 +153,8 @@ def find_limits(cam: Cam, on: Synthesis | None = None, count: int = 3600) -> Cam
 
 
 def _fold(cam: Cam, knots: Synthesis) -> float | None:
-    """The angle of a knot at which the velocity jumps so that the pitch curve has a convex corner (the profile a fold);
-    None: nowhere. At a corner of d radians a roller would miss its law by r d^2 / 8: what is no knock is none."""
+    """The angle of a knot at which the velocity jumps so that the pitch curve has a convex corner (the profile a fold); None: there
+    is none. Jumps too small for a knock do not count: at a corner of d radians a roller misses its law by r d^2 / 8."""
     n = len(cam.law.pieces)
     left = np.arange(n) if cam.law.repeats else np.arange(n - 1)
     right = n + (left + 1) % n
@@ -180,7 +180,7 @@ def undercut_ranges(cam: Cam, angles: ArrayLike) -> list[tuple[float, float]]:
 
 @dataclass(frozen=True)
 class Requirement:
-    """Limits that a cam is to keep; ``None`` is not asked. Angles [rad], lengths [m].
+    """Limits that a cam has to meet; ``None``: no limit. Angles [rad], lengths [m].
 
     The lecture's three conditions: the smallest radius of curvature (strength and wear), the largest pressure angle (bending of
     the follower, load of the guide), for flat faces the largest pressure distance (bending of the stem).
@@ -194,7 +194,7 @@ class Requirement:
 
 @dataclass(frozen=True)
 class Verdict:
-    """One condition: what was allowed, what is reached and where, and by how much it passes (negative: fails)."""
+    """One condition: the allowed value, the value reached and its angle, and the margin (negative: the condition fails)."""
 
     condition: str
     allowed: float
@@ -208,7 +208,7 @@ class Verdict:
 
 
 def judge_limits(limits: CamLimits, want: Requirement) -> list[Verdict]:
-    """The conditions that are asked for, and no undercut, which always is."""
+    """Verdicts on the conditions that ``want`` states, and on undercut, which is never allowed."""
     out = [Verdict("no undercut", 0.0, limits.sharpness.value, limits.sharpness.angle, limits.sharpness.value)]
     if want.radius is not None:
         if limits.undercut:

@@ -29,7 +29,7 @@ class SmoothPiece(Protocol):
 
 
 class _Offset(ABC):
-    """The offset of any piece whose own derivatives go one order further."""
+    """The offset of any piece, from the derivatives of the piece up to one order more."""
 
     @abstractmethod
     def __call__(self, u: Real, order: int) -> Complex: ...
@@ -99,7 +99,7 @@ class PolarPiece(_Offset):
 
 @dataclass(frozen=True, eq=False)
 class CamPiece:
-    """A range of a synthesised cam between two knots of its law, run so that the outside is on the right."""
+    """A range of a synthesised cam between two knots of its law, traversed so that the outside is on the right."""
 
     cam: Cam
     piece: int
@@ -129,8 +129,8 @@ def ends_of(cam: Cam, pieces: Sequence[CamPiece], distance: float) -> tuple[Comp
 
 
 def on_cam(cam: Cam, piece: Index, ends: Real, u: Real, distance: float, order: int) -> Complex:
-    """Points ``distance`` outside the profile, with derivatives (order + 1, n), at parameters (n) of ranges of the law's pieces
-    (n) that go from a share of the piece to another, ``ends`` (2, n). Beyond its ends a piece is continued."""
+    """Points ``distance`` outside the profile, with derivatives (order + 1, n), at parameters ``u`` (n) of ranges of the law's
+    pieces (n). ``ends`` (2, n): shares of the piece at which a range begins and ends. Pieces are continued beyond their ends."""
     length = cam.law.lengths[piece]
     share = ends[1] - ends[0]
     angle = cam.law.knots[piece] + length * (ends[0] + share * u)
@@ -148,7 +148,7 @@ def on_cam(cam: Cam, piece: Index, ends: Real, u: Real, distance: float, order: 
 
 @dataclass(frozen=True, eq=False)
 class MovedPiece:
-    """A piece turned (and stretched by 1) and shifted: ``shift + turn z``."""
+    """A piece turned by a unit number and shifted: ``shift + turn z``."""
 
     piece: SmoothPiece
     shift: complex

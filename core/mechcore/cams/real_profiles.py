@@ -1,14 +1,14 @@
-"""Profiles as they are made: the lift that a given one gives to its follower, and what the cutter leaves of an undercut one.
+"""Real profiles: the lift that a given profile gives its follower, and the shape that the cutter leaves of an undercut profile.
 
-Lift: between the angles at which the contact passes a joint of the profile's pieces, or leaps over a part that it never touches,
-the lift is analytic. There its exact second derivative (``analyse``) is interpolated by polynomials through Chebyshev's nodes, over
-ranges that are halved until it is met, and integrated twice, from the exact values and velocities at the nodes. A polynomial
-through the values would have a second derivative that is as rough as their rounding over the square of the range. `graphical` has
-the drawn lift of the lecture.
+Lift: it is analytic between the angles at which the contact passes a joint of the profile's pieces or leaps over a part that it
+never touches. There its exact second derivative (``analyse``) is interpolated by polynomials at Chebyshev nodes and integrated
+twice, from the exact values and velocities at the nodes; ranges are halved until the polynomials fit. A polynomial through the
+values would have a second derivative as rough as their rounding over the square of the range. `graphical` gives the lift as it is
+drawn in the lecture.
 
-Undercut: the inner offset of a pitch curve that is too sharp crosses itself. Points of the loop lie nearer to another place of the
-pitch curve than the roller's radius (or beyond another position of a flat face): the cutter takes them away. The remainder are
-ranges of the same working curve that meet in corners, found as double points W(a) = W(b).
+Undercut: the inner offset of a pitch curve that is too sharp crosses itself. Points of the loop are closer to another point of the
+pitch curve than the roller's radius (or lie beyond another position of a flat face): the cutter removes them. The remaining ranges
+of the working curve meet in corners, found as double points W(a) = W(b).
 """
 
 from __future__ import annotations
@@ -29,17 +29,18 @@ from mechcore.laws.curve import MotionCurve, Piece
 from mechcore.records import dataclass
 from mechcore.texts import as_angle
 
-STEP = np.radians(6.0)  # between the knots, at the most
-LEAP_ANGLES = 1440  # angles at which leaps of the contact are looked for
-MOST_HALVINGS = 7  # of halving ranges in which the lift is not met
-FIT_ACCURACY = 1e-12  # misses that are left, in parts of the largest coordinate, velocity and second derivative
-FIT_NODES = 0.5 - 0.5 * np.cos(np.pi * (np.arange(10) + 0.5) / 10)  # of a range, where the second derivative is met
-CHECKS = np.array([0.028, 0.5, 0.972])  # where the lift has to be met, too: between the nodes
+STEP = np.radians(6.0)  # largest distance of two knots
+LEAP_ANGLES = 1440  # angles between which leaps of the contact are searched for
+MOST_HALVINGS = 7  # passes of the fit; ranges whose polynomials do not fit are halved between them
+FIT_ACCURACY = 1e-12  # misfit, relative to the largest coordinate, velocity and second derivative
+FIT_NODES = 0.5 - 0.5 * np.cos(np.pi * (np.arange(10) + 0.5) / 10)  # places in a range: nodes of the second derivative
+CHECKS = np.array([0.028, 0.5, 0.972])  # places in a range, between the nodes, at which the misfit is measured
 
 
 @dataclass(frozen=True, eq=False)
 class GivenLift:
-    """The follower's absolute coordinate over a turn, where the contact leaps, and the ends of the ranges without joint or leap."""
+    """The lift of a given profile: the follower's absolute coordinate over one turn, the leaps of the contact, and the ends of the
+    ranges that contain no joint and no leap."""
 
     law: MotionCurve
     bridges: tuple[Bridge, ...]
@@ -49,7 +50,7 @@ class GivenLift:
 def lift_of(contour: Contour, follower: Follower, turn: int = 1) -> GivenLift:
     """The lift of a closed profile in its cam's axes, the cam turning by ``turn * theta``.
 
-    Raises where the follower does not reach the profile, or where the profile does not enclose the cam's axis.
+    Raises where the outline is open, where the follower does not reach the profile, or where no contact can be found.
     """
     if not contour.closed:
         raise MechanismError(Fault("cam.profile", "an outline that is not closed.", "Close it."))
@@ -85,8 +86,8 @@ def lift_of(contour: Contour, follower: Follower, turn: int = 1) -> GivenLift:
 
 
 def _fitted(contour: Contour, follower: Follower, turn: int, low: Real, high: Real, seen: Contact) -> tuple[Real, Real]:
-    """Coefficients (m, n) of the lift over ranges of angles (n) without a joint or a leap inside, and by how much it misses value,
-    velocity and second derivative (3, n) between the nodes, in parts of the largest of all."""
+    """Coefficients (m, n) of the lift over ranges of angles (n) that contain no joint or leap, and its misfit (3, n) in value,
+    velocity and second derivative between the nodes, relative to the largest of each over the turn."""
     h, u = high - low, np.concatenate([FIT_NODES, CHECKS])
     angle = low + u[:, None] * h
     m = analyse(contour, follower, angle.ravel(), turn, bridges=False, near=seen).motion
@@ -120,7 +121,7 @@ def joint_angles(contour: Contour, follower: Follower, turn: int = 1) -> Real:
     for k in range(contour.count):
         for piece, end in ((contour.pieces[k - 1], 1.0), (contour.pieces[k], 0.0)):
             z, d, bend = piece(np.array([end]), 2)[:, 0]
-            d = d or (1.0 - 2.0 * end) * bend  # a piece that ends with no speed, as in a pivot, has the direction just before
+            d = d or (1.0 - 2.0 * end) * bend  # where the derivative vanishes at an end, the direction just inside
             if d == 0.0:
                 continue
             normal = -1j * d / abs(d)
@@ -151,8 +152,7 @@ def joint_angles(contour: Contour, follower: Follower, turn: int = 1) -> Real:
 
 @dataclass(frozen=True, eq=False)
 class Graphical:
-    """Angles (n) and what the drawing gives there: coordinate, velocity, acceleration, (3, n); ``exact`` (3, n); their
-    difference."""
+    """The graphical solution: angles (n); coordinate, velocity and acceleration as ``drawn`` and ``exact``, each (3, n)."""
 
     angle: Real
     drawn: Real
@@ -176,11 +176,11 @@ def graphical(
     resolution: float = 0.0,
     turn: int = 1,
 ) -> Graphical:
-    """The cam turned step by step over one turn, the lift laid off at each step and differentiated graphically twice.
+    """The graphical solution over one turn: the cam is turned in steps, the lift laid off at each of them and differentiated twice.
 
-    "chord": slopes of the chords belong to the middles of the steps; the velocity drawn at a division is the mean of
-    both neighbours, the acceleration the slope between them. "tangent": the tangent at a division laid by eye through both
-    neighbours (its slope), twice. ``resolution`` [m or rad]: what can be read off the drawing; lifts are rounded to it.
+    "chord": slopes of the chords belong to the middles of the steps; the velocity drawn at a division is the mean of both
+    neighbours, the acceleration the slope between them. "tangent": the slope at a division is that of the line through both
+    neighbours, twice. ``resolution`` [m or rad]: smallest difference that can be read off the drawing; lifts are rounded to it.
     """
     if divisions < 4:
         raise MechanismError(Fault("graphical.divisions", f"{divisions}", "Divide the turn into at least 4 steps."))
@@ -203,10 +203,10 @@ def graphical(
 
 @dataclass(frozen=True, eq=False)
 class CutProfile:
-    """The profile as cut, ranges of the cam's angle that the cutter took away, corners between them, error of the lift.
+    """The profile as cut: its contour, the ranges of the cam's angle that the cutter removes, its corners, the error of the lift.
 
-    ``lost``: (from, to) of the law's angle in order of the cam's turning; ``corners``: complex points in the cam's axes; ``error``:
-    largest difference between the coordinate obtained and the law, at ``angle``. Without undercut: no ranges, error 0.
+    ``lost``: (from, to) of the law's angle in the order in which the cam turns; ``corners``: complex points in the cam's axes;
+    ``error``: largest difference between the actual coordinate and the law, at ``angle``. Without undercut: no ranges, error 0.
     """
 
     contour: Contour
@@ -217,9 +217,9 @@ class CutProfile:
 
 
 def cut_profile(cam: Cam, count: int = 2880) -> CutProfile:
-    """The real profile of a disc cam whose law its follower may be too large for.
+    """The real profile of a disc cam, whose follower may be too large for its law.
 
-    ``count``: angles at which loops are looked for. Raises where nothing is left, or where the remaining ranges do not meet.
+    ``count``: angles at which loops are searched for. Raises where nothing remains, or where the remaining ranges do not meet.
     """
     if cam.wedge or cam.outer:
         raise MechanismError(Fault("cam", "only disc cams with an inner profile are cut.", "Check others with find_limits."))

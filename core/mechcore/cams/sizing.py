@@ -1,4 +1,4 @@
-"""The least base circle, and the best offset, with which a cam keeps to its limits."""
+"""The least base circle and the best offset with which a cam meets its limits."""
 
 from __future__ import annotations
 
@@ -16,23 +16,23 @@ from mechcore.laws.curve import MotionCurve
 from mechcore.records import dataclass
 from mechcore.texts import as_angle, as_length
 
-Beside = Callable[[Cam], tuple[Cam, ...]]
+Beside = Callable[[Cam], tuple[Cam, ...]]  # from a cam to the other profiles that its follower touches
 
 
 def outer_flank(cam: Cam) -> tuple[Cam, ...]:
-    """What a groove has beside its inner flank."""
+    """The outer flank of a groove whose inner flank is ``cam``."""
     return (replace(cam, outer=True),)
 
 
-_EXACT = 1e-9  # of a limit: what a margin may lack by rounding
-_FIRST_STEP, _WIDER, _STEPS = 1e-3, 1.25, 60  # of base circles that are tried: to some 600 times the size of the least
+_EXACT = 1e-9  # largest negative margin, relative to its limit, that counts as rounding
+_FIRST_STEP, _WIDER, _STEPS = 1e-3, 1.25, 60  # first step between base circles that are tried, over the size; growth; number
 
 
 @dataclass(frozen=True, eq=False)
 class Design:
-    """A cam of least base circle: its radius [m], the coordinate at zero lift, the offset, the limits it reaches, the verdicts.
+    """A cam of least base circle: radius of the base circle [m], coordinate at zero lift, offset [m], limits reached, verdicts.
 
-    ``decides``: the condition that holds with equality.
+    ``decides``: the condition that is met with equality.
     """
 
     cam: Cam
@@ -45,8 +45,8 @@ class Design:
 
 
 def greatest(lift: MotionCurve, cost: Callable[[Real], Real], count: int = 720) -> tuple[float, float]:
-    """The largest value along a law of a cost of its derivatives (4, n) -> (n), and its angle: grid, then parabolas, and the
-    knots."""
+    """The largest value along a law of a cost of its value and derivatives (4, n) -> (n), and its angle: on a grid, at the knots,
+    and on finer grids about the best point."""
     step = lift.length / count
     angle = lift.start + step * np.arange(count)
     y = cost(lift(angle, 3))
@@ -57,7 +57,7 @@ def greatest(lift: MotionCurve, cost: Callable[[Real], Real], count: int = 720) 
         m = int(np.argmax(values))
         if values[m] > best:
             best, where = float(values[m]), float(angles[m])
-    # ever finer grids about the best sample: pieces of the law that meet nearby do not disturb them, as they would a parabola
+    # finer and finer grids about the best sample: unlike a parabola they are not disturbed by a knot of the law nearby
     center, width = float(angle[k]), step
     for _ in range(6):
         near = center + width * np.linspace(-1.0, 1.0, 33)
@@ -70,8 +70,8 @@ def greatest(lift: MotionCurve, cost: Callable[[Real], Real], count: int = 720) 
 
 
 def axis_distance(cam: Cam) -> float:
-    """Least distance of the profile of a disc for a knife, roller or mushroom from its axis [m]; zero or less where it comes to it,
-    or where a translating follower goes through it."""
+    """Least distance [m] of a disc cam's profile from its axis, for a knife, roller or mushroom follower; zero or negative where
+    the profile reaches the axis, or where a translating follower passes through it."""
     follower, reach = cam.follower, cam.flank * cam.follower.radius
 
     def nearness(s: Real) -> Real:
@@ -89,7 +89,7 @@ def _pitch_curvature(q: Real, e: float) -> Real:
 
 
 def _pressure_bounds(lift: MotionCurve, want: Requirement) -> list[tuple[float, float, str]]:
-    """Least height at zero lift that either pressure angle asks for: (height for offset 0, its change per offset, name)."""
+    """Least heights at zero lift for the limits of the pressure angles: (height for offset 0, its change per offset, name)."""
     out = []
     if want.pressure_rise is not None:
         t = float(np.tan(want.pressure_rise))
@@ -109,8 +109,8 @@ def _heights(
     samples: Real,
     groove: bool = False,
 ) -> tuple[float, str]:
-    """Least height at zero lift of a translating round follower on a cam that turns counter-clockwise, and what decides. Of a
-    ``groove`` the outer flank bends as the pitch curve does, seen from its other side, and keeps to the same limit."""
+    """Least height at zero lift of a translating round follower on a cam that turns counter-clockwise, and the condition that
+    decides. The outer flank of a ``groove`` has the pitch curve's curvature with opposite sign, and the same limit."""
     from scipy.optimize import brentq
 
     s = samples
@@ -142,7 +142,7 @@ def _heights(
 
 
 def _exact_height(lift: MotionCurve, e: float, radius: float, want: Requirement, height: float, decides: str) -> tuple[float, str]:
-    """The answer with the sampling's error in the curvature removed: its extreme taken between the samples too."""
+    """The height and what decides it, without the sampling error of the curvature: its extreme is taken between samples too."""
     from scipy.optimize import brentq
 
     limit = radius + (want.radius or 0.0)
@@ -163,7 +163,7 @@ def _exact_height(lift: MotionCurve, e: float, radius: float, want: Requirement,
     low, step = height, 1e-4 * height
     while excess(low + step) > 0.0:
         low, step = low + step, 2.0 * step
-        if low > 1e6 * limit:  # a corner of the pitch curve: no size helps, which the limits then say
+        if low > 1e6 * limit:  # a corner of the pitch curve at any size: the limits report it
             return height, decides
     return float(brentq(excess, low, low + step, xtol=1e-15, rtol=1e-14)), "least radius of curvature"
 
@@ -188,18 +188,18 @@ def least_base(
     count: int = 720,
     beside: Beside | None = None,
 ) -> Design:
-    """The cam of least base circle that keeps to the limits, for the follower as it is.
+    """The cam of least base circle that meets the limits with the given follower.
 
     ``lift``: program that starts at zero (metres, or radians of the arm). ``at_least``: least base circle for the hub [m];
-    ``beside``: gives the profiles that the follower touches beside a cam's own, which keep to the limits too. No undercut is
-    always asked for. Raises where no base circle does it.
+    ``beside``: the other profiles that the follower of a cam touches, which have to meet the limits too. Undercut is never
+    allowed. Raises where no base circle meets the limits.
     """
     alone = _least_alone(lift, follower, want, turn, at_least, count)
     return alone if beside is None else _least_together(alone, lift, want, beside)
 
 
 def _least_together(alone: Design, lift: MotionCurve, want: Requirement, beside: Beside) -> Design:
-    """The first base circle, from that of a cam ``alone`` on, with which the profiles beside it keep to the limits, too."""
+    """The design of the first base circle, from that of ``alone`` on, with which the other profiles meet the limits too."""
     from scipy.optimize import brentq
 
     follower, turn = alone.cam.follower, alone.cam.turn
@@ -278,7 +278,7 @@ def _finish(cam: Cam, base: float, offset: float, decides: str, want: Requiremen
 
 
 def _scan(lift: MotionCurve, follower: Follower, want: Requirement, turn: int, at_least: float) -> Design:
-    """Any other follower: the first base circle, from below, at which all margins are positive."""
+    """The design for any other follower: the first base circle, from below, at which no margin is negative."""
     from scipy.optimize import brentq
 
     d, arm = abs(follower.guide.pivot), follower.guide.arm  # type: ignore[union-attr]  # oscillating here
@@ -325,11 +325,11 @@ def best_offset(
     count: int = 720,
     beside: Beside | None = None,
 ) -> Design:
-    """Offset and base circle together, the base circle as small as the limits allow (translating round follower). With
-    `outer_flank` beside it is the least for both flanks of a groove.
+    """The design whose offset gives the least base circle that the limits allow (translating round follower). With `outer_flank`
+    as ``beside`` it is the least for both flanks of a groove.
 
-    The offset comes out towards the side that moves up under a rise: positive for a cam that turns counter-clockwise, negative for
-    one that turns clockwise, when the rise is the harder stroke; it is zero or on the other side when the return is.
+    Where the rise is the harder stroke, the offset is towards the side of the cam that moves up: positive for a cam that turns
+    counter-clockwise, negative for one that turns clockwise. Where the return is, it is zero or towards the other side.
     """
     if isinstance(face, Flat):
         raise MechanismError(Fault("follower.offset", "of a flat face it changes nothing but the stem's load.", "Leave it out."))

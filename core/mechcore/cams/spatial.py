@@ -28,7 +28,7 @@ def _stack(x: ArrayLike, y: ArrayLike, z: ArrayLike) -> Real:
     return np.stack(np.broadcast_arrays(np.asarray(x, float), np.asarray(y, float), np.asarray(z, float)), axis=-1)
 
 
-LAYERS = 9  # along the roller, of its limits
+LAYERS = 9  # places along the roller at which limits are evaluated
 
 
 @dataclass(frozen=True)
@@ -188,7 +188,7 @@ class Flank:
         away = self.cam.mount.away(x, self.motion[0])
         n = self._normals[0] * self.side  # along +away for a roller that rises
         across = _cross(a, away)
-        ahead = np.sign(_dot(across, _about_z(x, self.cam.turn)))  # the way the cam's surface moves
+        ahead = np.sign(_dot(across, _about_z(x, self.cam.turn)))  # sense in which the cam's surface moves
         return np.arctan2(ahead * _dot(n, across) * np.sign(_dot(n, away)), np.abs(_dot(n, away)))
 
     @cached_property
@@ -250,8 +250,8 @@ class Flank:
 
     @property
     def curvature_sum(self) -> Real:
-        """Sum of the principal curvatures [1/m]. Along the line of contact flank and roller bend alike: with the roller's curvature
-        it is the relative curvature across that line."""
+        """Sum of the principal curvatures [1/m]. Along the line of contact the relative curvature of flank and roller is zero, so
+        that this sum plus the roller's curvature is their relative curvature across that line."""
         return 2.0 * self._curvatures[0]
 
 
@@ -337,7 +337,7 @@ class InverseCam:
 
     The crank of length ``crank`` turns by theta about ``centre`` (complex, [m]), its pin at centre + crank exp(i (theta + phase)).
     Or the pin is on a slide that moves by x along the unit vector ``straight``, at centre + x straight; the law is one of x [m],
-    and ``crank`` is the arm that makes lengths of the angles of a driven link that turns.
+    and ``crank`` is the arm that converts angles of a turning driven link to lengths.
 
     The driven link slides by the law along y (``turns`` False), or turns by the law about the origin.
     """

@@ -37,7 +37,7 @@ STRAIGHT = 1e9  # distances of the reference point: larger radii of curvature co
 
 @dataclass(frozen=True, eq=False)
 class Synthesis:
-    """A cam evaluated at angles (n). Nothing is computed before it is asked for; all arrays are (n)."""
+    """A cam evaluated at angles (n). Values are computed on first access; all arrays are (n) unless stated otherwise."""
 
     cam: Cam
     angle: Real  # theta [rad], or x [m] of a wedge
@@ -45,7 +45,7 @@ class Synthesis:
 
     @cached_property
     def _frame(self) -> Complex:
-        """Turns ground axes into the cam's."""
+        """Unit numbers that turn ground axes into the cam's."""
         if self.cam.wedge:
             return np.ones(self.angle.shape, complex)
         out = np.empty(self.angle.shape, complex)
@@ -136,7 +136,7 @@ class Synthesis:
             return cast(Complex, self.reference[0] + along * d)
         return cast(Complex, self.reference[0] - self.cam.flank * self.cam.follower.radius * self._normal)
 
-    # -- what a designer looks at -------------------------------------------------------------------------------------
+    # -- design quantities --------------------------------------------------------------------------------------------
 
     @cached_property
     def pressure_angle(self) -> Real:
@@ -154,7 +154,7 @@ class Synthesis:
 
     @cached_property
     def pitch_radius(self) -> Real:
-        """Radius of curvature of the pitch curve [m]; infinite where it is straight. Flat faces have none: that of the profile."""
+        """Radius of curvature of the pitch curve [m]; infinite where it is straight. For flat faces it is that of the profile."""
         if isinstance(self.cam.follower.face, Flat):
             return self.radius
         a, b = self._d1, self._d2
@@ -239,8 +239,8 @@ class Cam:
         return self.law.length
 
     def at(self, angle: ArrayLike, side: Side = "right", order: int = 2, piece: Index | None = None) -> Synthesis:
-        """Angles (n) -> everything about the cam there. ``side``: which one-sided derivatives hold at the law's knots; ``piece``
-        (n): the pieces of the law that hold, also beyond their ends."""
+        """Angles (n) -> the cam evaluated there. ``side``: which one-sided derivatives are taken at the law's knots; ``piece``
+        (n): the pieces of the law that are evaluated, also beyond their ends."""
         keep_freed_memory()
         angle = numbers(angle)
         return Synthesis(self, angle, self._motion(angle, order, piece, side))
@@ -320,10 +320,10 @@ def cam_on_base(
 
 @dataclass(frozen=True, eq=False)
 class EquivalentLinkage:
-    """Arrays (n). ``centre``: K in ground axes (NaN where at infinity), ``crank`` = |OK|, ``coupler`` = signed |KT| (radius of
-    curvature), ``coupler_rate``, ``coupler_acceleration``: of the coupler's angle (0 for a block on a flat face: that of the
-    face), ``rate``,
-    ``acceleration``: of the follower's coordinate, all with respect to the cam's angle (times w, w^2 in time).
+    """The equivalent linkage and its motion, arrays (n). ``centre``: K in ground axes (NaN where at infinity), ``crank`` = |OK|,
+    ``coupler`` = signed |KT| (radius of curvature), ``coupler_rate``, ``coupler_acceleration``: of the coupler's angle (of a block
+    on a flat face: of the face's angle), ``rate``, ``acceleration``: of the follower's coordinate, all with respect to the cam's
+    angle (times w, w^2 in time).
     """
 
     centre: Complex
@@ -388,13 +388,13 @@ def _solve(a: Complex, b: Complex, c: Complex) -> tuple[Real, Real]:
 
 
 def neglected_phase(law: MotionCurve, offset: float, angle: ArrayLike) -> Real:
-    """The phase atan(m/h) that the lecture leaves out, at angles (n) [rad]."""
+    """The phase atan(m/h) that the lecture neglects, at angles (n) [rad]."""
     return np.asarray(np.arctan2(offset, law(np.asarray(angle, float), 0)[0]))
 
 
 @dataclass(frozen=True, eq=False)
 class OffsetError:
-    """Heights wanted and obtained (n) with the simplified profile, and the largest difference with its angle."""
+    """Heights of the law and heights reached (n) with the simplified profile, and the largest difference with its angle."""
 
     wanted: Real
     obtained: Real

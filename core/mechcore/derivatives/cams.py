@@ -1,7 +1,7 @@
-"""Cams that move on with a parameter: how what follows from their law changes with its argument.
+"""Derivatives of a cam's contact by the argument of its law, for parameters that move the cam.
 
-In the axes of the carrier a cam's contact is a function of the law's argument alone. Along its law it changes smoothly within a
-piece: each piece is taken beyond its ends, so that a place on a knot keeps to its side of it.
+In the axes of the carrier the contact is a function of the law's argument alone, smooth within a piece of the law. Pieces are
+continued beyond their ends, so that a place on a knot stays on its side of it.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ from mechcore.joints.base import Relation
 from mechcore.motion.motion import Motion
 from mechcore.spec.mechanism import Mechanism
 
-WIDTH = 1e-3  # of the length of a law, by which a cam is moved on
+WIDTH = 1e-3  # half width of the interval in which a law's argument is varied, over the law's length
 Placed = PlacedCam | PlacedInverse | PlacedSpatial
 
 
 def moved_on(cam: Any, nominal: Motion, later: float = 0.0) -> Any:
-    """The cam at its places in the ``nominal`` motion, whatever motion it is asked about, moved on by ``later`` [rad or m], each
-    place on the piece of the law on which it was."""
+    """The cam with the arguments of the ``nominal`` motion, in any motion, increased by ``later`` [rad or m]; each argument stays
+    on its piece of the law."""
     place = cam.argument(nominal) + later
     if later:
         law, beyond = cam.cam.law, cam.ahead * later
@@ -45,7 +45,7 @@ def moved_on(cam: Any, nominal: Motion, later: float = 0.0) -> Any:
 
 
 def by_argument(values: Callable[[Any], Sequence[Any]], cam: Placed, nominal: Motion) -> list[Any]:
-    """Derivatives by the argument of a cam's law of arrays that follow from the cam. Raises `MechanismError`."""
+    """Derivatives of ``values`` of a cam by the argument of its law. Raises `MechanismError`."""
 
     def moved(later: float) -> ModelNumbers:
         return {(k,): np.asarray(x) for k, x in enumerate(values(moved_on(cam, nominal, later)))}
@@ -81,7 +81,7 @@ def rubbing_of(parts: Sequence[Any]) -> tuple[FlankSliding, FlankSliding, Any]:
 
 
 def shape_of(relation: Relation) -> Any:
-    """What knows where a relation touches: the geometry of a cam, or itself."""
+    """The object that computes the contact of a relation: the geometry of a cam, else the relation itself."""
     return relation if relation.geometry is None else relation.geometry
 
 

@@ -1,10 +1,10 @@
-"""Derivatives of motions and forces by whatever the numbers of a mechanism follow from, exact at every frame.
+"""Exact derivatives, at every frame, of motions and forces by parameters of a mechanism.
 
-Two kinds of functions are in between, and each is differentiated as what it is. How the numbers of the compiled mechanism (vectors,
-masses, coefficients, positions of drives ...) follow from a parameter is stated outright: `model_numbers.slopes` takes polynomials
-through so many values that they are known to rounding. How positions follow from these numbers is not: there the loop equations'
-own Jacobian decides, block by block, and the same tape (`mechcore.numerics.tape`) goes on through velocities, accelerations and
-forces, whose code runs on traced arrays. Forward, a tape gives the derivatives of any results by a few parameters; backwards, of
+Two kinds of functions are composed. The numbers of the compiled mechanism (vectors, masses, coefficients, positions of drives
+...) are explicit functions of a parameter: `model_numbers.slopes` interpolates them by polynomials through enough values to be
+exact to rounding. Positions are implicit functions of these numbers: their derivatives follow from the Jacobian of the loop
+equations, block by block. The same tape (`mechcore.numerics.tape`) continues through velocities, accelerations and forces, whose
+code runs on traced arrays. In forward mode it gives the derivatives of any results by a few parameters, in reverse mode those of
 one number by all that varies.
 """
 
@@ -55,15 +55,15 @@ from mechcore.spec.mechanism import Mechanism, braked
 from mechcore.topology.graph import vector_loops
 
 T = TypeVar("T")
-OPEN_LOOP = 1e-9  # of the length scale: by how much loops that close by themselves may open, over the width of a parameter
+OPEN_LOOP = 1e-9  # largest closure error of redundant loops over the width of a parameter, relative to the length scale
 
 
 class Derivatives:
     """Derivatives of a motion, and of the forces that it needs, by parameters.
 
-    ``times``: the frames' times (F,) of a mechanism, where they depend on it, as those of whole cycles do; else those of the motion
-    hold for all. Frames of one number are compared. ``under_forces``: free coordinates are where the motion has them, and do
-    not move with the parameters (see `forced`). Raises `MechanismError` where there are none, with the reason.
+    ``times``: from a mechanism to the times (F,) of its frames, where they depend on it, as those of whole cycles do; by default
+    they are the motion's. Frames of the same number are compared. ``under_forces``: free coordinates have the values of the motion
+    and do not depend on the parameters (see `forced`). Raises `MechanismError` with the reason where there are no derivatives.
     """
 
     every_drive = False  # whether positions and rates of all drives are variables of the tape, not only those that move
@@ -82,10 +82,10 @@ class Derivatives:
         self.times = times or (lambda _: motion.time)
         self.tape = new_tape()
         self.leaves: dict[NumberPlace, Traced] = {}
-        self._slopes: dict[int, list[Any]] = {}  # of leaves, by parameters
-        self._redundant: list[tuple[str, Traced]] = []  # loops that close by themselves: a joint, and what stays zero
-        self._models: dict[tuple[str, float], Model] = {}  # beside the nominal one, by parameter and value
-        self._arms = turning_vectors(motion.model)  # of loops, zero ones left out that stay so
+        self._slopes: dict[int, list[Any]] = {}  # derivatives of leaves by the parameters
+        self._redundant: list[tuple[str, Traced]] = []  # redundant loops: a joint, and the residual, which has to stay zero
+        self._models: dict[tuple[str, float], Model] = {}  # models beside the nominal one, by parameter and value
+        self._arms = turning_vectors(motion.model)  # of this model and those beside it, without vectors that stay zero
         with np.errstate(**QUIET):
             self._varied = [self._numbers_of(p) for p in self.parameters]
             for p, known in zip(self.parameters, self._varied, strict=True):
@@ -110,7 +110,7 @@ class Derivatives:
     # -- results ------------------------------------------------------------------------------------------------------
     @cached_property
     def motion(self) -> Motion:
-        """The motion on the tape: what is asked of it is traced."""
+        """The motion on the tape: its results are traced."""
         return _TracedMotion(self, self._model, self._state)
 
     @cached_property
@@ -140,13 +140,13 @@ class Derivatives:
 
     @cached_property
     def singular(self) -> Index:
-        """Frames at which the branch is interpolated, so close to a singular position are they: no derivatives are known there."""
+        """Frames so close to a singular position that the branch is interpolated: no derivatives are known there."""
         given = [interpolant.frames for interpolants in (self.nominal.interpolants or {}).values() for interpolant in interpolants]
         return np.unique(np.concatenate(given)) if given else np.zeros(0, np.intp)
 
     def adjoint(self, result: object, weights: Real) -> Real:
-        """Derivatives (M, P) of M sums of a result, each with ``weights`` (M, ...), by the parameters: one way back through the
-        computation, however many parameters there are; forwards where what is in between has no way back."""
+        """Derivatives (M, P) by the parameters of M sums of a result with ``weights`` (M, ...): by one reverse pass for any number
+        of parameters, in forward mode where a step of the computation has no reverse."""
         out = np.zeros((len(weights), len(self.parameters)))
         if isinstance(result, Traced):
             try:
@@ -168,7 +168,7 @@ class Derivatives:
         return numbers_of_model(model, self.nominal, self.nominal.time)
 
     def _numbers_of(self, parameter: Parameter) -> ModelNumbers:
-        """Derivatives of the numbers by a parameter, of those that depend on it."""
+        """Derivatives by a parameter of the numbers that depend on it."""
 
         def at(x: float) -> ModelNumbers:
             model = self._beside(parameter, x)
@@ -179,13 +179,13 @@ class Derivatives:
         return slopes(at, self._nominal, parameter)
 
     def _beside(self, parameter: Parameter, x: float) -> Model:
-        """The model that belongs to another value of a parameter."""
+        """The model for another value of a parameter."""
         if (parameter.name, x) not in self._models:
             self._models[parameter.name, x] = build_model(parameter.mechanism(x))
         return self._models[parameter.name, x]
 
     def _alone(self, of: Callable[[Model], Any], parameter: Parameter, x: float) -> ModelNumbers:
-        """A number that follows from the model of a parameter's value ``x``, as if it were the only one."""
+        """A number of the model for a parameter's value ``x``, as the only one of its `ModelNumbers`."""
         return {(): np.asarray(of(self._beside(parameter, x)))}
 
     def _leaf(self, number: object, slopes: Sequence[Any]) -> Traced:
@@ -195,12 +195,12 @@ class Derivatives:
         return leaf
 
     def state_slopes(self, leaf: Traced, by_parameters: Sequence[Any]) -> None:
-        """States the derivatives of a variable of the tape by each parameter."""
+        """Set the derivatives of a variable of the tape by each parameter."""
         self._slopes[leaf.number] = list(by_parameters)
 
     def beside(self, of: Callable[[Model], Any], number: object, key: NumberPlace) -> Any:
-        """``number``, traced or not, which follows from the model's motion, with what it also follows from the parameters by way of
-        ``of``: numbers that the compiled mechanism keeps to itself, at the nominal motion."""
+        """``number``, traced or not, which depends on the motion, with its direct dependence on the parameters added: that of
+        ``of(model)`` at the nominal motion, through numbers of the compiled mechanism that are not on the tape."""
         if key not in self.leaves:
             plain = np.asarray(of(self.nominal.model))
             own = []
@@ -213,7 +213,7 @@ class Derivatives:
 
     def contact_of(self, joint: str, what: str, values: Callable[[Any, Motion], Real]) -> Any:
         """Numbers (F,) of a cam and its follower on the tape, called ``what``: ``values(cam, motion)`` at the nominal motion.
-        Raises `LookupError` where the joint is none."""
+        Raises `LookupError` where the joint is no cam."""
         r, relation = next((r, x) for r, x in enumerate(self.nominal.model.relations) if x.name == joint)
         if relation.geometry is None:
             raise LookupError(joint)
@@ -225,8 +225,8 @@ class Derivatives:
         return self._of_cam(r, (what,), self.nominal, finite)[0] + np.where(known, 0.0, np.nan)
 
     def _of_cam(self, r: int, key: NumberPlace, motion: Motion, values: Callable[[Any, Motion], Sequence[Any]]) -> list[Any]:
-        """Numbers (F,) that follow from a relation, of a cam from its geometry, and from a ``motion`` on the tape, with what they
-        also follow from the parameters: by its shape, and by its place in its law."""
+        """Numbers (F,) of a relation (for a cam, of its geometry) and of a ``motion`` on the tape, with their dependence on the
+        parameters through the relation's shape and through the argument of its law."""
         at, own = self.nominal, self.nominal.model.relations[r]
 
         def of(k: int) -> Callable[[Model], Any]:
@@ -264,7 +264,7 @@ class Derivatives:
     def _model(self) -> Model:
         """The nominal model with its varied numbers on the tape."""
         model, get = self.nominal.model, self._get
-        if not self.leaves and not model.relations:  # a relation may vary with numbers that it keeps to itself
+        if not self.leaves and not model.relations:  # a relation may have varied numbers that are no leaves
             return model
         joints = []
         for j, joint in enumerate(model.joints):
@@ -313,7 +313,7 @@ class Derivatives:
         return replace(own, curve=curve, **{kind: with_leaves(kind) for kind in ("groups", "drives", "slides")})
 
     def _curve_slopes(self, r: int) -> list[Any]:
-        """The curve of a relation and its two derivatives on the tape, by its shape and its argument."""
+        """The curve of a relation and its two derivatives on the tape, as functions of its shape and its argument."""
         values = self.nominal.state.curve_values[r]
         argument = argument_of(self._model, r, self._state_so_far)
         bent = []
@@ -351,7 +351,7 @@ class Derivatives:
 
         bearing = own.bearing if own.bearing is None else replace(own.bearing, couple=couple)
         geometry = own.geometry
-        if geometry is not None:  # friction asks it where the cam touches, and how it rubs there
+        if geometry is not None:  # friction takes contact and sliding from it
             geometry = copy(geometry)
             vars(geometry)["contact"] = contact
             if bearing is not None:
@@ -365,7 +365,7 @@ class Derivatives:
 
     @cached_property
     def _state(self) -> State:
-        """Positions on the tape: what the drives decide, then block by block what the loops' Jacobian makes of it."""
+        """Positions on the tape: those that the drives determine, then block by block those that follow by the loops' Jacobian."""
         model, nominal = self._model, self.nominal.state
         turning = model.angles
         self.turned: list[Any] = [0.0] * turning.groups  # angles of groups against the nominal ones
@@ -393,10 +393,10 @@ class Derivatives:
         return state
 
     def _check_closure(self) -> None:
-        """Refuse parameters beside whose values redundant constraints contradict each other."""
+        """Raise for parameters beside whose values redundant constraints contradict each other."""
         for joint, left in self._redundant:
             for p, slope in zip(self.parameters, self.of(left)[0], strict=True):
-                known = np.abs(slope[np.isfinite(slope)])  # there is none at singular positions
+                known = np.abs(slope[np.isfinite(slope)])  # none at singular positions
                 if not len(known) or float(known.max()) * p.width > OPEN_LOOP * self.nominal.model.length_scale:
                     why = f"beside the stated value of {p.name} redundant constraints contradict each other at {joint}."
                     raise refusal(why, "Let all that has to fit follow from one parameter.")
@@ -405,7 +405,7 @@ class Derivatives:
         return self._get(("constant", r), plain)
 
     def _settle(self, block: Block, columns: Any, state: State) -> None:
-        """The unknowns of a block on the tape."""
+        """Put the unknowns of a block on the tape."""
         model, nominal = self._model, self.nominal.state
         for j in block.slides:
             state.slide[j] = nominal.slide[j]
@@ -438,7 +438,7 @@ class Derivatives:
         for j, change in zip(block.slides, changes[len(block.angles) :], strict=True):
             state.slide[j] = nominal.slide[j] + change
         if not square:
-            self._redundant += [(self._closing(block), 0.0 * x) for x in changes]  # NaN where equations are left over
+            self._redundant += [(self._closing(block), 0.0 * x) for x in changes]  # NaN for surplus equations
 
     def _closing(self, block: Block) -> str:
         """A joint at which the loops of a block close, or a relation of it."""
@@ -496,5 +496,5 @@ class _TracedAngles(LinkAngles):
 
 
 def _group_angle(motion: Motion, group: int) -> Any:
-    """A group's angle as relations count it."""
+    """A group's angle as it enters relations."""
     return motion.state.angle[group] if group in motion.state.angle else motion.group_angle(group)

@@ -1,5 +1,5 @@
-"""Derivatives of motions under forces by parameters: the variational equations along a motion that was found, phase by phase, and
-the jumps of its changes between the phases. Results of the motion then follow as those of a prescribed one."""
+"""Derivatives of motions under forces by parameters: the variational equations along a known motion, phase by phase, and the jumps
+of its changes between the phases. Results of the motion then follow as those of a prescribed one."""
 
 from __future__ import annotations
 
@@ -36,14 +36,14 @@ from mechcore.motion.compiled import Compiled
 from mechcore.motion.solve import compile_mechanism
 from mechcore.spec.mechanism import Mechanism
 
-START_SAMPLES = 65  # of a motion, for its largest speed
-EVEN = 1e-3  # of that speed over the duration: smaller accelerations are those of an even motion, and jump by rounding
+START_SAMPLES = 65  # samples of a motion for its largest speed
+EVEN = 1e-3  # least size of accelerations, relative to that speed over the duration; smaller ones jump by rounding
 
 
 class PartUnderForces(PhaseDerivatives):
-    """Derivatives of the part of a motion under forces that lies in one phase, at times (n,); ``before``: the changes in earlier
-    phases, each with those (P, 2) that the instant after it makes in the energies supplied and dissipated. ``moved`` (n, 2 f, P):
-    changes of positions and speeds of the free coordinates."""
+    """Derivatives of the part of a motion under forces that lies in one phase, at times (n,). ``before``: the changes in earlier
+    phases, each with those (P, 2) of the energies supplied and dissipated at the instant after it. ``moved`` (n, 2 f, P): changes
+    of positions and speeds of the free coordinates."""
 
     def __init__(self, simulation: Simulation, changes: Changes, before: Sequence[tuple[Changes, Real]], times: Real):
         super().__init__(changes.phase, times)
@@ -70,9 +70,9 @@ def derivatives_under_forces(
     times: Real,
     made: Callable[[Simulation, Changes, Sequence[tuple[Changes, Real]], Real], PartUnderForces] = PartUnderForces,
 ) -> list[tuple[Index, Derivatives]]:
-    """Derivatives of a motion under forces, and of its forces, at times (F,) [s], by parameters: of each phase that holds some of
-    the times, with the numbers of those. Raises `MechanismError` where there are none, with the reason."""
-    parameters = [replace(p, mechanism=cache(p.mechanism)) for p in parameters]  # every phase asks for the same ones
+    """Derivatives of a motion under forces, and of its forces, at times (F,) [s], by parameters: for each phase that contains some
+    of the times, the indices of these and the derivatives. Raises `MechanismError` with the reason where there are none."""
+    parameters = [replace(p, mechanism=cache(p.mechanism)) for p in parameters]  # every phase needs the same ones
     simulation, parameters = with_integrals(simulation, parameters)
     compiled = simulation.compiled
     stated, moving = stated_instants(compiled, simulation.duration), []
@@ -110,8 +110,8 @@ def _windows(segment: MotionSegment) -> list[Any]:
 
 
 def _phases(segment: MotionSegment, simulation: Simulation, parameters: tuple[Parameter, ...], jumps: Jumps) -> list[SmoothPhase]:
-    """The phases of a segment: parts of it between jumps of forces at instants that no law states, or that move with a
-    parameter."""
+    """The phases of a segment: parts of it between jumps of forces that are not at breakpoints of laws, or at breakpoints that move
+    with a parameter."""
     inner = simulation.boundaries()
     edges = np.unique(np.concatenate([inner[(inner > segment.start) & (inner < segment.end)], [segment.start, segment.end]]))
     least = 1e-14 * simulation.duration
@@ -133,7 +133,7 @@ def _phases(segment: MotionSegment, simulation: Simulation, parameters: tuple[Pa
 def _moving(
     parameter: Parameter, compiled: Compiled, stated: dict[Source, Real], until: float, beside: dict[Source, Real]
 ) -> dict[Source, Real]:
-    """Derivatives (n,) by a parameter of the instants (n,) that laws state; ``beside``: those beside the parameter's value."""
+    """Derivatives (n,) of breakpoints (n,) of laws by a parameter, by source; ``beside``: breakpoints beside its value."""
 
     def same(known: dict[Source, Real]) -> bool:
         return {k: len(x) for k, x in known.items()} == {k: len(x) for k, x in stated.items()}
@@ -158,7 +158,7 @@ def _moving(
 
 
 def start_derivatives(compiled: Compiled, parameters: Sequence[Parameter]) -> Real:
-    """Derivatives (2 f, P) of the start, positions and then speeds, of the free coordinates."""
+    """Derivatives (2 f, P) of the positions, then the speeds, of the free coordinates at the start."""
 
     def at(mechanism: Mechanism) -> dict[tuple[object, ...], float]:
         free = [d.law for d in mechanism.drives if isinstance(d.law, Free)]

@@ -1,7 +1,7 @@
-"""Dry friction on a tape: normal loads, and so the forces of friction, as functions of whatever the motion follows from.
+"""Dry friction on a tape: normal loads and forces of friction as functions of the variables of a traced motion.
 
-The normal loads solve equations of their own, whose Jacobian the nominal solution has: by it the tape gets them as an implicit
-function, without the iteration that found them.
+The normal loads solve equations of their own. By the Jacobian of the nominal solution they enter the tape as an implicit function,
+without the iteration that found them.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ from mechcore.forces.kinetostatics import Forces, solve_forces
 from mechcore.motion.motion import Motion
 from mechcore.numerics.tape import Tape, Traced, Untraced, regular_inverses, value_of
 
-MOST_TRIES = 5  # of the sides on which gears and belts carry: each may turn those of others
+MOST_TRIES = 5  # iterations for the sides on which gears and belts carry: each may change those of others
 
 
 def forces_with_friction(
     tape: Tape, nominal: Motion, motion: Motion, applied: Sequence[Wrench], force: Sequence[Any], moment: Sequence[Any]
 ) -> Forces:
-    """Forces with dry friction that a ``motion`` on a tape needs, whose numbers are those of the ``nominal`` one.
+    """Forces with dry friction of a ``motion`` on a tape, whose values are those of the ``nominal`` one.
 
     ``applied``: the wrenches without friction; ``force`` (F,) [N] and ``moment`` (F,) [N m]: their sums at each link. Raises
     `Untraced` where friction decides on which side a gear or belt carries.
@@ -88,8 +88,8 @@ class TracedFriction(FrictionResult):
 
 
 def _flanks(nominal: Motion, known: FrictionResult) -> dict[int, Real]:
-    """On which side each relation carries (F,), +1 or -1, with the friction that is known: raised from none to its full size, it
-    may have changed sides."""
+    """The side on which each relation carries (F,), +1 or -1, under the known friction: by iteration from the sides without
+    friction."""
     force, moment, _ = totals(nominal)
     own_force, own_moment = list(force), list(moment)
     flanks = _signs(joint_forces(nominal, list(force), list(moment))[2])

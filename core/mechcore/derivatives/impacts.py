@@ -1,9 +1,9 @@
-"""How the changes of a motion go on after an impact.
+"""Jumps of a motion's changes with parameters (sensitivities) at impacts.
 
-The instant moves with the parameters, and with it where and how fast things strike. Of several contacts that are struck at once the
-instants may move together: then the equations of impact hold for all of them. Or they move apart: then one contact is struck after
-the other, whose order has no say if the mechanism does not couple them; else there are no derivatives, as the motion is another
-one on either side.
+The instant of an impact depends on the parameters, and with it the positions and speeds at the impact. Where several contacts are
+struck at once, a parameter may move their instants together: then the equations of impact hold for all of them. Or it separates
+them: then the contacts are struck one after the other. Their order does not matter if the mechanism does not couple them; else
+there are no derivatives, as the motion is another one on either side of the parameter's value.
 """
 
 from __future__ import annotations
@@ -32,22 +32,22 @@ from mechcore.forces.kinetostatics import Forces
 from mechcore.laws.timed import Free
 from mechcore.motion.compiled import Compiled
 
-SAME_SPEED = 1e-7  # of the largest speed: how far speeds after an impact may be from those that the equations of impact give
-SAME_INSTANT = 1e-9  # of how much they move: instants that move so much apart stay together
-NO_SHIFT = 1e-12  # of the duration: what a parameter moves an instant over its width, if it is as good as nothing
-SAME_CHANGES = 1e-7  # of the largest change: whether it is the same in whatever order contacts are struck
-NO_IMPULSE = 1e-10  # of the largest impulse
-MOST_AT_ONCE = 4  # contacts that are struck one after the other, in every order
+SAME_SPEED = 1e-7  # tolerance of speeds after an impact against the equations of impact, relative to the largest speed
+SAME_INSTANT = 1e-9  # relative difference of the derivatives of instants below which these move together
+NO_SHIFT = 1e-12  # negligible shift of an instant over the width of a parameter, relative to the duration
+SAME_CHANGES = 1e-7  # tolerance between the orders in which contacts are struck, relative to the largest change
+NO_IMPULSE = 1e-10  # negligible impulse, relative to the largest
+MOST_AT_ONCE = 4  # contacts struck at once of which all orders are tried
 
 
 def contact_numbers(stops: Sequence[EndStop], cams: Sequence[SeparableCam]) -> ModelNumbers:
-    """Where stops are, and what rebounds from them and from cams, by their names."""
+    """Positions of stops, and coefficients of restitution of stops and cams, by their names."""
     numbers: ModelNumbers = {("stop", s.name, what): getattr(s, what) for s in stops for what in ("at", "restitution")}
     return numbers | {("cam", c.joint): c.restitution for c in cams}
 
 
 class Conditions:
-    """Where and when contacts are struck in a motion, and how that follows from parameters."""
+    """The contacts that are struck in a motion, and how their numbers depend on parameters."""
 
     def __init__(self, simulation: Simulation, parameters: Sequence[Parameter]):
         self.simulation, self.parameters = simulation, tuple(parameters)
@@ -67,7 +67,7 @@ class Conditions:
         return list(dict.fromkeys(e.item for e in events if e.kind in (EventKind.IMPACT, EventKind.LANDING)))
 
     def held(self, separated: set[str], t: float) -> tuple[Compiled, tuple[Parameter, ...]]:
-        """The mechanism whose followers, but for some, are on their cams, and its parameters."""
+        """The mechanism whose followers are on their cams, except those ``separated``, and its parameters."""
         original = self.simulation.compiled
         known = [original] if not separated else [s.compiled for s in self.simulation.segments if set(s.separated) == separated]
         if not known:
@@ -76,8 +76,8 @@ class Conditions:
 
 
 class Instant(Derivatives):
-    """A mechanism at one instant with several rates: ``q`` (f,), ``v``, ``a`` (n, f). Its results have P + 1 derivatives: by
-    the parameters, with the changes of the state before the event, and by the time along the motion before it."""
+    """A mechanism at one instant with several sets of rates: ``q`` (f,), ``v``, ``a`` (n, f). Its results have P + 1 derivatives:
+    by the parameters, with the changes of the state before the event, and by the time along the motion before it."""
 
     every_drive = True
 
@@ -87,7 +87,7 @@ class Instant(Derivatives):
         super().__init__(motion, parameters, under_forces=True)
 
     def _forces(self) -> Forces:
-        """Without dry friction, which impulses do not excite here."""
+        """The forces without dry friction, on which impulses have no effect in this model."""
         force, moment, formed = totals(self.motion)
         return Forces(self.motion, formed, *joint_forces(self.motion, force, moment)[:2])
 
@@ -101,8 +101,8 @@ class Instant(Derivatives):
         return rows[0, 0], rows[0, 1]
 
     def along(self, results: Sequence[Any], states: Real, flow: Real, moving: Sequence[int]) -> list[Real]:
-        """Derivatives (P + 1, n, ...) of results, where positions move as ``states`` (2 f, P) and ``flow`` (2 f,) say,
-        and the rates of the rows ``moving`` with them."""
+        """Derivatives (P + 1, n, ...) of results, from those of the state by the parameters, ``states`` (2 f, P), and by the time,
+        ``flow`` (2 f,); rates vary in the rows ``moving`` only."""
         count, f = len(self.parameters), len(states) // 2
         free = free_of(self.nominal)
         known = {number: np.stack(d) for number, d in self._slopes.items()}
@@ -157,7 +157,7 @@ def side_of(phase: SmoothPhase, *, last: bool) -> Side:
 
 
 def _side_at(phase: SmoothPhase, t: float, q: Real, v: Real) -> Side:
-    """A state (f + s,) that a phase does not go through, at its end."""
+    """The end of a phase with a state (f + s,) that is not its own."""
     segment, row = phase.segment, (q[None], v[None], np.array([t]))
     a = segment.system(*row)
 
@@ -169,9 +169,9 @@ def _side_at(phase: SmoothPhase, t: float, q: Real, v: Real) -> Side:
 
 
 class _Hit(NamedTuple):
-    """An impact: ``contacts``, of which those that are ``active`` get impulses; coefficients ``gone`` of restitution that hold for
-    these, and derivatives ``bounce`` (P,) of each; the equations ``full`` (f + c, f + c) with the gaps' gradients ``g`` (c, f);
-    the ``jump`` (f + c,) of rates, and impulses."""
+    """An impact: ``contacts``, of which the ``active`` ones have impulses; ``gone``: coefficients of restitution of these, with
+    derivatives ``bounce`` (P,) each; ``full`` (f + c, f + c): matrix of the equations of impact, with the gaps' gradients ``g``
+    (c, f); ``jump`` (f + c,): jump of the rates, and impulses."""
 
     contacts: list[Contact]
     active: list[int]
@@ -183,7 +183,7 @@ class _Hit(NamedTuple):
 
 
 class ImpactCrossing:
-    """The instant between two sides at which contacts are ``struck``, and changes ``states`` (2 (f + s), P) before it."""
+    """The instant between two sides at which contacts are ``struck``; ``states`` (2 (f + s), P): the changes before it."""
 
     def __init__(self, jumps: Conditions, before: Side, after: Side, states: Real, struck: Sequence[str]):
         self.jumps, self.sides, self.struck = jumps, (before, after), list(struck)
@@ -200,7 +200,7 @@ class ImpactCrossing:
         self.new = tuple(x[: len(self.after.free)] for x in after[1:4])
         self.new_rates_of_states = after.a[len(self.after.free) :]
         full = len(self.after.free) == f and self.after.free == self.before.free
-        self.rebound = self.new[1] if full else self.v  # of what is struck for good the rates after it are solved for
+        self.rebound = self.new[1] if full else self.v  # where a contact persists they are solved for
         rows = np.concatenate([[self.v, self.v, self.rebound], units])
         accelerations = np.zeros_like(rows)
         accelerations[0] = self.a
@@ -215,7 +215,7 @@ class ImpactCrossing:
         )
 
     def result(self) -> tuple[Real, Real]:
-        """Changes (2 (f' + s), P) after the instant, and the changes (P, 2) that it makes in the energies."""
+        """Changes (2 (f' + s), P) after the instant, and the changes (P, 2) of the energies at the instant."""
         hit = self._hit()
         moved = np.array([-c.gap[: self.count] / c.gap[self.count] for c in hit.contacts[: len(self.struck)]])
         nothing = NO_SHIFT * self.jumps.simulation.duration / np.array([p.width for p in self.before.parameters])
@@ -226,8 +226,8 @@ class ImpactCrossing:
         return self.after_instant(moved[0], speeds, lost)
 
     def after_instant(self, moved: Real, speeds: Real | None, lost: Real) -> tuple[Real, Real]:
-        """The result where the instant moves as ``moved`` (P,) says; ``speeds`` (f', P): how the speeds after it change then, where
-        they are others than before it; ``lost`` (P, 2): changes of the energies at the instant."""
+        """The result for derivatives ``moved`` (P,) of the instant. ``speeds`` (f', P): derivatives of the speeds just after it,
+        where the speeds jump; ``lost`` (P, 2): changes of the energies at the instant."""
         states, flow = self._asked([x for j in self.after.free for x in self.at.coordinate(j)])
         positions = states[0::2] + flow[0::2, None] * moved
         if speeds is None:
@@ -243,7 +243,7 @@ class ImpactCrossing:
 
     # -- several contacts -----------------------------------------------------------------------------------------------
     def _in_turn(self, name: str) -> tuple[Real, Real]:
-        """The result where a parameter moves the instants apart at which contacts are struck: whatever the order, the same."""
+        """The result where a parameter separates the instants at which contacts are struck. Raises where their order matters."""
         reason = refusal(f"at t = {self.t:.6g} s several contacts are struck at once, which {name} takes apart.", SWEEP_INSTEAD)
         one, other = (p.segment for p in (self.before, self.after))
         if one.resting != other.resting or self.before.free != self.after.free or len(self.struck) > MOST_AT_ONCE:
@@ -300,7 +300,7 @@ class ImpactCrossing:
         after = (before + mobility @ p)[active]
         gone, bounce = own[active], [known[k].bounce for k in active]
         least = int(np.argmin(own[:count]))
-        if (np.abs(after + gone * struck) > SAME_SPEED * np.abs(before).max()).any():  # the smallest of them holds, or none
+        if (np.abs(after + gone * struck) > SAME_SPEED * np.abs(before).max()).any():  # the smallest holds for all, or zero
             smallest = float(own[least]) if np.abs(after + own[least] * struck).max() <= SAME_SPEED * np.abs(before).max() else 0.0
             gone, bounce = np.full(len(active), smallest), [known[least].bounce] * len(active)
         full = np.zeros((f + len(active), f + len(active)))
@@ -312,8 +312,8 @@ class ImpactCrossing:
         return _Hit(contacts(), active, gone, bounce, full, g, jump)
 
     def _through(self, hit: _Hit, moved: Real) -> tuple[Real, Real]:
-        """How the rates after an impact move (f', P), whose instant moves as ``moved`` (P,), and the changes (P, 2) of the
-        energies."""
+        """Derivatives (f', P) of the rates after an impact whose instant has the derivatives ``moved`` (P,), and the changes (P, 2)
+        of the energies."""
         f, jump, full, g = len(self.q), hit.jump, hit.full, hit.g
         inertia, rates = full[:f, :f], self.v + hit.jump[:f]
         wanted = self._kept(rates)
@@ -322,7 +322,7 @@ class ImpactCrossing:
             raise refusal(f"the impact at t = {self.t:.6g} s goes together with other changes.", SWEEP_INSTEAD)
         efforts = [self.at.forces.effort(joint) for joint in self.before.free]
         slopes = self.at.along(efforts, self.states, self.flow, (0, 1))
-        weighed = np.array([d[:, 1] - d[:, 0] for d in slopes])  # (f, P + 1): of M times the jump, the jump as it is
+        weighed = np.array([d[:, 1] - d[:, 0] for d in slopes])  # (f, P + 1): of M times the jump, at fixed jump
 
         def total(x: Real) -> Real:
             """Derivatives (..., P) at the moving instant, from (..., P + 1)."""
@@ -345,14 +345,14 @@ class ImpactCrossing:
         return self._kept(solved[:f]), np.stack([self._pushed(moved, rates, solved[:f], lost), lost], axis=-1)
 
     def _stays(self, k: int) -> bool:
-        """Whether what is struck is rested on after it: then nothing rebounds."""
+        """Whether a struck contact persists after the impact: then nothing rebounds."""
         if k >= len(self.struck):
             return True
         name = self.struck[k]
         return name in {s.name for s in self.after.segment.resting} or len(self.after.free) < len(self.before.free)
 
     def _kept(self, x: Real) -> Real:
-        """Of numbers (f, ...) of the coordinates before the instant those after it."""
+        """Numbers (f', ...) of the free coordinates after the instant, from those (f, ...) before it."""
         return np.asarray(x[[self.before.free.index(j) for j in self.after.free]])
 
     def _contact(self, name: str) -> Contact:

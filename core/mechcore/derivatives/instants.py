@@ -1,9 +1,8 @@
-"""Instants at which laws say that they change their form, load by load and drive by drive; and a mechanism some of whose laws go on
-in the form that they had before.
+"""Breakpoints of laws, by load and by drive; and mechanisms in which some laws keep the form that they had before a breakpoint.
 
-Several laws may change at one instant, and a parameter may move that of one alone. Between them the motion then runs on under the
-forces of one change without the other. As accelerations are sums over the forces, without friction and contacts, what each change
-makes of them does not depend on the order.
+Several laws may have a breakpoint at one instant, and a parameter may move only one of these. Between the two the motion then
+continues with one change of form and without the other. Without friction and contacts accelerations are sums over the forces, so
+that the effect of each change does not depend on the order.
 """
 
 from __future__ import annotations
@@ -30,7 +29,7 @@ Source = tuple[str, str]  # "drive" and its joint, or "load" and its name
 
 
 def stated_instants(compiled: Compiled, until: float) -> dict[Source, Real]:
-    """Instants (n,) [s], later than the start, at which laws say that they change their form, of each source that has some."""
+    """Breakpoints (n,) [s] of laws, after the start and before ``until``, by source, for each source that has some."""
     mechanism = compiled.mechanism
     found: dict[Source, set[float]] = {}
     for drive in mechanism.drives:
@@ -55,7 +54,7 @@ def _breaks(law: Law, until: float) -> set[float]:
 
 @dataclass(frozen=True, eq=False)
 class _Held:
-    """A law that goes on as it was at a time."""
+    """A law that from the time ``until`` on keeps its values of that time."""
 
     law: Any
     until: float
@@ -86,8 +85,8 @@ def _held(mechanism: Mechanism, sources: Collection[Source], until: float) -> Me
 
 
 def with_changes(compiled: Compiled, t: float, q: Real, v: Real) -> Callable[[Collection[Source]], tuple[Real, Real]]:
-    """Accelerations (f + s,) and powers (3,), see `powers_of`, just after an instant at a state (f + s,), where some sources are in
-    the form that they had before it."""
+    """A function from sources to accelerations (f + s,) and powers (3,), see `powers_of`, just after an instant at a state
+    (f + s,), with these sources in the form that they had before it."""
     before, after = t - 8.0 * np.spacing(t), t + 8.0 * np.spacing(t)
     rows = q[None], v[None], np.array([after])
 

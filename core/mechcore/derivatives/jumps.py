@@ -1,10 +1,10 @@
-"""How the changes of a motion go on after an instant at which its equations change: an impact, a contact that ends, slip that turns
-to stick, a force that jumps at a place.
+"""Jumps of a motion's changes with parameters (sensitivities) at instants at which its equations change: an impact, a contact that
+ends, slip that becomes stick, a force that jumps at a place.
 
-The instant T itself moves with the parameters: where g(q, v, t, p) = 0 says when it is, dT = -dg / g', dg by the change of the
-state there and by the parameters, g' along the motion. With the rates f of the state z before and after it and the map R from the
-one state to the other dz+ = dR(dz- + f- dT) - f+ dT (saltation; I. A. Hiskens and M. A. Pai, Trajectory sensitivity analysis of
-hybrid systems, 2000). Where neither the state nor its rates jump, nothing is left of dT.
+The instant T itself depends on the parameters. For an event condition g(q, v, t, p) = 0 it is dT = -dg / g', with dg from the
+change of the state and from the parameters, and g' along the motion. With the rates f of the state z before and after the instant
+and the map R between the two states, dz+ = dR(dz- + f- dT) - f+ dT (saltation; I. A. Hiskens and M. A. Pai, Trajectory sensitivity
+analysis of hybrid systems, 2000). Where neither the state nor its rates jump, dT has no effect.
 """
 
 from __future__ import annotations
@@ -26,13 +26,13 @@ from mechcore.dynamics.simulation import Simulation
 from mechcore.effects.registry import effects_of
 from mechcore.forces.friction.elements import elements_of, relative_rate
 
-LEAST_JUMP = 1e-5  # part of the largest acceleration by which it may change without being a jump
-END_NODES = 16  # by which a number is differentiated along the end of a phase
+LEAST_JUMP = 1e-5  # least jump of an acceleration, relative to the largest acceleration of the motion
+END_NODES = 16  # nodes by which a number is differentiated in time at the end of a phase
 
 
 class Jumps(Conditions):
-    """Jumps of the changes of a motion at the instants between its phases. ``stated``: instants (n,) at which laws say that they
-    change their form, and the derivatives (n, P) of these, of each source; ``largest``: the size of its accelerations."""
+    """Jumps of the changes of a motion at the instants between its phases. ``stated``: breakpoints (n,) [s] of laws and their
+    derivatives (n, P), by source; ``largest``: the size of the motion's accelerations."""
 
     def __init__(
         self, simulation: Simulation, parameters: Sequence[Parameter], stated: dict[Source, tuple[Real, Real]], largest: float
@@ -41,13 +41,13 @@ class Jumps(Conditions):
         self._stated, self._largest = stated, largest
 
     def __call__(self, before: SmoothPhase, after: SmoothPhase, states: Real) -> tuple[Real, Real]:
-        """Changes (2 f', P) after the instant between two phases, from those before it (2 f, P); and the changes (P, 2) that it
-        makes in the work of drives and process forces and in the energy dissipated. Raises `MechanismError`."""
+        """Changes (2 f', P) after the instant between two phases, from those before it (2 f, P); and the changes (P, 2), at the
+        instant, of the work of drives and process forces and of the energy dissipated. Raises `MechanismError`."""
         sides = side_of(before, last=True), side_of(after, last=False)
         return _Crossing(self, *sides, states, self.struck(before.end)).result()
 
     def begin(self, phase: SmoothPhase, states: Real) -> Real:
-        """Changes (2 f', P) at the start of the first phase, from those (2 f, P) of the coordinates that the scene states."""
+        """Changes (2 f', P) at the start of the first phase, from those (2 f, P) of the scene's free coordinates."""
         compiled = self.simulation.compiled
         if phase.compiled is compiled or not len(phase.free):
             return states
@@ -59,7 +59,7 @@ class Jumps(Conditions):
         return np.concatenate([start_rates[0::2], start_rates[1::2]])
 
     def stated_shifts(self, t: float) -> dict[Source, Real]:
-        """How an instant moves (P,) at which laws say by themselves that they change their form, of each that does."""
+        """Derivatives (P,) of an instant by the parameters, by source, for the laws that have a breakpoint there."""
         near = 1e-9 * self.simulation.duration
         places = {source: int(np.argmin(np.abs(times - t))) for source, (times, _) in self._stated.items()}
         return {source: self._stated[source][1][k] for source, k in places.items() if abs(self._stated[source][0][k] - t) <= near}
@@ -99,14 +99,14 @@ class _Crossing(ImpactCrossing):
         return rows[:, 0], rows[:, 1]
 
     def _settles(self, v: Real) -> bool:
-        """Whether what stops moving had next to no speed left: friction holds it."""
+        """Whether the speeds that become zero were negligible before the instant: friction then holds what stops."""
         windows = getattr(self.before.segment.solution, "windows", ())
         scale = max(float(np.abs(w.v[: len(self.v)]).max(initial=0.0)) for w in windows)
         return float(np.abs(v - self.new[1]).max()) <= SAME_SPEED * scale
 
     def _apart(self, shifts: dict[Source, Real]) -> tuple[Real, Real]:
-        """The result where the instants at which laws change their form move apart: what each change makes of the accelerations
-        adds up, whatever comes first."""
+        """The result where a parameter separates breakpoints of several laws: the effects of their changes of form on the
+        accelerations add up, in any order."""
         one, other = (p.segment for p in (self.before, self.after))
         rubs = isinstance(one.system, DrySystem) or isinstance(other.system, DrySystem)
         if rubs or one.resting or other.resting or one.independent != other.independent:
@@ -123,10 +123,10 @@ class _Crossing(ImpactCrossing):
 
     # -- when -----------------------------------------------------------------------------------------------------------
     def _moved(self, a: Real) -> Real:
-        """How the instant moves (P,), zero where nothing jumps there."""
+        """Derivatives (P,) of the instant by the parameters; zero where nothing jumps there."""
         still = np.zeros(self.count)
         for stated in self.jumps.stated_shifts(self.t).values():
-            return stated  # the same of all
+            return stated  # the same for all sources
         if not self.jumps.jumps(a, self.new[2]):
             return still
         shift = self._turned()
@@ -137,7 +137,8 @@ class _Crossing(ImpactCrossing):
         return shift
 
     def _turned(self) -> Real | None:
-        """Where something that slid turns back or begins to stick: its relative rate is zero."""
+        """Derivatives (P,) of an instant at which something that slid reverses or begins to stick: its relative rate is zero. None
+        where there is no such element of friction."""
         one, other = (p.segment.system for p in (self.before, self.after))
         if not isinstance(one, DrySystem):
             return None
@@ -156,7 +157,8 @@ class _Crossing(ImpactCrossing):
         return shift
 
     def _loose(self) -> Real | None:
-        """Where something that stuck comes loose: what holds it has reached its limit."""
+        """Derivatives (P,) of an instant at which something that stuck begins to slip: its friction has reached the limit. None
+        where there is no such element of friction."""
         one, other = (p.segment.system for p in (self.before, self.after))
         if not (isinstance(one, DrySystem) and isinstance(other, DrySystem) and len(other.signs) == len(one.signs)):
             return None
@@ -180,7 +182,7 @@ class _Crossing(ImpactCrossing):
         return np.asarray(-slope[:, 0] / pace)
 
     def _passed(self) -> Real | None:
-        """Where the law of a force passes into another form."""
+        """Derivatives (P,) of an instant at which the law of a force changes its form at a place; None where there is none."""
         compiled = self.before.compiled
         step = 1e-9 * max(self.before.end - self.before.start, 1e-300)
         rows = (
@@ -191,7 +193,7 @@ class _Crossing(ImpactCrossing):
         changed = [bool(np.ptp(np.broadcast_to(form, (2,)))) for form in forms_of(around)]
         laws = [e for e in effects_of(compiled.mechanism) if e.piecewise]
         conditions: list[Any] = []
-        for effect, form in zip(laws, changed, strict=False):  # the forms of cams follow: where one touches may not vary
+        for effect, form in zip(laws, changed, strict=False):  # forms of cams come after those of laws
             if form:
                 switch: Any = effect.switch(self.at.motion)
                 if switch is None:
@@ -205,7 +207,7 @@ class _Crossing(ImpactCrossing):
         return np.asarray(-by_parameters[k] / pace[k])
 
     def _refuse_other_laws(self, name: str) -> None:
-        """Refuse parameters by which the places may vary at which a law changes its form."""
+        """Raise where a parameter may move the places at which a law changes its form."""
         for p in self.before.parameters:
             mechanisms = self.before.compiled.mechanism, p.beside()
             laws = [[getattr(x, "factor", None) for x in m.loads if x.name == name] for m in mechanisms]

@@ -1,7 +1,7 @@
-"""Laws by pieces whose knots move with a parameter, seen from where the knots are now.
+"""Piecewise laws whose knots move with a parameter, evaluated between the nominal knots.
 
-A value near a knot belongs to another piece as soon as the knot passes it, so that it does not follow from the parameter by one
-smooth function. Its piece does: each one is taken beyond its ends, as far as the present knots ask for.
+A value near a knot belongs to another piece as soon as the knot passes it, so that it is no smooth function of the parameter. On
+one piece it is: pieces are continued beyond their ends to the nominal knots.
 """
 
 from __future__ import annotations
@@ -18,18 +18,18 @@ from mechcore.laws.program import CurveOverMaster
 from mechcore.laws.timed import Piecewise
 from mechcore.spec.mechanism import CamJoint, Mechanism
 
-NEAR_KNOT = 1e-12  # relative: lengths that differ by no more are the same
+NEAR_KNOT = 1e-12  # relative difference of lengths that count as equal
 
 
 def with_nominal_knots(parameter: Parameter, nominal: Mechanism, *, same_times: bool) -> Parameter:
-    """The parameter with mechanisms whose laws have the knots of the nominal ones; ``same_times``: at which they are asked for,
-    however long cycles are."""
+    """The parameter with mechanisms whose laws have the nominal knots; ``same_times``: the laws are evaluated at the nominal times,
+    whatever the length of their cycles."""
     return replace(parameter, mechanism=lambda x: with_aligned_knots(parameter.mechanism(x), nominal, same_times=same_times))
 
 
 def with_aligned_knots(mechanism: Mechanism, nominal: Mechanism, *, same_times: bool = False) -> Mechanism:
-    """A mechanism with the laws of its cams and drives on the knots of another one's, stretched to the length of its own; not so
-    stretched, as far as they are polynomials of the time, where they are asked for at the ``same_times``."""
+    """A mechanism whose cams and drives have laws with the knots of the ``nominal`` one, scaled to the length of their own. With
+    ``same_times`` polynomials of time are not scaled but evaluated on the nominal pieces (see `law_on_pieces_of`)."""
     joints, drives = list(mechanism.joints), list(mechanism.drives)
     if len(joints) == len(nominal.joints) and len(drives) == len(nominal.drives):
         for j, (own, there) in enumerate(zip(joints, nominal.joints, strict=True)):
@@ -55,7 +55,8 @@ def _curve_of(law: Piecewise) -> MotionCurve:
 
 
 def _on_knots(own: MotionCurve, nominal: MotionCurve) -> MotionCurve:
-    """A curve whose pieces begin and end at the knots of another one of as many pieces, stretched to its own length."""
+    """The curve with pieces between the knots of the ``nominal`` one, scaled to its own length; unchanged where the numbers of
+    pieces differ or the lengths agree."""
     if len(own.pieces) != len(nominal.pieces) or np.array_equal(own.lengths, nominal.lengths):
         return own
     ratio = own.length / nominal.length

@@ -1,7 +1,7 @@
-"""The numbers of a compiled mechanism, and their derivatives by a parameter from which it follows.
+"""The numbers of a compiled mechanism, and their derivatives by a parameter.
 
-How vectors, masses, coefficients, positions of drives ... follow from a parameter is stated outright: `slopes` takes polynomials
-through so many values that they are known to rounding.
+Vectors, masses, coefficients, positions of drives ... are explicit functions of a parameter: `slopes` interpolates them by
+polynomials through enough values to be exact to rounding.
 """
 
 from __future__ import annotations
@@ -28,19 +28,19 @@ from mechcore.records import NumberPlace, dataclass, kept_numbers, numbers_in
 from mechcore.spec.loads import Factor, GasPressure, Prescribed, Servo
 from mechcore.spec.mechanism import CamJoint, Mechanism
 
-ModelNumbers = dict[NumberPlace, Any]  # of a compiled mechanism, by where they are
-MAP_ROUNDING = 2e-14  # relative: what a map of a few operations may be off
-MAP_NODES = 9  # of the polynomial of a map that is not affine
-MAP_TAIL = 1e-12  # its last coefficients are below this part of the largest, or the interval is too wide
-NARROWING = 4.0
-MOST_TRIES = 5
+ModelNumbers = dict[NumberPlace, Any]  # numbers of a compiled mechanism, by their places
+MAP_ROUNDING = 2e-14  # relative rounding error of a map of a few operations
+MAP_NODES = 9  # points by which a map that is not affine is interpolated
+MAP_TAIL = 1e-12  # its last coefficients over the largest: the interval is too wide where they exceed this
+NARROWING = 4.0  # factor by which intervals that are too wide are narrowed
+MOST_TRIES = 5  # widths that are tried
 
 
 @dataclass(frozen=True)
 class Parameter:
-    """A number from which a mechanism follows: its name, its ``value``, the ``mechanism`` that belongs to another value, and a
-    half ``width`` of values around its own for which there is one; of motions under forces also the numbers of contacts
-    (`impacts.contact_numbers`) that belong to another value."""
+    """A number on which a mechanism depends: its name, its ``value``, the ``mechanism`` for another value, and a half ``width`` of
+    the interval about its value in which there is one. For motions under forces also the numbers of ``contacts``
+    (`impacts.contact_numbers`) for another value."""
 
     name: str
     value: float
@@ -57,12 +57,12 @@ class Parameter:
 
 
 def refusal(message: str, remedy: str) -> MechanismError:
-    """Why no derivatives are known."""
+    """The error that states why no derivatives are known."""
     return MechanismError(Fault("derivatives", message, remedy))
 
 
 def check_motion(motion: Motion, under_forces: bool) -> None:
-    """Refuse motions of which no derivatives are known."""
+    """Raise for motions of which no derivatives are known."""
     if len(motion.parts) > 1 or (not under_forces and any(isinstance(d.law, Free) for d in motion.mechanism.drives)):
         raise refusal("forces decide the motion: it depends on parameters by way of all that went before.", "Sweep it instead.")
     if motion.model.designs:
@@ -72,7 +72,7 @@ def check_motion(motion: Motion, under_forces: bool) -> None:
 
 
 def check_structure(nominal: Model, other: Model, name: str) -> None:
-    """Refuse a mechanism of other links, loops or blocks."""
+    """Raise for a mechanism with other links, loops or blocks."""
     same = (
         nominal.links == other.links
         and nominal.ends == other.ends
@@ -85,12 +85,12 @@ def check_structure(nominal: Model, other: Model, name: str) -> None:
 
 
 def turning_vectors(model: Model) -> set[tuple[int, int]]:
-    """The vectors of each loop that turn: (loop, rotation class)."""
+    """The vectors that turn in the loops, as (loop, rotation class)."""
     return {(c, s) for c, total in enumerate(model.loop_sums) for s, _ in total.arms}
 
 
 def numbers_of_model(model: Model, at: Motion, time: Real) -> ModelNumbers:
-    """The numbers of a compiled mechanism that results follow from; curves at the arguments of a nominal motion."""
+    """The numbers of a compiled mechanism on which results depend; those of curves and functions at the nominal motion ``at``."""
     numbers: ModelNumbers = {("time",): time}
     for j, joint in enumerate(model.joints):
         numbers["joint", j, "a"], numbers["joint", j, "b"] = joint.a, joint.b
@@ -121,7 +121,7 @@ def numbers_of_model(model: Model, at: Motion, time: Real) -> ModelNumbers:
     numbers |= {("mechanism", *place): x for place, x in numbers_in(m.gravity, ("gravity",))}
     for i, load in enumerate(m.loads):
         known = load
-        if isinstance(load, Prescribed) and load.factor is not None:  # whatever its function is made of, what counts is its values
+        if isinstance(load, Prescribed) and load.factor is not None:  # only the values of its function matter
             factors = np.asarray(factor_of(at, _on_nominal_pieces(load.factor, at.model.mechanism, i), load.name))
             numbers["mechanism", "loads", i, "factor", "values"] = np.broadcast_to(factors, at.shape)
             known = replace(load, factor=None)
@@ -158,7 +158,7 @@ def _load(mechanism: Mechanism, i: int) -> Any:
 
 
 def _on_nominal_pieces(factor: Factor, nominal: Mechanism, i: int) -> Factor:
-    """A factor on the pieces of that of load ``i`` of the nominal mechanism."""
+    """A factor, evaluated on the pieces of that of load ``i`` of the nominal mechanism."""
     there = getattr(_load(nominal, i), "factor", None)
     return factor if there is None else replace(factor, function=on_pieces_of(there.function, factor.function))
 
@@ -171,11 +171,12 @@ def argument_of(model: Model, r: int, state: State) -> Any:
 
 
 def slopes(numbers: Callable[[float], ModelNumbers], nominal: ModelNumbers, parameter: Parameter) -> ModelNumbers:
-    """Derivatives of numbers by a parameter, of those that depend on it, to rounding.
+    """Derivatives by a parameter, exact to rounding, of the numbers that depend on it.
 
-    A number that lies on a straight line at four values has its slope from the outer ones. Others are followed by a polynomial
-    through 9 Chebyshev points whose last coefficients have to vanish to rounding, in narrower and narrower intervals. At an end of
-    what the parameter may be, as a coefficient of zero, both reach to one side only.
+    A number whose values at four points lie on a straight line has the slope of the outer ones. Others are interpolated at 9
+    Chebyshev points, in intervals that are narrowed until the last coefficients vanish to rounding. At an end of the parameter's
+    range, as for a coefficient of zero, the interval lies on one side only. Raises `MechanismError` where a number is not smooth,
+    or where there is no mechanism beside the parameter's value.
     """
     width, one_sided = parameter.width, None
     for _ in range(MOST_TRIES):
@@ -203,8 +204,8 @@ def slopes(numbers: Callable[[float], ModelNumbers], nominal: ModelNumbers, para
 
 @dataclass(frozen=True)
 class _Interval:
-    """Values of a parameter over a half ``width`` either way, from -1 to 1, in which its ``value`` is at ``place``: in the middle
-    or at an end."""
+    """An interval of a parameter, of half ``width``, with places from -1 to 1; its ``value`` is at ``place``, in the middle or at
+    an end."""
 
     name: str
     value: float
@@ -228,7 +229,7 @@ def _slopes(
             continue
         size = max(float(np.max(np.abs(x), initial=0.0)) for x in (low, own, high))
         if max(float(np.max(np.abs(x - own))) for x in (low, high, inner)) <= MAP_ROUNDING * size:
-            continue  # as where a drive of another speed is at a frame
+            continue  # rounding, as in the position of a drive of another speed at a frame
         line = 0.5 * (low + high), 0.5 * (high - low)
         known = ((own, interval.place), (inner, 0.375))
         off = max(float(np.max(np.abs(line[0] + x * line[1] - value))) for value, x in known)

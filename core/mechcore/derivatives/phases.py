@@ -1,9 +1,10 @@
-"""Phases of a motion under forces, and how the motion changes with parameters within one.
+"""Phases of a motion under forces, and the changes of the motion with parameters (sensitivities) within a phase.
 
-In a phase the same equations hold: what holds the free coordinates is zero, joints that rest on stops or stick have no relative
-acceleration, and normal loads are what the friction says. The tape gives the derivatives of these residuals by positions, speeds,
-accelerations, the efforts of stops and friction, and the parameters; so the change of the motion obeys linear differential
-equations with known coefficients. They are solved by collocation at Gauss nodes in the windows of the motion itself.
+In a phase the same equations hold: the efforts at the free coordinates are zero, joints that rest on stops or stick have no
+relative acceleration, and normal loads satisfy the equations of friction. The tape gives the derivatives of these residuals by
+positions, speeds, accelerations, the efforts of stops and friction, and the parameters. The changes of the motion therefore obey
+linear differential equations with known coefficients, the variational equations. They are solved by collocation at Gauss nodes in
+the windows of the motion itself.
 """
 
 from __future__ import annotations
@@ -36,20 +37,20 @@ from mechcore.motion.compiled import Compiled
 from mechcore.records import dataclass
 from mechcore.spec.mechanism import Drive, Mechanism
 
-WINDOW_NODES = 16  # of a window
+WINDOW_NODES = 16  # collocation nodes of a window
 AT_ONCE = 4096  # nodes on one tape
-MOST_HALVINGS = 4  # times that windows are, until the changes are smooth in them
-CHANGE_TAIL = 1e-10  # part of the largest coefficients of a change that its last ones may be
-UNRESOLVED_TAIL = 1e-6  # part from which on derivatives are refused
-NO_CHANGE = 1e-9  # of the scales of a coordinate and its speed: what a parameter does over its width, if it is as good as nothing
-DEPENDENT_EFFORTS = 1e-11  # of the largest singular value: efforts of what sticks that depend on each other
+MOST_HALVINGS = 4  # halvings of windows in which the changes are not smooth
+CHANGE_TAIL = 1e-10  # size of the last coefficients of a change, relative to the change, up to which it is smooth
+UNRESOLVED_TAIL = 1e-6  # relative size of these coefficients from which on derivatives are refused
+NO_CHANGE = 1e-9  # negligible change over the width of a parameter, relative to the scales of a coordinate and its speed
+DEPENDENT_EFFORTS = 1e-11  # singular value, relative to the largest, below which efforts of sticking joints are dependent
 SWEEP_INSTEAD = "Sweep the parameter instead."
 
 
 @dataclass(frozen=True, eq=False)
 class SmoothPhase:
-    """A part of a motion under forces, from ``start`` to ``end`` [s], on which one smooth system of equations holds; ``edges``
-    (W + 1,) of windows in which it does; ``parameters`` of its own mechanism."""
+    """A part of a motion under forces, from ``start`` to ``end`` [s], in which one smooth system of equations holds. ``edges``
+    (W + 1,): of its windows; ``parameters``: those of its own mechanism."""
 
     segment: MotionSegment
     edges: Real
@@ -74,7 +75,7 @@ class SmoothPhase:
 
     @property
     def scales(self) -> Real:
-        """Scales (f + s,) of the free coordinates; of states of effects that integrate, which nobody knows, 1."""
+        """Scales (f + s,) of the free coordinates; 1 for states of effects that integrate, whose scales are unknown."""
         return np.append(coordinate_scales(self.compiled), np.ones(len(integrating(self.compiled))))
 
     def state(self, t: Real) -> tuple[Real, Real, Real]:
@@ -89,7 +90,8 @@ class SmoothPhase:
         return np.asarray(start + (end - start) * gauss(WINDOW_NODES).nodes)
 
     def at_edge(self, values: Real, *, last: bool) -> Real:
-        """A number at the end of the phase, or just after its start, from those (NODES, ...) at `nodes`: laws jump at the edges."""
+        """A number at the end of the phase, or just after its start, extrapolated from its values (NODES, ...) at `nodes`, as laws
+        jump at the edges."""
         coefficients = np.tensordot(gauss(WINDOW_NODES).legendre, values, 1)
         signs = np.ones(WINDOW_NODES) if last else (-1.0) ** np.arange(WINDOW_NODES)
         return np.asarray(np.tensordot(signs, coefficients, 1))
@@ -105,14 +107,15 @@ class SmoothPhase:
 
 
 def with_state_rows(states: Real, rows: Real) -> Real:
-    """Changes (2 (f + s), P) from those (2 f, P) of the free coordinates and those (s, P) of the states of effects that integrate,
-    which are among the speeds: on what would be their positions nothing depends."""
+    """Changes (2 (f + s), P) from those (2 f, P) of the free coordinates and those (s, P) of the states of effects that integrate.
+    These states are among the speeds; the rows of their integrals, on which nothing depends, are zero."""
     f = len(states) // 2
     return np.concatenate([states[:f], np.zeros_like(rows), states[f:], rows])
 
 
 def parameters_in_chart(compiled: Compiled, original: Compiled, parameters: Sequence[Parameter]) -> tuple[Parameter, ...]:
-    """Parameters of the ``original`` mechanism, of the same in another chart, or with followers that have left their cams."""
+    """Parameters of the ``original`` mechanism, for the same mechanism in another coordinate chart or with followers that have left
+    their cams."""
     if compiled is original:
         return tuple(parameters)
     own = compiled.mechanism
@@ -138,8 +141,8 @@ def parameters_in_chart(compiled: Compiled, original: Compiled, parameters: Sequ
 
 
 class PhaseDerivatives(Derivatives):
-    """Derivatives within a phase at times (n,), whose free coordinates move with the parameters as given to `set_states`; after
-    them come the states of effects that integrate."""
+    """Derivatives within a phase at times (n,). Its free coordinates depend on the parameters as set by `set_states`; after them
+    come the states of effects that integrate."""
 
     def __init__(self, phase: SmoothPhase, times: Real):
         self.phase = phase
@@ -147,12 +150,12 @@ class PhaseDerivatives(Derivatives):
         super().__init__(motion_at(phase.compiled, q, v, times, a), phase.parameters, under_forces=True)
         system, nothing = phase.segment.system, [None] * len(self.parameters)
         f = len(phase.free)
-        self._integrals = [self._leaf(x, nothing) for x in q[:, f:].T]  # of states over time: what would be their positions
+        self._integrals = [self._leaf(x, nothing) for x in q[:, f:].T]  # of states over time, in place of positions
         self._state_rates = [self._leaf(x, nothing) for x in a[:, f:].T]
         self._dry: Dry | None = system.solve(q, v, times) if isinstance(system, DrySystem) else None
         self.efforts: list[Any] = []
         if phase.segment.resting:
-            assert isinstance(system, Chart | DrySystem)  # others know no stops
+            assert isinstance(system, Chart | DrySystem)  # other systems have no stops
             self.efforts = [self._leaf(effort, nothing) for effort in system.holding(q, v, times).T]
         self.rubbing: list[Any] = []  # friction of what sticks, normal loads of what slides
         if self._dry is not None:
@@ -169,7 +172,7 @@ class PhaseDerivatives(Derivatives):
 
     @cached_property
     def _elements(self) -> list[Element]:
-        """The elements of friction on the tape, which slide as they do throughout the phase."""
+        """The elements of friction on the tape, with their senses of sliding in this phase."""
         system = self.phase.segment.system
         assert isinstance(system, DrySystem)
         n = self.nominal.frames
@@ -213,16 +216,17 @@ class PhaseDerivatives(Derivatives):
     def pressure(self, i: int) -> Any:
         """Normal load (n,) of an element of friction, from what its joint transmits."""
         e = self._elements[i]
-        p, q = e.normal(self.motion, *self._passed, e.sign)  # of the forces
+        p, q = e.normal(self.motion, *self._passed, e.sign)  # components of the forces
         return np.hypot(p, q) if e.euclidean else np.maximum(np.abs(p), np.abs(q))
 
     def limit(self, i: int) -> Any:
-        """Friction (n,) of an element beyond which it would not stick."""
+        """Largest friction (n,) with which an element sticks."""
         return self.pressure(i) * self._elements[i].limit
 
     @property
     def states(self) -> list[Any]:
-        """Positions, then speeds of the free coordinates on the tape."""
+        """Positions, then speeds of the free coordinates on the tape, each followed by the rows of the states (see
+        `with_state_rows`)."""
         positions, speeds = ([self.leaves["drive", d, k] for d in free_of(self.nominal)] for k in (0, 1))
         return [*positions, *self._integrals, *speeds, *(self.leaves["state", name] for name in self.nominal.states)]
 
@@ -232,11 +236,11 @@ class PhaseDerivatives(Derivatives):
         accelerations = [self.leaves["drive", d, 2] for d in free_of(self.nominal)]
         return [*accelerations, *self._state_rates, *self.efforts, *self.rubbing]
 
-    undetermined = False  # whether statics leaves open how joints that stick share what holds them: forces then have no derivatives
+    undetermined = False  # whether the efforts of joints that stick are statically indeterminate: they have no derivatives then
 
     def equations(self) -> tuple[Real, Real]:
-        """Derivatives of the unknowns u at each frame, by positions and speeds (F, u, 2 f), and by the parameters (F, u, P), while
-        those do not move."""
+        """Derivatives of the unknowns u at each frame by positions and speeds (F, u, 2 f), and by the parameters at fixed positions
+        and speeds (F, u, P)."""
         left = self._refused(self._residuals)
         leaves = [*self.states, *self.unknowns]
         states, count = len(self.states), len(left)
@@ -273,7 +277,8 @@ class PhaseDerivatives(Derivatives):
         return [np.asarray(next(values)) if hasattr(x, "number") else np.zeros((count, *np.shape(x))) for x in results]
 
     def set_states(self, states: Real) -> None:
-        """Let the free coordinates, and with them all unknowns, move with the parameters: ``states`` (F, 2 f, P)."""
+        """Set the derivatives of the free coordinates by the parameters, ``states`` (F, 2 f, P), and with them those of all
+        unknowns."""
         by_state, by_parameter = self.equations()
         for k, x in enumerate(self.states):
             self.state_slopes(x, list(states[:, k].T))
@@ -297,8 +302,8 @@ def _plain(x: object) -> Any:
 
 
 def changes_in(phase: SmoothPhase, started: Real) -> Changes:
-    """The changes of the free coordinates with parameters in a phase, ``started`` (2 f, P) at its start, in windows in which they
-    are smooth. Raises `MechanismError` where they cannot be followed."""
+    """The changes of the free coordinates with parameters in a phase, from ``started`` (2 f, P) at its start, in windows in which
+    they are smooth. Raises `MechanismError` where they cannot be resolved."""
     edges = phase.edges
     for halved in range(MOST_HALVINGS + 1):
         changes = Changes(replace(phase, edges=edges), started)
@@ -313,8 +318,8 @@ def changes_in(phase: SmoothPhase, started: Real) -> Changes:
 
 
 class Changes:
-    """How the free coordinates change with parameters over the windows of a phase, from the derivatives ``started`` (2 f, P) at its
-    start. ``tail`` (W,): the last coefficients of the changes over the largest."""
+    """Derivatives of the free coordinates by parameters over the windows of a phase, from ``started`` (2 f, P) at its start.
+    ``tail`` (W,): the size of the last coefficients of the changes, relative to the largest change."""
 
     def __init__(self, phase: SmoothPhase, started: Real):
         rule, edges = gauss(WINDOW_NODES), phase.edges
@@ -388,13 +393,13 @@ class Changes:
         return np.asarray(before[w] + np.einsum("nk,nkpc->npc", integrals(WINDOW_NODES, x)[0], series[w]))
 
     def _places(self, times: Real) -> tuple[Index, Real]:
-        """The window of each time (n,), and where in it that is, from 0 to 1."""
+        """The window of each time (n,), and the place of the time in it, from 0 to 1."""
         w = np.clip(np.searchsorted(self.edges, times, side="right") - 1, 0, len(self.widths) - 1)
         return w, (times - self.edges[w]) / self.widths[w]
 
 
 def powers_on(exact: PhaseDerivatives) -> tuple[Any, Any]:
-    """Power of drives and process forces, and what is dissipated (n,) [W], on the tape."""
+    """Power of drives and process forces, and dissipated power (n,) [W], on the tape."""
     forces = exact.forces
     supplied, lost = forces.power_by_cause(["process"]), -forces.power_by_cause(LOSSES)
     for drive in exact.nominal.mechanism.drives:

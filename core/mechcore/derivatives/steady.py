@@ -1,9 +1,9 @@
-"""Derivatives of motions that begin in a steady run by parameters: the speed at their start follows from them too.
+"""Derivatives by parameters of motions that begin in a steady run, whose speed at the start depends on the parameters, too.
 
-The run closes after its turns. With the changes x, v of place and speed over a period by a parameter, X, V by the speed at the
-start, and the acceleration a there, the change s of that speed is the one for which the speed comes back where the place has gone
-round, s = v + V s - (x + X s - x0) a / v0; the period changes by (x0 - x - X s) / v0. Frames of one number are compared: where the
-motion lasts for a period, their times stretch with it, that is, the frames move on along the motion.
+The steady run is periodic. Over a period a parameter changes position and speed by x and v, the speed at the start by X and V; a is
+the acceleration there. The change s of that speed follows from the condition that the speed is the same where the position has
+completed its turns, s = v + V s - (x + X s - x0) a / v0; the period changes by (x0 - x - X s) / v0. Frames of the same number are
+compared: where the motion lasts for a period, their times scale with it, that is, the frames shift along the motion.
 """
 
 from __future__ import annotations
@@ -26,15 +26,15 @@ from mechcore.dynamics.simulation import Simulation
 from mechcore.laws.timed import Free
 from mechcore.spec.mechanism import Mechanism
 
-ANY_SPEED = 1e-9  # from 1: a disturbance of which so much is left does not decay, every speed is steady
-WIDTH = 1e-3  # relative, of values of the speed beside that at the start
+ANY_SPEED = 1e-9  # distance of the multiplier from 1 below which a disturbance does not decay: every speed is steady
+WIDTH = 1e-3  # half width, relative to it, of the interval of speeds about that at the start
 
 
 class SteadyPart(PartUnderForces):
     """Derivatives by parameters of a part of a motion that begins in a steady run.
 
-    Two more parameters stand behind them, the speed at the start and the time along the motion: ``speeds`` (P,) is what each
-    parameter does to the former, ``later`` (P,) what it does to the time of a frame, per time.
+    The parameters are followed by two more, the speed at the start and the time along the motion. ``speeds`` (P,): derivatives of
+    the former by the parameters; ``later`` (P,): derivatives of the time of a frame, over that time.
     """
 
     def __init__(
@@ -67,8 +67,8 @@ class SteadyPart(PartUnderForces):
 def derivatives_from_steady_run(
     simulation: Simulation, steady: SteadyRun, parameters: Sequence[Parameter], times: Real, *, whole: bool
 ) -> list[tuple[Index, Derivatives]]:
-    """Derivatives as of `derivatives_under_forces` of a motion that begins in a steady run; ``whole``: it lasts for a period,
-    whatever that is. Raises `MechanismError`."""
+    """Derivatives as of `derivatives_under_forces` of a motion that begins in a steady run; ``whole``: it lasts for a period, which
+    depends on the parameters. Raises `MechanismError`."""
     place, speed, acceleration = (float(x[0, 0]) for x in simulation(np.zeros(1)))
     nominal = simulation.compiled.mechanism
 

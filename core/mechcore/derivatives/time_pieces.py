@@ -1,7 +1,7 @@
-"""Functions by pieces, tables and signals of time, on the pieces of another one: each of their pieces is taken beyond its ends.
+"""Piecewise functions, tables and signals of time, evaluated on the pieces of nominal ones; pieces are continued beyond their ends.
 
-A parameter that moves the points of a table, or the time of a step, moves a value from one piece to the next; the value then does
-not follow from the parameter by one smooth function. On the pieces as they are now it does.
+A parameter that moves the points of a table, or the time of a step, moves a value from one piece to the next: the value is then no
+smooth function of the parameter. On the nominal pieces it is.
 """
 
 from __future__ import annotations
@@ -21,7 +21,8 @@ from mechcore.records import dataclass
 
 
 def on_pieces_of(nominal: Callable[[Any], Any], own: Callable[[Any], Any]) -> Callable[[Any], Any]:
-    """A function that follows from the same scene with another value of a parameter, on the pieces of the ``nominal`` one."""
+    """A function of the same scene with another value of a parameter, evaluated on the pieces of the ``nominal`` one; functions
+    other than tables and piecewise signals are unchanged."""
     if isinstance(own, Table) and isinstance(nominal, Table) and len(own.x) == len(nominal.x):
         return _TableOnPieces(own, nominal)
     signals = Step | Ramp | Chirp
@@ -31,8 +32,8 @@ def on_pieces_of(nominal: Callable[[Any], Any], own: Callable[[Any], Any]) -> Ca
 
 
 def law_on_pieces_of(nominal: Any, own: Any, *, same_times: bool = True) -> Any:
-    """A law of time that follows a signal, or polynomials at the ``same_times``, on the pieces of the ``nominal`` one; others as
-    they are."""
+    """A law of time that follows a signal, or with ``same_times`` one of polynomials, evaluated on the pieces of the ``nominal``
+    one; other laws are unchanged."""
     if same_times and isinstance(own, Piecewise) and isinstance(nominal, Piecewise) and len(own.knots) == len(nominal.knots):
         return PolynomialsOnPieces(own, nominal)
     signal = getattr(nominal, "signal", None)
@@ -50,7 +51,7 @@ def _signal(nominal: Signal, own: Signal) -> Signal:
 
 
 class PolynomialsOnPieces:
-    """A law by polynomial pieces on the pieces, and in the cycles, of the ``nominal`` one of as many, at the same times."""
+    """A law of polynomial pieces, evaluated on the pieces and in the cycles of a ``nominal`` one of as many pieces."""
 
     def __init__(self, own: Piecewise, nominal: Piecewise):
         self.own, self.nominal = own, nominal
@@ -122,7 +123,7 @@ class SignalOnPieces:
                 return self._chirp(t, derivative)
 
     def _begun(self, t: Real, at: float) -> Flags:
-        """Whether the piece has begun that begins ``at`` a time: that time belongs to the piece before it, if there is one."""
+        """Whether the piece that begins at the time ``at`` has begun: that time belongs to the piece before it, if there is one."""
         return np.asarray(t > at if at > 0.0 else t >= at)
 
     def _step(self, t: Real, derivative: int) -> Real:
@@ -170,7 +171,7 @@ class SignalOnPieces:
 
 
 class _TableOnPieces:
-    """A function through points, on the pieces of the ``nominal`` one of as many points."""
+    """A function through points, evaluated on the pieces of a ``nominal`` one of as many points."""
 
     def __init__(self, own: Table, nominal: Table):
         self.own, self.nominal = own, nominal
@@ -187,6 +188,6 @@ class _TableOnPieces:
         k = np.clip(np.searchsorted(self._between, place, side="right") - 1, 0, len(self._coefficients) - 1)
         u, c = x - self._borders[k], self._coefficients[k]
         value = ((c[..., 0] * u + c[..., 1]) * u + c[..., 2]) * u + c[..., 3]
-        if nominal.period is None:  # beyond its ends it keeps the values there
+        if nominal.period is None:  # beyond its ends it has the end values
             value = np.where(place < nominal.x[0], own.y[0], np.where(place > nominal.x[-1], own.y[-1], value))
         return np.asarray(value)

@@ -1,7 +1,7 @@
-"""Numbers of a mechanism that are zero and vary: friction, or the integral part of a servo, of which there is none.
+"""Parameters that are zero at their stated value: a coefficient of friction, or the integral gain of a servo.
 
-What such a number multiplies is there beside the stated value only: an element of friction, the integral of an error. With a number
-so small that it changes nothing in the place of zero it is there, too, and its derivative is that at zero.
+What such a number multiplies (an element of friction, the integral of an error) exists only beside the stated value. A number in
+place of zero that is too small to change anything creates it, and the derivative is that at zero.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ NEXT_TO_ZERO = 1e-300
 
 
 def with_friction(motion: Motion, varied: Iterable[NumberPlace]) -> Motion:
-    """The motion, with friction where numbers of it that vary, at places ("joints", i, "friction", ...), are zero."""
+    """The motion, with elements of friction also where varied numbers of it, at places ("joints", i, "friction", ...), are zero."""
     mechanism = motion.mechanism
     zero = {place: NEXT_TO_ZERO for place in varied if place[2:3] == ("friction",) and _number(mechanism, place) == 0.0}
     if not zero:
@@ -43,8 +43,8 @@ def _number(thing: Any, place: NumberPlace) -> float:
 
 
 def with_integrals(simulation: Simulation, parameters: Sequence[Parameter]) -> tuple[Simulation, list[Parameter]]:
-    """The motion, found anew with the integrals of servos that have an integral part beside the values of the parameters only; and
-    the parameters with these. Raises `MechanismError`."""
+    """The motion and the parameters. Where servos have an integral part only beside the parameters' values, the motion is simulated
+    again with their integrals, and the parameters' mechanisms have them, too. Raises `MechanismError`."""
     compiled = simulation.compiled
     kept = {e.name for e in integrating(compiled)}
     beside = [compile_mechanism(p.beside(), compiled.accuracy) for p in parameters]

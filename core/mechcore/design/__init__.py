@@ -1,1 +1,1 @@
-"""Dimensional and number synthesis: mechanisms from tasks, as pure functions over arrays. Plane vectors are complex numbers."""
+"""Dimensional and number synthesis: mechanisms for tasks, as pure functions over arrays. Plane vectors are complex numbers."""

@@ -1,9 +1,9 @@
-"""An atlas of coupler curves: which four-bars draw a curve like a given one, whatever its place, size, direction and speed.
+"""An atlas of coupler curves: which four-bars draw a curve similar to a given one, in any place, size, direction and timing.
 
-Whole curves are kept as their Fourier descriptors over the arc length, arcs as points at equal distances; both are centred and of
-unit size, so that the best similarity takes one onto another by a complex product (Procrustes), of whole curves for every start
-point at once. Of side and sense of the crank one is kept: the others draw the mirrored or the reversed curve. The atlas is made
-once, from a fixed seed, and kept in the user's cache.
+Closed curves are stored as Fourier descriptors over the arc length, arcs as points at equal distances. Both are centred and of unit
+size, so that a complex product gives the best similarity transformation between two of them (Procrustes), for closed curves with
+all start points at once. One side and one sense of the crank are stored: the others give the mirrored or the reversed curve. The
+atlas is made once, from a fixed seed, and kept in the user's cache.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ from mechcore.design.four_bars import TURN, coupler_direction, grashof_cranks
 from mechcore.records import dataclass
 
 CURVE_COUNT, ARC_COUNT = 12_000, 30_000
-LARGEST_RATIO = 8.0  # of a link to the crank
-FARTHEST_POINT = 1.5  # of a traced point from the middle of the coupler, over its length
-NARROWEST_ARC, WIDEST_ARC = 0.3, 5.5  # rad, of an arc
-HARMONICS, SHIFTS = 12, 96  # either side of the descriptors; start points that are tried along a curve
-ARC_PLACES = 20  # of an arc
-FINE_ANGLES = 128  # crank angles by which arc lengths are measured
-CURVES_AT_ONCE = 4_000  # curves that are made at once
-EDITION = 1  # of what is kept: another one is made anew
+LARGEST_RATIO = 8.0  # largest ratio of a link to the crank
+FARTHEST_POINT = 1.5  # largest distance of a traced point from the middle of the coupler, over the coupler's length
+NARROWEST_ARC, WIDEST_ARC = 0.3, 5.5  # crank ranges of arcs [rad]
+HARMONICS, SHIFTS = 12, 96  # harmonics of either sign in the descriptors; trial start points along a curve
+ARC_PLACES = 20  # points of an arc
+FINE_ANGLES = 128  # intervals of crank angles by which arc lengths are measured
+CURVES_AT_ONCE = 4_000  # curves that are made in one array call
+EDITION = 1  # version of the stored format: an atlas of another version is made again
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,8 +43,8 @@ class Atlas:
 
 
 class FourBarCandidates(NamedTuple):
-    """Four-bars that draw a curve: ratios (D, 3), crank angles from the frame line at the first point (D,), and those that the
-    crank has turned since (D, K), positive [rad]."""
+    """Four-bars that draw a curve: ratios (D, 3), crank angles from the frame line at the first point (D,), and the angles that the
+    crank has turned since then (D, K), positive [rad]."""
 
     ratios: Real
     start: Real
@@ -54,8 +54,8 @@ class FourBarCandidates(NamedTuple):
 def nearest_linkages(
     points: Complex, closed: bool, side: int, sense: int, count: int, atlas: Atlas | None = None
 ) -> FourBarCandidates:
-    """The ``count`` four-bars of a side and a sense of rotation whose curves are most like points (K,) in order: a whole curve
-    where it is closed, else an arc. By default of the user's atlas."""
+    """The ``count`` four-bars of a side and a sense of rotation whose curves are most similar to points (K,) in order: closed
+    curves where ``closed``, else arcs. By default from the user's atlas."""
     atlas = stored_atlas() if atlas is None else atlas
     forwards = side * sense > 0
     wanted = points if side > 0 else np.conj(points)
@@ -80,8 +80,8 @@ def nearest_linkages(
 
 
 def _curves_like(atlas: Atlas, points: Complex, part: Real, count: int) -> tuple[Index, Real]:
-    """Numbers (D,) of the curves most like points (K,) at parts of the length, and where on them (D,), as a part of it, those
-    begin."""
+    """Indices (D,) of the curves most similar to points (K,) at parts of the arc length, and the part of the arc length (D,) of
+    each curve at which the points begin."""
     own = _descriptors(_evenly(points, part, np.arange(4 * HARMONICS) / (4 * HARMONICS)))[0]
     shifts = np.arange(SHIFTS) / SHIFTS
     turned = (own[:, None] * np.exp(-1j * TURN * _orders()[:, None] * shifts)).astype(np.complex64)
@@ -91,14 +91,14 @@ def _curves_like(atlas: Atlas, points: Complex, part: Real, count: int) -> tuple
 
 
 def _arcs_like(atlas: Atlas, points: Complex, part: Real, count: int) -> Index:
-    """Numbers (D,) of the arcs most like points (K,) at parts of the length."""
+    """Indices (D,) of the arcs most similar to points (K,) at parts of the arc length."""
     own = _unit(_evenly(points, part, np.linspace(0.0, 1.0, ARC_PLACES)))[0]
     likeness = np.abs(np.conj(atlas.places) @ own.astype(np.complex64))
     return np.asarray(np.argsort(-likeness, kind="stable")[:count])
 
 
 def _evenly(points: Complex, part: Real, even: Real) -> Complex:
-    """Points (1, P) at parts (P,) of the length, along lines between points (K,) at parts that rise or fall."""
+    """Points (1, P) at parts (P,) of the length, by linear interpolation between points (K,) at increasing or decreasing parts."""
     order = slice(None) if part[-1] > part[0] else slice(None, None, -1)
     x, z = part[order], points[order]
     return np.asarray((np.interp(even, x, z.real) + 1j * np.interp(even, x, z.imag))[None])
@@ -107,7 +107,7 @@ def _evenly(points: Complex, part: Real, even: Real) -> Complex:
 # -- making -----------------------------------------------------------------------------------------------------------
 @lru_cache(1)
 def stored_atlas() -> Atlas:
-    """The atlas from the user's cache, where it is made if it is not there."""
+    """The atlas from the user's cache, in which it is made if there is none."""
     recipe = (
         EDITION,
         CURVE_COUNT,
@@ -136,7 +136,7 @@ def stored_atlas() -> Atlas:
 
 
 def make_atlas(seed: int = 0, curves: int = CURVE_COUNT, arcs: int = ARC_COUNT) -> Atlas:
-    """An atlas of random four-bars whose crank turns fully; the same of the same seed."""
+    """An atlas of random four-bars whose crank turns fully; the same seed gives the same atlas."""
     rng = np.random.default_rng(seed)
     whole, of_curves, parts, of_arcs = [], [], [], []
     for first in range(0, curves, CURVES_AT_ONCE):
@@ -167,8 +167,8 @@ def _designs(rng: np.random.Generator, count: int) -> Real:
 
 
 def _measured(designs: Real, first: Real, span: Real) -> tuple[Real, Complex, Real]:
-    """Crank angles (D, F), the points that are traced there (D, F) over the crank's length, and the parts of the arc length up to
-    each (D, F)."""
+    """Crank angles (D, F), the points traced there (D, F) over the crank's length, and the part of the arc length up to each of
+    them (D, F)."""
     theta = first[:, None] + span[:, None] * np.linspace(0.0, 1.0, FINE_ANGLES + 1)
     crank = np.exp(1j * theta)
     frame, coupler, rocker = (designs[:, k, None] for k in range(3))
@@ -198,6 +198,6 @@ def _descriptors(points: Complex) -> Complex:
 
 
 def _unit(rows: Complex, *, centred: bool = True) -> Complex:
-    """Rows of unit length, about their means."""
+    """Rows divided by their norms, by default about their means."""
     own = rows - rows.mean(axis=1, keepdims=True) if centred else rows
     return np.asarray(own / np.maximum(np.linalg.norm(own, axis=1, keepdims=True), 1e-300))

@@ -1,4 +1,4 @@
-"""Motion generation: dyads and four-bars that lead a body through 2 to 5 positions (Burmester theory, kinematic mapping).
+"""Motion generation: dyads and four-bars that guide a body through 2 to 5 positions (Burmester theory, kinematic mapping).
 
 A pose is a place T of the body's origin and an angle alpha; a point w of the body is at ``T + w e^(i alpha)``. A dyad is a
 point w of the body (moving pivot) that keeps its distance from a point C of the frame (fixed pivot) in all poses.
@@ -13,10 +13,10 @@ from mechcore.design.four_bars import Defects, judge_four_bars
 from mechcore.errors import Fault, MechanismError
 from mechcore.records import dataclass
 
-INFINITE_PIVOT = 1e6  # pivots further away than this many times the reach of the poses are at infinity
-ON_LINE = 1e-7  # of the reach: a point so close to a line is on it
-NEWTON_STEPS = 8  # steps that polish the dyads of five positions
-REAL_ROOT = 1e-7  # imaginary part over modulus, below which a root counts as real before it is polished
+INFINITE_PIVOT = 1e6  # distance, relative to the reach of the poses, from which on pivots count as at infinity
+ON_LINE = 1e-7  # distance from a line, relative to the reach, up to which a point is on it
+NEWTON_STEPS = 8  # steps that refine the dyads of five positions
+REAL_ROOT = 1e-7  # imaginary part over modulus below which a root counts as real before it is refined
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,21 +44,22 @@ class BodyPositions:
         return self.places + np.asarray(w)[..., None] * self.turns
 
     def of_frame(self, c: Complex) -> Complex:
-        """Where points of the frame (...,) are in the body's coordinates in all poses: (..., N)."""
+        """Places of points of the frame (...,) in the body's coordinates in all poses: (..., N)."""
         return (np.asarray(c)[..., None] - self.places) / self.turns
 
     @property
     def inverse(self) -> BodyPositions:
-        """The poses of the frame as the body sees them: its circle points are the centre points of these."""
+        """The poses of the frame in the body's coordinates: their circle points are the centre points of these poses."""
         return BodyPositions(-self.places / self.turns, -self.angles)
 
     @property
     def reach(self) -> float:
-        """Largest distance of two places [m], at least the turn's share of a metre; a scale for what is far away."""
+        """Largest distance of two places [m], at least 1e-12: the scale of distances."""
         return float(max(np.abs(self.places[:, None] - self.places).max(), 1e-12))
 
     def pole(self, i: int, j: int) -> complex:
-        """Pole of the displacement from pose i to pose j, the point of the frame about which the body turns; NaN if it does not."""
+        """Pole of the displacement from pose i to pose j: the point of the frame about which the body rotates; NaN for a
+        translation."""
         turn = self.turns[j] - self.turns[i]
         if abs(turn) < 1e-14:
             return complex(np.nan, np.nan)
@@ -85,7 +86,7 @@ def moving_pivots(poses: BodyPositions, c: Complex) -> Complex:
 
 
 def bisector(poses: BodyPositions, w: complex) -> tuple[complex, complex]:
-    """A point of the line of fixed pivots of a moving pivot for two poses, and the line's direction."""
+    """The line of fixed pivots for a moving pivot and two poses: a point of it and its direction."""
     first, second = (complex(z) for z in poses.of_points(np.array(w))[:2])
     return 0.5 * (first + second), 1j * (second - first)
 
@@ -101,15 +102,15 @@ def circle_point_values(poses: BodyPositions, w: Complex) -> Real:
 
 @dataclass(frozen=True, eq=False)
 class BurmesterCurve:
-    """Points w (K,) of the circle-point curve in the body and the fixed pivots C (K,) that belong to them: the centre-point curve.
-    Points of one piece follow each other; NaN parts the pieces."""
+    """Points w (K,) of the circle-point curve in the body and their fixed pivots C (K,), points of the centre-point curve. Points
+    of one piece are in order; NaN separates the pieces."""
 
     w: Complex
     c: Complex
 
 
 def first_pole(poses: BodyPositions) -> tuple[complex, int]:
-    """A pole of two poses, and the number of the first of them. Raises `MechanismError` where no two are turned."""
+    """A pole of two poses, and the number of the first of them. Raises `MechanismError` where the body only translates."""
     for i in range(len(poses.places)):
         for j in range(i):
             if np.isfinite(pole := poses.pole(j, i)):
@@ -119,11 +120,11 @@ def first_pole(poses: BodyPositions) -> tuple[complex, int]:
 
 
 def burmester_curve(poses: BodyPositions, count: int = 720, *, joined: bool = False) -> BurmesterCurve:
-    """Circle-point and centre-point curve of four poses; ``joined``: with strokes from one root of a line to the other where they
-    are the last ones before they become complex, without which a drawing has gaps.
+    """Circle-point and centre-point curve of four poses; ``joined``: with lines between the two roots where these are about to
+    become complex, which close the gaps of a drawing.
 
-    The lines through one point of the cubic meet it in two more, from a quadratic: all its real points come from ``count`` lines
-    through the image of the pole P12 in the body, which lies on it.
+    A line through a point of the cubic meets it in two more points, the roots of a quadratic. All real points come from ``count``
+    lines through the image of a pole in the body, which lies on the cubic.
     """
     if len(poses.places) != 4:
         raise MechanismError(Fault("poses", f"{len(poses.places)} positions.", "Burmester's curves are those of four positions."))
@@ -145,7 +146,7 @@ def burmester_curve(poses: BodyPositions, count: int = 720, *, joined: bool = Fa
 
 
 def _sorted_pieces(points: Complex, scale: float, joined: bool) -> Complex:
-    """Two roots a line (2, K) as pieces: the root that goes on from the last one stays in its row."""
+    """Two roots per line (2, K) as pieces: the root that continues the last one stays in its row."""
     rows = points.copy()
     for k in range(1, rows.shape[1]):
         straight, exchanged = np.abs(rows[:, k] - rows[:, k - 1]), np.abs(rows[::-1, k] - rows[:, k - 1])
@@ -166,16 +167,16 @@ def _sorted_pieces(points: Complex, scale: float, joined: bool) -> Complex:
 def slider_points(poses: BodyPositions, count: int = 72) -> tuple[Complex, Complex]:
     """Points w (S,) of the body that lie on a straight line in all poses, and the lines' unit directions (S,).
 
-    A fixed pivot at infinity: ``Re(conj(n)(T + e^(i alpha) w)) = p``, linear in n, conj(n) w and p. Two poses leave every point,
-    three a circle of points, of which there are about ``count``; four leave one, more none unless they are met by chance. Raises
-    MechanismError where there is none.
+    A fixed pivot at infinity: ``Re(conj(n)(T + e^(i alpha) w)) = p``, linear in n, conj(n) w and p. For two poses every point is a
+    solution, for three a circle of points; about ``count`` of them are returned. Four poses have one solution, more in general
+    none. Raises MechanismError where there is none.
     """
     t, z = poses.places, poses.turns
     scale, number = poses.reach, len(poses.places)
     rows = np.stack([t.real / scale, t.imag / scale, z.real, -z.imag, -np.ones(number)], axis=1)
     _, sizes, basis = np.linalg.svd(rows)
     free = max(5 - number, 1)
-    if number == 2:  # directions all over a half sphere
+    if number == 2:  # directions spread over a half sphere
         k = np.arange(count) + 0.5
         height, turn = k / count, np.pi * (1.0 + np.sqrt(5.0)) * k
         flat = np.sqrt(1.0 - height**2)
@@ -201,9 +202,9 @@ def slider_points(poses: BodyPositions, count: int = 72) -> tuple[Complex, Compl
 def burmester_points(poses: BodyPositions) -> tuple[Complex, Complex]:
     """All real dyads of five poses: moving pivots (R,) in the body, sorted by x, and fixed pivots (R,); R = 0, 2 or 4.
 
-    Kinematic mapping: distance equations are linear in q = [h, w, C, w conj(C), k]; the null space of five of them is cut by
-    the two quadrics that say what the products are. With more poses the three least singular vectors stand for the null space, and
-    the dyads are those of least squares of the distances.
+    Kinematic mapping: distance equations are linear in q = [h, w, C, w conj(C), k]; their null space for five poses is intersected
+    with the two quadrics of the products. With more poses the three least singular vectors take the place of the null space, and
+    the dyads are least-squares fits of the distances.
     """
     if len(poses.places) < 5:
         raise MechanismError(Fault("poses", f"{len(poses.places)} positions.", "Burmester's points are those of five or more."))
@@ -266,7 +267,8 @@ def _conic_points(first: Real, second: Real) -> list[Real]:
 
 
 def _dyad(t: Complex, turn: Complex, w: complex, c: complex) -> tuple[complex, complex]:
-    """A dyad polished by Gauss and Newton on the distances from their mean; NaN where that does not settle."""
+    """A dyad refined by the Gauss-Newton method on the deviations of the distances from their mean; NaN where it does not
+    converge."""
     for _ in range(NEWTON_STEPS):
         arm = t + turn * w - c
         length = np.abs(arm)
@@ -284,7 +286,7 @@ def _dyad(t: Complex, turn: Complex, w: complex, c: complex) -> tuple[complex, c
 # -- linkages ---------------------------------------------------------------------------------------------------------
 @dataclass(frozen=True, eq=False)
 class Guidance:
-    """D four-bars that lead a body through poses: moving pivots w (D, 2) in the body and fixed pivots C (D, 2), the driven
+    """D four-bars that guide a body through poses: moving pivots w (D, 2) in the body and fixed pivots C (D, 2), the driven
     one first, and their defects."""
 
     w: Complex
@@ -293,7 +295,7 @@ class Guidance:
 
 
 def guidance(poses: BodyPositions, w: Complex, c: Complex) -> Guidance:
-    """All four-bars of two of the dyads (R,), each driven at either one, with their defects in the order of the poses."""
+    """All four-bars of two of the dyads (R,), driven at either dyad, with their defects in the order of the poses."""
     count = len(w)
     first, second = (index.ravel() for index in np.meshgrid(np.arange(count), np.arange(count), indexing="ij"))
     apart = (first != second) & (np.abs(w[first] - w[second]) > 1e-9) & (np.abs(c[first] - c[second]) > 1e-9)

@@ -1,8 +1,8 @@
 """Number synthesis: planar kinematic chains of links and simple revolute joints, up to isomorphism, and their inversions.
 
-A chain is a connected graph, links as vertices and joints as edges, without a bridge (every joint lies on a loop), without a rigid
-part, with ``3 (links - 1) - 2 joints`` degrees of freedom. Chains are grown by ears: a loop, then paths of new binary links between
-two links, or from a link back to itself.
+A chain is a connected graph with links as vertices and joints as edges. It has no bridge (every joint lies on a loop), no rigid
+part, and ``3 (links - 1) - 2 joints`` degrees of freedom. Chains are built by ear decomposition: a loop, then paths of new binary
+links between two links, or from a link back to itself.
 """
 
 from __future__ import annotations
@@ -20,7 +20,8 @@ MOST_LINKS = 10  # the 230 chains of ten links take a minute
 
 @dataclass(frozen=True)
 class Chain:
-    """A chain of links 0 ... links-1: pairs that its joints connect, and its links by kinds of frame that differ (orbits)."""
+    """A chain of links 0 ... links-1: the pairs of links that its joints connect, and its links grouped by distinct inversions
+    (``frames``: orbits of the automorphisms)."""
 
     links: int
     joints: ChainJoints
@@ -33,18 +34,19 @@ class Chain:
 
     @property
     def degrees(self) -> tuple[int, ...]:
-        """How many joints each link has."""
+        """Number of joints of each link."""
         return tuple(sum(link in joint for joint in self.joints) for link in range(self.links))
 
     @property
     def fractionated(self) -> bool:
-        """Whether the chain falls apart without one of its links."""
+        """Whether removing some link disconnects the chain."""
         return any(not _connected(self.links, self.joints, without=link) for link in range(self.links))
 
 
 @lru_cache(maxsize=16)
 def kinematic_chains(links: int, freedom: int = 1) -> tuple[Chain, ...]:
-    """All chains of so many links and degrees of freedom, one of each kind, the one of the most binary links last.
+    """All chains of so many links and degrees of freedom, one of each isomorphism class, sorted by the degrees of their links:
+    those with links of the most joints last.
 
     Numbers agree with the published tables: 1, 2, 16, 230 chains of 4, 6, 8, 10 links and one degree of freedom.
     """
@@ -61,7 +63,7 @@ def kinematic_chains(links: int, freedom: int = 1) -> tuple[Chain, ...]:
 
 
 def _chain(links: int, joints: ChainJoints) -> Chain:
-    """A chain with its kinds of frame: links are of one kind where the graphs that mark them are the same."""
+    """A chain with its inversions: two links give the same one where the graphs that mark either of them are isomorphic."""
     kinds: dict[object, list[int]] = {}
     for link in range(links):
         kinds.setdefault(_canonical(links, joints, link), []).append(link)
@@ -70,14 +72,14 @@ def _chain(links: int, joints: ChainJoints) -> Chain:
 
 @lru_cache(maxsize=16)
 def _grown(links: int) -> tuple[ChainJoints, ...]:
-    """Canonical graphs of so many links without a rigid part, of whatever freedom."""
+    """Canonical graphs of so many links without a rigid part, of any freedom."""
     grown: dict[ChainJoints, None] = {}
     if links >= 4:
         grown[_canonical(links, tuple((k, (k + 1) % links) for k in range(links)))] = None
     for before in range(4, links + 1):
         added = links - before
         seeds = list(_grown(before)) if added else []
-        if added == 0:  # joints between links that are there: as long as they bring anything new
+        if added == 0:  # joints between existing links, as long as they give new graphs
             seeds = list(grown)
         while seeds:
             new = [
@@ -92,7 +94,7 @@ def _grown(links: int) -> tuple[ChainJoints, ...]:
 
 
 def _with_ear(links: int, joints: ChainJoints, added: int) -> Iterator[ChainJoints]:
-    """Graphs with a path of so many new links between two links, or, of three or more, from a link to itself."""
+    """Graphs with a path of ``added`` new links between two links, or, for three or more, from a link to itself."""
     new = tuple(range(links, links + added))
     ends = [*combinations(range(links), 2), *(((k, k) for k in range(links)) if added >= 3 else ())]
     for first, last in ends:
@@ -103,7 +105,7 @@ def _with_ear(links: int, joints: ChainJoints, added: int) -> Iterator[ChainJoin
 
 
 def _has_rigid_part(links: int, joints: ChainJoints) -> bool:
-    """Whether some links, three or more, cannot move against each other."""
+    """Whether three or more of the links cannot move relative to each other."""
     masks = [(1 << a) | (1 << b) for a, b in joints]
     for part in range(1, 1 << links):
         size = part.bit_count()
@@ -124,7 +126,8 @@ def _connected(links: int, joints: ChainJoints, without: int) -> bool:
 
 
 def _canonical(links: int, joints: ChainJoints, marked: int | None = None) -> ChainJoints:
-    """The same joints for all numberings of a graph (with a marked link): refinement of colours, then each choice in turn."""
+    """The canonical form of a graph (with a marked link), the same for all numberings: colour refinement, then all choices within
+    the first ambiguous colour."""
     near: list[list[int]] = [[] for _ in range(links)]
     for a, b in joints:
         near[a].append(b)

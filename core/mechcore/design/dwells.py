@@ -1,8 +1,8 @@
-"""Dwell linkages: six-bars whose output rests over a range of the crank, by a coupler curve that is nearly a circle there.
+"""Dwell linkages: six-bars whose output dwells over a range of the crank, by a coupler curve that is nearly a circle there.
 
-A four-bar draws the curve of E. Over the range E is nearly on a circle about M: a link of the circle's radius from E to F lets F
-rest at M meanwhile, and the output lever F-G, too. Random cranks are screened by circles fitted to all windows of their curves, the
-best varied with a shrinking spread; for each the lever is placed for the wanted swing.
+A four-bar draws the curve of E. Over the range E is nearly on a circle about M: with a link of the circle's radius from E to F, F
+rests at M meanwhile, and so does the output lever F-G. Random four-bars are screened by circles fitted to all windows of their
+curves, and the best are varied with a decreasing spread. For each of the results the lever is placed for the required swing.
 """
 
 from __future__ import annotations
@@ -19,15 +19,15 @@ from mechcore.records import dataclass
 
 SAMPLES_A_TURN = 120  # crank angles of a turn
 SCREENED_DESIGNS = 4000
-KEPT_DESIGNS = 40  # designs of a round
-VARIATION_ROUNDS = 7  # of variation, the spread halves from one to the next
+KEPT_DESIGNS = 40  # designs that are varied in each round
+VARIATION_ROUNDS = 7  # rounds of variation; the spread halves from one to the next
 VARIATIONS_A_DESIGN = 24  # variations of a design in a round
-RADIUS_RANGE = (0.4, 2.5)  # of the circle over the size of the curve
-COARSE_STEP = 6  # every so many samples say how far E leaves the circle
-# Of the frame: M stays away from the pivots, about which points of the coupler that are pins run on circles anyway
+RADIUS_RANGE = (0.4, 2.5)  # least and greatest radius of the circle over the size of the curve
+COARSE_STEP = 6  # step between the samples by which the range of E's distance from the circle is measured
+# Least distance of M from the pivots, over the frame: the coupler's own pins run on circles about these
 PIVOT_DISTANCE = 0.5
-PLACED_DESIGNS = 15  # designs for which a lever is looked for
-LEVER_DIRECTIONS = 48  # of the lever that are tried
+PLACED_DESIGNS = 15  # designs for which a lever is searched
+LEVER_DIRECTIONS = 48  # trial directions of the lever
 EXACT_SAMPLES = 1440
 TRANSMISSION = np.radians(30.0)  # least angle between link and lever, and of the four-bar
 
@@ -59,9 +59,9 @@ class DwellLinkage:
 def dwell_linkages(
     dwell: float, swing: float, seed: int = 0, most: int = 5, screened: int = SCREENED_DESIGNS
 ) -> list[DwellLinkage]:
-    """Six-bars of crank one whose lever swings by an angle [rad] and rests over a crank range ``dwell`` [rad], best first.
+    """Six-bars of crank one whose lever has a swing [rad] and rests over a crank range ``dwell`` [rad], those of least drift first.
 
-    The best is that of the least drift within the dwell. The same seed gives the same ones. Raises MechanismError if none is
+    At most ``most``, found from ``screened`` random four-bars; the same seed gives the same ones. Raises MechanismError if none is
     found.
     """
     if not 0.0 < dwell < 0.75 * TURN:
@@ -116,8 +116,8 @@ def _four_bar(design: Real) -> FourBar:
 
 
 def _fits(designs: Real, window: int) -> tuple[Real, Real, Complex, Real]:
-    """The best window of each curve (D,): misfit of its circle over how far E leaves it, infinite where it is of no use; the crank
-    angle at which it begins, the circle's centre and radius."""
+    """The best window of each curve (D,): misfit of its circle over the range of E's distance from it, infinite where unusable; the
+    crank angle at which it begins; the circle's centre and radius."""
     theta = np.arange(SAMPLES_A_TURN) * TURN / SAMPLES_A_TURN
     frame, coupler, rocker = (designs[:, k, None] for k in range(3))
     a = np.exp(1j * theta)
@@ -147,11 +147,11 @@ def _fits(designs: Real, window: int) -> tuple[Real, Real, Complex, Real]:
         radius = np.sqrt(sr - 2.0 * (cx * sx + cy * sy) + cx * cx + cy * cy)
         misfit = np.sqrt(np.maximum(vrr - 2.0 * (cx * vxr + cy * vyr), 0.0)) / (2.0 * radius)
         away = np.abs(z[:, None, ::COARSE_STEP] - (cx + 1j * cy)[:, :, None]) - radius[:, :, None]
-        misfit /= away.max(2) - away.min(2)  # what F moves in the dwell over what it moves in the turn
+        misfit /= away.max(2) - away.min(2)  # travel of F in the dwell over its travel in a turn
     centre = middle + size * (cx + 1j * cy)
     bad = ~(np.isfinite(misfit) & (radius > RADIUS_RANGE[0]) & (radius < RADIUS_RANGE[1])) | ~usable[:, None]
     bad |= (np.abs(centre) < PIVOT_DISTANCE * frame) | (np.abs(centre - frame) < PIVOT_DISTANCE * frame)
-    bad |= np.sqrt(np.maximum(vxx + vyy, 0.0)) < 0.15  # the point hardly moves in the window
+    bad |= np.sqrt(np.maximum(vxx + vyy, 0.0)) < 0.15  # the point barely moves in the window
     misfit = np.where(bad, np.inf, misfit)
     rows: Index = np.arange(len(designs))
     k = misfit.argmin(1)
@@ -159,7 +159,8 @@ def _fits(designs: Real, window: int) -> tuple[Real, Real, Complex, Real]:
 
 
 def _with_lever(bar: FourBar, start: float, centre: complex, radius: float, dwell: float, swing: float) -> list[DwellLinkage]:
-    """The lever for a swing: of those in several directions from M the one of the least drift that transmits well, if any."""
+    """The linkage with the lever of least drift for a swing, of several directions from M, with sufficient transmission angles; an
+    empty list where there is none."""
     theta = start + np.arange(SAMPLES_A_TURN) * TURN / SAMPLES_A_TURN
     e = bar.positions(theta)[2]
     away = np.abs(e - centre).max() + np.abs(e - centre).min()
@@ -167,7 +168,7 @@ def _with_lever(bar: FourBar, start: float, centre: complex, radius: float, dwel
     lengths = away * np.geomspace(0.15, 6.0, 12)
 
     def swings(length: Real | float, direction: Complex | complex, side: int) -> Real:
-        """Swing of the lever; NaN where it cannot, or where F rests on the wrong side."""
+        """Swing of the lever; NaN where it cannot be assembled, or where F rests on the wrong side."""
         pivot = centre + np.asarray(length * direction)[..., None]
         f = _pins(e, pivot, radius, np.asarray(length)[..., None], side)
         right = np.abs(f[..., 0] - centre) < 0.2 * radius
@@ -199,7 +200,7 @@ def _with_lever(bar: FourBar, start: float, centre: complex, radius: float, dwel
 
 
 def _pins(e: Complex, pivot: Complex | complex, link: float, lever: Real | float, side: int) -> Complex:
-    """F (K,), a link away from E (K,) and a lever away from the pivot; NaN where they do not meet."""
+    """The pin F (K,) of link and lever, from E (K,) and the pivot; NaN where it cannot be assembled."""
     h = pivot - e
     square = np.abs(h) ** 2
     along = (square + link**2 - lever**2) / (2.0 * square)

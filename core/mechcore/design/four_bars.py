@@ -19,7 +19,7 @@ TURN = 2.0 * np.pi
 
 
 class Grashof(Enum):
-    """Kind of motion that the lengths of a four-bar allow its crank (the link that is driven) and its rocker."""
+    """Type of motion of the crank (the driven link) and the rocker of a four-bar, as its lengths allow."""
 
     CRANK_ROCKER = "crank-rocker"
     ROCKER_CRANK = "rocker-crank"
@@ -53,7 +53,7 @@ class FourBar:
 
     @property
     def grashof(self) -> Grashof:
-        """Its type by Grashof's rule: shortest and longest against the sum of the others; equal within 1e-9 is a change point."""
+        """Type by Grashof's rule: shortest plus longest against the sum of the other two; equal within 1e-9: change point."""
         lengths = (self.crank, self.coupler, self.rocker, self.frame)
         margin = sum(lengths) - 2.0 * (min(lengths) + max(lengths))
         if abs(margin) <= 1e-9 * sum(lengths):
@@ -73,7 +73,7 @@ class FourBar:
         a = np.asarray(self.crank_pivot + self.crank * np.exp(1j * np.asarray(theta, float)), np.complex128)
         h = self.rocker_pivot - a
         square = np.abs(h) ** 2
-        with np.errstate(invalid="ignore", divide="ignore"):  # crank and frame as long as each other: A comes to lie on O4
+        with np.errstate(invalid="ignore", divide="ignore"):  # crank and frame of one length: A may coincide with O4
             along = (square + self.coupler**2 - self.rocker**2) / (2.0 * square)
             height = self.coupler**2 / square - along**2
             across = np.sqrt(np.where(height >= 0.0, height, np.nan))
@@ -81,8 +81,8 @@ class FourBar:
         return a, b, a + self.tracer * (b - a) / self.coupler
 
     def cognates(self, theta: float) -> tuple[FourBar, FourBar]:
-        """The two other four-bars that draw the same curve (Roberts and Chebyshev), in the assembly modes that belong to a crank
-        angle [rad]. The first keeps the crank pivot and has O3 as rocker pivot; the second stands on O3 and O4."""
+        """The two other four-bars that draw the same curve (Roberts and Chebyshev), in the assembly modes of a crank angle [rad].
+        The first keeps the crank pivot and has O3 as rocker pivot; the second has the pivots O3 and O4."""
         third = self.crank_pivot + self.tracer / self.coupler * (self.rocker_pivot - self.crank_pivot)
         p = complex(self.positions(np.array([theta]))[2][0])
         first, second = self.cognate_pins(theta)
@@ -103,7 +103,7 @@ class FourBar:
         return angles
 
     def least_transmission(self) -> float:
-        """Least transmission angle of a crank that turns fully [rad], which it has where crank and frame are in line."""
+        """Least transmission angle [rad] of a four-bar whose crank turns fully: where crank and frame are in line."""
         return float(self.transmission(self.frame_angle + np.array([0.0, np.pi])).min())
 
     def scaled(self, factor: float) -> FourBar:
@@ -115,7 +115,7 @@ class FourBar:
 
 
 def from_pins(crank_pivot: complex, rocker_pivot: complex, a: complex, b: complex, traced: complex | None = None) -> FourBar:
-    """The four-bar that stands with its pins at A and B, and with a coupler point at a place."""
+    """The four-bar with its pins at A and B, and with a coupler point at ``traced``."""
     coupler = abs(b - a)
     tracer = 0j if traced is None else complex((traced - a) / (b - a) * coupler)
     side = 1 if cross(rocker_pivot - a, b - a) >= 0.0 else -1
@@ -124,10 +124,10 @@ def from_pins(crank_pivot: complex, rocker_pivot: complex, a: complex, b: comple
 
 @dataclass(frozen=True, eq=False)
 class Defects:
-    """Defects that keep D linkages from running through their K positions in the driver's one sense; flags (D,), true is a defect.
+    """Defects by which D linkages do not pass their K positions in one sense of the driver; flags (D,), true is a defect.
 
-    ``branch``: a dead point of the driver lies between positions. ``circuit``: the linkage has to be taken apart between positions.
-    ``order``: the driver meets the positions in another order than asked for.
+    ``branch``: a dead point of the driver lies between positions. ``circuit``: the linkage has to be disassembled between them.
+    ``order``: the driver passes the positions in another order.
     """
 
     branch: Flags
@@ -145,11 +145,11 @@ class Defects:
 
 
 def judge_four_bars(crank_pivot: Complex, rocker_pivot: Complex, a: Complex, b: Complex) -> Defects:
-    """Defects of D four-bars whose pins stand at A and B (D, K) in K positions in order, pivots (D,), driven at the crank.
+    """Defects of D four-bars with pins at A and B (D, K) in K positions in order, pivots (D,), driven at the crank.
 
-    The circuits of a Grashof linkage differ in the sense of the two joints that its shortest link does not touch; any other has one
-    circuit. On a circuit the driver's dead points part the two senses of the joint of coupler and rocker. Positions follow in order
-    if the crank meets them in one sense, within one turn where it turns fully.
+    The circuits of a Grashof linkage differ in the orientation of the two joints that its shortest link does not touch; any other
+    linkage has one circuit. On a circuit the driver's dead points separate the two orientations of the joint of coupler and rocker.
+    Positions are in order if the crank passes them in one sense, within one turn where it turns fully.
     """
     o2, o4 = crank_pivot[:, None], rocker_pivot[:, None]
     lengths = np.stack([abs(a - o2)[:, 0], abs(b - a)[:, 0], abs(b - o4)[:, 0], abs(o4 - o2)[:, 0]])
@@ -169,7 +169,7 @@ def judge_four_bars(crank_pivot: Complex, rocker_pivot: Complex, a: Complex, b: 
 
 
 def follow_in_order(theta: Real, turns: Flags) -> Flags:
-    """Whether angles (D, K) [rad] follow in one sense (D,): within one turn where ``turns`` (D,) is set, else as they stand."""
+    """Whether angles (D, K) [rad] follow in one sense (D,): within one turn where ``turns`` (D,) is set, else by their values."""
     steps = np.diff(theta)
     forwards = np.mod(steps, TURN).sum(1) < TURN
     backwards = np.mod(-steps, TURN).sum(1) < TURN
@@ -178,7 +178,7 @@ def follow_in_order(theta: Real, turns: Flags) -> Flags:
 
 
 def used_range(theta: Real, turns: bool) -> tuple[float, float]:
-    """Ends [rad] of the range in which a driver meets angles (K,) that are in order; the last may lie beyond a turn."""
+    """Ends [rad] of the range in which a driver passes angles (K,) that are in order; the end may lie beyond a turn."""
     steps = np.diff(theta)
     if turns:
         steps = np.mod(steps, TURN) if np.mod(steps, TURN).sum() < TURN else -np.mod(-steps, TURN)
@@ -189,7 +189,7 @@ def coupler_direction(
     frame: Real, crank: Real | float, coupler: Real, rocker: Real, turned: Complex, side: Index | int
 ) -> tuple[Complex, Complex]:
     """Unit vectors (D, K) of coupler and rocker in the frame's axes at unit vectors of the crank (D, K), by lengths (D, 1);
-    NaN where the links do not meet."""
+    NaN where they cannot be assembled."""
     a = crank * turned
     h = frame - a
     square = np.abs(h) ** 2

@@ -18,16 +18,16 @@ from mechcore.design.four_bars import TURN, Defects, FourBar, judge_four_bars
 from mechcore.errors import Fault, MechanismError
 from mechcore.records import dataclass
 
-RESULTANT_SAMPLES = 64  # of the resultant over a turn: it is a trigonometric polynomial of a degree of at most 16
-ERROR_GRID = 361  # points between which extremes of the structural error are looked for
-LEAST_LENGTH = 0.1  # of crank and rocker over the frame where both start angles are free: without it the fit runs off to gears
-POLE_GROWTH = 1e3  # growth of a function's largest size between points of that grid, from which on it has a pole there
-EXTREME_ACCURACY = 1e-8  # part of an interval to which the place of an extreme is found: the extreme itself is exact to its square
+RESULTANT_SAMPLES = 64  # samples of the resultant over a turn: it is a trigonometric polynomial of degree 16 at most
+ERROR_GRID = 361  # points between which extremes of the structural error are searched for
+LEAST_LENGTH = 0.1  # least crank and rocker over the frame with both start angles free: else the fit tends to a gear pair
+POLE_GROWTH = 1e3  # ratio of a function's peak between points of that grid to that on them, beyond which it is a pole
+EXTREME_ACCURACY = 1e-8  # error of an extreme's place, as a part of the interval; the error of its value is the square
 NOT_FINITE = Fault("function", "it has no finite value at some places of the range.", "Give another range.")
 
 
 def chebyshev_points(start: float, end: float, count: int) -> Real:
-    """Chebyshev's spacing of precision points (count,) within a range, from its start on."""
+    """Precision points (count,) in Chebyshev spacing within a range, from its start on."""
     j = np.arange(1, count + 1)
     return 0.5 * (start + end) - 0.5 * (end - start) * np.cos((2 * j - 1) * np.pi / (2 * count))
 
@@ -44,7 +44,7 @@ class FunctionTask:
 
     @cached_property
     def _values_at_ends(self) -> tuple[float, float]:
-        """The function where its range starts and ends, which are two values; it is finite in between."""
+        """The function at both ends of its range. Raises MechanismError where they are equal, or where it is not finite between."""
         x = np.linspace(self.start, self.end, ERROR_GRID)
         y = self._values(x)
         sizes = np.abs(y)
@@ -70,7 +70,7 @@ class FunctionTask:
         return y
 
     def turned(self, x: Real) -> tuple[Real, Real]:
-        """How far input and wanted output have turned at x (K,) since the start of the range [rad]."""
+        """Rotations of the input and of the required output at x (K,) since the start of the range [rad]."""
         x = np.asarray(x, float)
         first, last = self._values_at_ends
         turned = self.output_range * (self._values(x) - first) / (last - first)
@@ -78,7 +78,7 @@ class FunctionTask:
 
 
 def _largest(function: Callable[[float], float], start: float, end: float) -> tuple[float, float]:
-    """Where between two places, in either order, a function is largest in size, and its value there."""
+    """The argument between two others, in either order, at which a function is largest in size, and its value there."""
     found = minimize_scalar(
         lambda at: -abs(function(at)), bounds=sorted((start, end)), method="bounded",
         options={"xatol": EXTREME_ACCURACY * abs(end - start)},
@@ -89,7 +89,7 @@ def _largest(function: Callable[[float], float], start: float, end: float) -> tu
 @dataclass(frozen=True, eq=False)
 class FunctionGenerator:
     """A four-bar of frame length one. ``crank`` and ``rocker`` are signed; ``branch`` is the sign of the root that gives psi;
-    ``points`` (K,) are where it is to follow the function, ``phi`` (K,) its crank angles there [rad]."""
+    ``points`` (K,) are the precision or fitted points, ``phi`` (K,) the crank angles there [rad]."""
 
     k: Real
     input_start: float
@@ -111,7 +111,8 @@ class FunctionGenerator:
         return np.asarray(np.arctan2(y, x) + self.branch * np.arctan2(root, z))
 
     def four_bar(self) -> FourBar:
-        """It with positive lengths. The crank stands at phi, half a turn further if ``crank`` is negative; the rocker likewise."""
+        """The four-bar with positive lengths. Its crank angle is phi, plus half a turn if ``crank`` is negative; likewise the
+        rocker's."""
         psi = self.rocker_angles(self.phi)
         pins = self.crank * np.exp(1j * self.phi), 1.0 + self.rocker * np.exp(1j * psi)
         sides = np.sign(np.imag(np.conj(1.0 - pins[0]) * (pins[1] - pins[0])))
@@ -119,18 +120,19 @@ class FunctionGenerator:
         return FourBar(0j, 1.0 + 0j, abs(self.crank), self.coupler, abs(self.rocker), side)
 
     def _near(self, phi: Real, wanted: Real) -> Real:
-        """The rocker angles at phi, by whole turns nearest to the wanted ones."""
+        """The rocker angles at phi, moved by whole turns to be nearest to ``wanted`` [rad]."""
         psi = self.rocker_angles(phi)
         return psi + TURN * np.round((wanted - psi) / TURN)
 
     def structural_error(self, task: FunctionTask, x: Real) -> Real:
-        """Generated minus wanted output at x (K,) [rad], on the generator's branch."""
+        """Generated minus required output at x (K,) [rad], on the generator's branch."""
         phi, psi = task.turned(x)
         wanted = self.output_start + psi
         return self._near(self.input_start + phi, wanted) - wanted
 
     def largest_error(self, task: FunctionTask) -> tuple[float, float]:
-        """The structural error of the largest magnitude over the range [rad], signed, and its x; NaN where it is not assembled."""
+        """The structural error of largest magnitude over the range [rad], signed, and its x; NaN and the first such x where the
+        four-bar cannot be assembled."""
         x = np.linspace(task.start, task.end, ERROR_GRID)
         errors = self.structural_error(task, x)
         if np.isnan(errors).any():
@@ -181,8 +183,8 @@ def fitted_generator(
 ) -> FunctionGenerator:
     """The four-bar of least squares over many points x (K,).
 
-    The residual of Freudenstein's equation is linear in K. With ``refine`` the structural error itself is made least, by Gauss and
-    Newton with its exact derivatives; with ``starts_too`` over both start angles as well. Raises MechanismError where none is real.
+    The residual of Freudenstein's equation is linear in K. With ``refine`` the structural error itself is minimised, with its exact
+    derivatives; with ``starts_too`` over both start angles as well. Raises MechanismError where no real four-bar results.
     """
     phi, psi = task.turned(x)
     rows, right = _rows(phi + input_start, psi + output_start)
@@ -259,7 +261,8 @@ def _generator(
 
 # -- four and five points ---------------------------------------------------------------------------------------------
 def _form(phi: Real, psi: Real) -> Real:
-    """A, B, C of ``A cos^2 s + B cos s sin s + C sin^2 s = 0``, which psi + s has to fulfil at four points (4,) for K to exist."""
+    """A, B, C of ``A cos^2 s + B cos s sin s + C sin^2 s = 0``: the condition on s under which K exists for four points (4,) with
+    the output angles psi + s."""
     one, cos_phi = np.ones(4), np.cos(phi)
 
     def det(first: Real, last: Real) -> float:
@@ -270,7 +273,7 @@ def _form(phi: Real, psi: Real) -> Real:
 
 
 def _output_starts(phi: Real, psi: Real) -> list[float]:
-    """The start angles of psi, within half a turn to each side, for which four points can be met."""
+    """The start angles of psi in [-pi/2, pi/2) for which four points can be met."""
     a, b, c = _form(phi, psi)
     size = np.hypot(a - c, b)
     if abs(a + c) > size or size == 0.0:
@@ -304,7 +307,7 @@ def _both_starts(phi: Real, psi: Real) -> list[tuple[float, float]]:
 
 
 def _polished(phi: Real, psi: Real, input_start: float, output_start: float) -> tuple[float, float] | None:
-    """Start angles that meet five points to the last digit, by Newton's method for K and both; None where it ends elsewhere."""
+    """Start angles that meet five points to rounding, by Newton's method for K and both; None where it fails or ends elsewhere."""
     rows, right = _rows(phi + input_start, psi + output_start)
     unknown = np.array([*np.linalg.lstsq(rows, right, rcond=None)[0], input_start, output_start])
     for _ in range(12):
@@ -331,7 +334,8 @@ def _polished(phi: Real, psi: Real, input_start: float, output_start: float) -> 
 # -- slider-cranks ----------------------------------------------------------------------------------------------------
 @dataclass(frozen=True)
 class SliderGenerator:
-    """A slider-crank: crank and rod [m], offset [m] of the slide's line y = offset from the crank's pivot."""
+    """A slider-crank: crank and rod [m], offset [m] of the slide's line y = offset from the crank's pivot. ``side``: sign of the
+    rod's x component; ``branch``: whether the points are on both sides (branch defect)."""
 
     crank: float
     rod: float
@@ -348,8 +352,8 @@ class SliderGenerator:
 
 
 def slider_generator(phi: Real, s: Real, input_start: float, output_start: float) -> SliderGenerator | None:
-    """The slider-crank whose slider stands at ``output_start + s`` (3,) [m] at crank angles ``input_start + phi`` (3,) [rad]; with
-    more points the one of least squares; None where it is not real.
+    """The slider-crank whose slider is at ``output_start + s`` (3,) [m] at crank angles ``input_start + phi`` (3,) [rad]; with
+    more points the least-squares fit; None where it is not real.
 
     ``s^2 = k1 s cos phi + k2 sin phi + k3``, k1 = 2a, k2 = 2ae, k3 = b^2 - a^2 - e^2 (Hartenberg and Denavit).
     """

@@ -1,9 +1,9 @@
-"""Path generation: four-bars whose coupler point passes points, at stated crank angles or at any in their order.
+"""Path generation: four-bars whose coupler point passes through points, with prescribed timing (crank angles) or without.
 
-With the crank at theta from the frame line the point is at ``z0 + p e^(i theta) + q e^(i theta3)``: linear in three complex
-numbers, place z0, ``p = crank e^(i beta)``, ``q = tracer e^(i beta)``; only the ratios of the lengths and the start angle enter
-theta3. Designs of random ratios, and without timing those of an atlas whose curves are alike, are screened by linear least squares
-in one array call (separated variables; Golub and Pereyra 1973), and the best are refined in all variables at once, with exact
+With the crank at theta from the frame line the point is at ``z0 + p e^(i theta) + q e^(i theta3)``. This is linear in three complex
+numbers, the place z0, ``p = crank e^(i beta)`` and ``q = tracer e^(i beta)``; theta3 depends only on the ratios of the lengths and
+the start angle. Designs of random ratios, and without timing those of an atlas with similar curves, are screened by linear least
+squares in one array call (variable projection; Golub and Pereyra 1973). The best are refined in all variables at once, with exact
 derivatives. The crank turns fully: it is the shortest link.
 """
 
@@ -22,16 +22,16 @@ from mechcore.numerics.newton import fit_all
 from mechcore.records import dataclass
 from mechcore.texts import as_length
 
-ALIKE_CURVES = 400  # of the atlas, of each side and sense of rotation, that are looked at
-LARGEST_RATIO = 20.0  # of a link to the crank among the designs that are screened
+ALIKE_CURVES = 400  # most similar curves that are taken from the atlas, for each side and sense of rotation
+LARGEST_RATIO = 20.0  # largest ratio of a link to the crank in the designs that are screened
 DESIGNS_AT_ONCE = 4000  # designs that are screened in one array call
 MOST_ITERATIONS = 1500  # bounds and cognates make long valleys
-GRASHOF_WEIGHT = 3.0  # weight of the length by which Grashof's rule is broken
-NARROWEST_RANGE, WIDEST_RANGE = 0.3, 5.5  # rad, crank ranges that are tried for an open path without timing
-DENSE_POINTS = 20  # points without timing: of more, designs are chosen by about so many, and the best refined at all of them
-DENSE_REFINED, DENSE_KEPT, DENSE_ITERATIONS = 40, 8, 400
-RELATED_DESIGNS = 0.02  # relative difference below which only one of two designs is refined at all points
-SAME_DESIGN = 1e-5  # relative difference of lengths below which two designs are one
+GRASHOF_WEIGHT = 3.0  # penalty of the length by which Grashof's rule is violated
+NARROWEST_RANGE, WIDEST_RANGE = 0.3, 5.5  # trial crank ranges [rad] for an open path without timing
+DENSE_POINTS = 20  # with more points without timing, designs are found from so many and the best refined at all points
+DENSE_REFINED, DENSE_KEPT, DENSE_ITERATIONS = 40, 8, 400  # designs refined at few points, at all points; iterations of both
+RELATED_DESIGNS = 0.02  # relative difference of lengths below which only one of two designs is refined at all points
+SAME_DESIGN = 1e-5  # relative difference of lengths below which two designs count as one
 
 X0, Y0, BETA, FRAME, CRANK, COUPLER, ROCKER, U, V, START = range(10)
 
@@ -75,7 +75,7 @@ class PathTask:
 
     @property
     def closed(self) -> bool:
-        """Whether the last point is the first one again."""
+        """Whether the last point coincides with the first."""
         return bool(abs(self.points[-1] - self.points[0]) < 1e-9 * self.size)
 
 
@@ -90,10 +90,10 @@ class PathDesign:
 
 
 def path_designs(task: PathTask, seed: int = 0, screened: int = 20000, refined: int = 48) -> list[PathDesign]:
-    """Different four-bars that pass the points best, the best first: at most ``refined``, without those that miss the order.
+    """Distinct four-bars whose paths fit the points best, the best first: at most ``refined``, without order defects.
 
-    ``screened`` designs are tried for each branch and sense of rotation, and the best of each refined. The same seed gives the same
-    designs. Raises MechanismError where no start fulfils the bounds.
+    For each branch and sense of rotation ``screened`` designs are tried and the best refined. The same seed gives the same
+    designs. Raises MechanismError where no start satisfies the bounds.
     """
     if task.steps is None and len(task.points) > DENSE_POINTS:
         return _dense(task, seed, screened)
@@ -101,7 +101,7 @@ def path_designs(task: PathTask, seed: int = 0, screened: int = 20000, refined: 
 
 
 def _dense(task: PathTask, seed: int, screened: int) -> list[PathDesign]:
-    """Designs for many points without timing, by way of fewer points."""
+    """Designs for many points without timing: found from fewer points, then refined at all of them."""
     count = len(task.points)
     chosen: Index = np.unique(np.linspace(0, count - 1, DENSE_POINTS).round().astype(int))
     along = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(task.points)))])
@@ -115,7 +115,7 @@ def _dense(task: PathTask, seed: int, screened: int) -> list[PathDesign]:
     rows = []
     for one in designs:
         theta = np.array(one.theta)
-        if task.closed:  # the last point is the first, a turn later
+        if task.closed:  # the last point is the first, one turn later
             theta[-1] = theta[0] + np.sign(theta[-2] - theta[0]) * TURN
         bar = one.four_bar
         shape = [bar.frame, bar.crank, bar.coupler, bar.rocker, bar.tracer.real, bar.tracer.imag]
@@ -148,7 +148,7 @@ def _sparse(task: PathTask, seed: int, screened: int, refined: int, iterations: 
 
 
 def relative_difference(first: PathDesign, second: PathDesign) -> float:
-    """Largest difference of the lengths of two designs over the largest one."""
+    """Largest difference of the lengths of two designs over the largest length of the first."""
     a, b = (
         np.array([x.frame, x.crank, x.coupler, x.rocker, x.tracer.real, x.tracer.imag]) for x in (first.four_bar, second.four_bar)
     )
@@ -157,8 +157,8 @@ def relative_difference(first: PathDesign, second: PathDesign) -> float:
 
 # -- screening --------------------------------------------------------------------------------------------------------
 def _screen(task: PathTask, rng: np.random.Generator, side: int, sense: int, count: int, kept: int) -> tuple[Real, Real]:
-    """The best designs of a branch and a sense, fitted by linear least squares: variables (kept, 10), steps (kept, K). Without
-    timing half of them are of the atlas, the others random."""
+    """The best designs of a branch and a sense, fitted by linear least squares: variables (kept, 10), steps (kept, K). With no
+    timing and no start angle half of them are from the atlas, the others random."""
     best: list[tuple[Real, Real, Real]] = []
     tried: list[tuple[Real, Real, Real]] = []
     most = min(LARGEST_RATIO, task.lengths[1] / task.lengths[0] if task.lengths[0] else np.inf)
@@ -177,7 +177,7 @@ def _screen(task: PathTask, rng: np.random.Generator, side: int, sense: int, cou
 
 
 def _best(tried: Sequence[tuple[Real, Real, Real]], kept: int) -> tuple[Real, Real, Real]:
-    """Of variables, sums of squared distances and steps those of the ``kept`` best designs."""
+    """Variables, sums of squared distances and steps of the ``kept`` best designs."""
     x, cost, steps = (np.concatenate(part) for part in zip(*tried, strict=True))
     best = np.argsort(cost, kind="stable")[:kept]
     best = best[np.isfinite(cost[best])]
@@ -185,7 +185,7 @@ def _best(tried: Sequence[tuple[Real, Real, Real]], kept: int) -> tuple[Real, Re
 
 
 def _steps(task: PathTask, rng: np.random.Generator, count: int) -> Real:
-    """Crank angles since the first point (D, K): as stated, or by the chords over a whole turn or a random range."""
+    """Crank angles since the first point (D, K): as prescribed, or in proportion to the chords over a turn or a random range."""
     if task.steps is not None:
         return np.broadcast_to(task.steps, (count, len(task.points)))
     along = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(task.points)))])
@@ -194,7 +194,7 @@ def _steps(task: PathTask, rng: np.random.Generator, count: int) -> Real:
 
 
 def _linear(task: PathTask, ratios: Real, start: Real, steps: Real, side: int, sense: int) -> tuple[Real, Real]:
-    """Variables (D, 10) that fit best for given ratios, and sums of squared distances (D,); infinite where bounds forbid them."""
+    """Variables (D, 10) that fit best for given ratios, and sums of squared distances (D,), infinite where bounds are violated."""
     crank = np.exp(1j * (start[:, None] + sense * steps))
     coupler, _ = coupler_direction(ratios[:, :1], 1.0, ratios[:, 1:2], ratios[:, 2:], crank, side)
     turn = np.exp(1j * task.frame_angle) if task.frame_angle is not None else 1.0
@@ -236,13 +236,13 @@ def _linear(task: PathTask, ratios: Real, start: Real, steps: Real, side: int, s
 
 # -- refinement -------------------------------------------------------------------------------------------------------
 class PathProblem:
-    """Distances from the points and their derivatives, of many designs in all variables."""
+    """The deviations from the points and their derivatives by all variables, for many designs."""
 
     def __init__(self, task: PathTask, sides: Index, senses: Index):
         self.task, self.sides, self.senses = task, sides, senses
 
     def bounds(self, x: Real) -> tuple[Real, Real]:
-        """Bounds of the variables; what is given has no room."""
+        """Lower and upper bounds of the variables; equal for given ones."""
         lower, upper = np.full(x.shape[1], -np.inf), np.full(x.shape[1], np.inf)
         least = max(self.task.lengths[0], 1e-6 * self.task.size)
         lower[FRAME : ROCKER + 1], upper[FRAME : ROCKER + 1] = least, self.task.lengths[1]
@@ -263,9 +263,9 @@ class PathProblem:
         return np.asarray(x[:, START, None] + self.senses[numbers, None] * self.task.steps)
 
     def evaluate(self, x: Real, numbers: Index) -> tuple[Real, Real]:
-        """Residuals (D, 2K + 3), distances and broken rules of Grashof, and derivatives (D, 2K + 3, N).
+        """Residuals (D, 2K + 3), deviations and violations of Grashof's rule, and derivatives (D, 2K + 3, N).
 
-        The coupler's angle follows from the closed loop along the rocker, which it does not turn:
+        The change of the coupler's angle follows from the closed loop in the direction of the rocker, independent of its rotation:
         ``d(theta3) = (d(rocker) - Re(conj(e4) (d(a) + e3 d(coupler) - d(frame))))/(coupler Re(i e3 conj(e4)))``.
         """
         frame, crank, coupler, rocker = (x[:, k, None] for k in (FRAME, CRANK, COUPLER, ROCKER))
@@ -278,7 +278,7 @@ class PathProblem:
         rho = np.exp(1j * x[:, BETA])[:, None]
         arm = crank * turned + u * e3
         deviation = (x[:, X0] + 1j * x[:, Y0])[:, None] + rho * arm - self.task.points
-        swing = rho * u * 1j * e3  # what turning the coupler does
+        swing = rho * u * 1j * e3  # derivative by the coupler's angle
         by_theta = rho * 1j * crank * turned - swing * np.real(back * 1j * crank * turned)
         columns = [
             np.ones_like(deviation),
@@ -306,8 +306,7 @@ class PathProblem:
         return np.concatenate([deviation.real, deviation.imag, GRASHOF_WEIGHT * np.maximum(broken, 0.0)], axis=1), slopes
 
     def designs(self, x: Real) -> list[PathDesign]:
-        """The linkages found, the best first, each once; without those whose crank does not turn or meets the points out of
-        order."""
+        """The distinct linkages found, the best first, without those whose crank does not turn fully or has an order defect."""
         numbers = np.arange(len(x))
         residual, _ = self.evaluate(x, numbers)
         size = len(self.task.points)
@@ -338,7 +337,7 @@ class PathProblem:
         return designs
 
     def _ordered(self, theta: Real, every: Flags) -> Flags:
-        """Designs whose crank meets the points in their order within a turn."""
+        """Designs whose crank passes the points in their order within one turn."""
         if self.task.steps is not None:
             return every
         own = theta[:, :-1] if self.task.closed else theta

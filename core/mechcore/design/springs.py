@@ -1,8 +1,9 @@
-"""Springs placed for a stated effort: a lid on a hinge is held by a coil spring so that the hand's force is as wanted.
+"""Placement of springs for a given effort: a coil spring holds a lid on a hinge so that the force of the hand is a given one.
 
-The lid turns about the origin, its centre of mass at ``arm e^(i theta)``, the hand at a stated distance and across the lid. The
-spring joins P of the frame to ``Q = q e^(i (theta + kappa))`` of the lid, which it turns by ``k (1 - L0/L) Im(conj(Q) P)``. Without
-a free length and with P above the hinge the balance would be exact; a real spring comes near.
+The lid turns about the origin, its centre of mass is at ``arm e^(i theta)``, the hand acts at a given distance, perpendicular to
+the lid. The spring joins P of the frame to ``Q = q e^(i (theta + kappa))`` of the lid; its moment on the lid is
+``k (1 - L0/L) Im(conj(Q) P)``. With a free length of zero and P above the hinge the balance would be exact; a real spring
+approximates it.
 """
 
 from __future__ import annotations
@@ -15,11 +16,11 @@ from mechcore.numerics.newton import fit_all
 from mechcore.records import dataclass
 
 EFFORT_ANGLES = 41  # angles at which the effort is compared
-START_COUNT = 120
+START_COUNT = 120  # random starts
 SOLID_LENGTH, STRETCHED_LENGTH = 0.5, 1.8  # least and greatest length of a spring over its free length
-LENGTH_WEIGHT = 100.0  # weight of a length beyond these, over the weight's own moment
-SAME_PLACEMENT = 0.2  # of the box, below which two placements are one
-# Stiffness over the moment of the weight over the square of the box: stiffer ones sit at the hinge itself
+LENGTH_WEIGHT = 100.0  # penalty of a length beyond these, relative to the moment of the weight
+SAME_PLACEMENT = 0.2  # distance of two placements, relative to the box, below which they count as one
+# Stiffness in units of the weight's moment over the square of the box; stiffer springs would be at the hinge itself
 GREATEST_STIFFNESS = 10.0
 
 
@@ -27,8 +28,8 @@ GREATEST_STIFFNESS = 10.0
 class LidTask:
     """Mass [kg], distances of its centre and of the hand from the hinge [m], first and last angle of the lid [rad].
 
-    ``effort``: wanted force of the hand across the lid [N], upwards positive; ``box``: largest coordinates of P and largest
-    distance of Q from the hinge [m]; ``pushes``: a compression spring instead of an extension spring.
+    ``effort``: required force of the hand perpendicular to the lid [N], upwards positive; ``box``: largest coordinates of P and
+    largest distance of Q from the hinge [m]; ``pushes``: a compression spring instead of an extension spring.
     """
 
     mass: float
@@ -52,7 +53,8 @@ class LidTask:
 
 @dataclass(frozen=True)
 class LidSpring:
-    """A spring: P in the frame [m], Q in the lid's frame [m], stiffness [N/m], free length [m]; efforts of the hand [N]."""
+    """A spring: P in the frame [m], Q in the lid's frame [m], stiffness [N/m], free length [m]. ``error``: largest deviation of the
+    effort [N]."""
 
     frame_point: complex
     lid_point: complex
@@ -61,7 +63,7 @@ class LidSpring:
     error: float
 
     def effort(self, task: LidTask, theta: Real) -> Real:
-        """Force of the hand (K,) [N] across the lid at its angles (K,) [rad]."""
+        """Force of the hand (K,) [N] perpendicular to the lid at angles (K,) [rad]."""
         q = self.lid_point * np.exp(1j * theta)
         length = np.abs(self.frame_point - q)
         moment = self.stiffness * (1.0 - self.free_length / length) * np.imag(np.conj(q) * self.frame_point)
@@ -73,10 +75,10 @@ class LidSpring:
 
 
 def lid_springs(task: LidTask, seed: int = 0) -> list[LidSpring]:
-    """Springs whose effort is nearest to the wanted one over the range in least squares, the best first; their largest deviation
-    stands as ``error`` [N]. Many random starts are refined side by side with exact derivatives. Raises MechanismError if none fits.
+    """Springs whose effort is closest to the required one over the range in least squares, the best first; ``error`` [N] is their
+    largest deviation. Many random starts are refined at once with exact derivatives. Raises MechanismError if none fits.
 
-    Unknowns over the box: P (2), q; then kappa, k and L0/box over the weight's own.
+    Unknowns: P (2) and q over the box, kappa, k in units of the weight's moment over box^2, L0 over the box.
     """
     theta = np.linspace(task.start, task.end, EFFORT_ANGLES)
     weight = task.mass * task.gravity * task.arm

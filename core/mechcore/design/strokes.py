@@ -1,7 +1,8 @@
-"""Cranks for a stated stroke or swing and a stated ratio of the times to and fro: slider-cranks, crank-rockers, slotted levers; and
-four-bars whose coupler point runs nearly straight: how straight, over which travel, with Hoecken's best proportions.
+"""Crank mechanisms for a given stroke or swing and a given time ratio (slider-cranks, crank-rockers, slotted levers); straight-line
+four-bars, their straightness and travel, and Hoecken's best proportions.
 
-The time ratio Q >= 1 of a crank at constant speed is ``(pi + alpha)/(pi - alpha)``, alpha between the crank's dead lines.
+The time ratio Q >= 1 of a crank at constant speed is ``(pi + alpha)/(pi - alpha)``, with alpha between the lines of the crank at
+its dead centres.
 """
 
 from __future__ import annotations
@@ -16,12 +17,12 @@ from mechcore.kinematics.dyads import cross
 from mechcore.numerics.frames import QUIET
 from mechcore.records import dataclass
 
-PIVOT_PLACES = 1440  # places of the crank's pivot on a circle that are tried before the best is refined
+PIVOT_PLACES = 1440  # trial places of the crank's pivot on a circle; the best one is refined
 
 
 @dataclass(frozen=True)
 class SliderCrank:
-    """Crank, rod and offset [m] of the slide's line y = offset; ``alpha`` [rad] between the crank's dead lines."""
+    """Crank, rod and offset [m] of the slide's line y = offset; ``alpha`` [rad]: between the crank's lines at its dead centres."""
 
     crank: float
     rod: float
@@ -35,12 +36,12 @@ class SliderCrank:
 
     @property
     def pressure_angle(self) -> float:
-        """Largest angle between the rod and the slide's line [rad]; a right one where the crank does not turn fully."""
+        """Largest angle between the rod and the slide's line [rad]; pi/2 where the crank does not turn fully."""
         return float(np.arcsin(min((self.crank + self.offset) / self.rod, 1.0)))
 
 
 def alpha_of(ratio: float) -> float:
-    """The angle between the crank's dead lines [rad] that belongs to a time ratio. Raises MechanismError below one."""
+    """The angle between the crank's lines at its dead centres [rad] for a time ratio. Raises MechanismError below one."""
     if not 1.0 <= ratio < np.inf:
         raise MechanismError(Fault("ratio", f"a time ratio of {ratio:g}.", "Give slow over fast: one or more."))
     return float(np.pi * (ratio - 1.0) / (ratio + 1.0))
@@ -60,8 +61,8 @@ def slider_crank(stroke: float, ratio: float, offset: float) -> SliderCrank:
 
 
 def largest_offset(stroke: float, ratio: float) -> float:
-    """The offset [m] beyond which the crank of a stroke and time ratio does not turn fully: there the inner dead centre lies below
-    the crank's pivot. Zero for a ratio of one; from a ratio of three on there is none."""
+    """The largest offset [m] with which the crank of a stroke and time ratio turns fully; there the inner dead centre lies below
+    the crank's pivot. Zero for a ratio of one. Raises MechanismError from a ratio of three on, for which there is none."""
     alpha = alpha_of(ratio)
     if alpha >= 0.5 * np.pi * (1.0 - 1e-12):
         why = f"a slider-crank whose crank turns fully has a time ratio below 3, not {ratio:g}."
@@ -85,11 +86,11 @@ def best_slider_crank(stroke: float, ratio: float) -> SliderCrank:
 
 # -- crank-rockers ----------------------------------------------------------------------------------------------------
 def best_crank_rocker(swing: float, ratio: float, rocker: float = 1.0) -> FourBar:
-    """Of the crank-rockers of a rocker's swing [rad], time ratio and rocker length the one whose least transmission angle is
-    greatest (the optimum of Alt's chart, VDI 2130).
+    """The crank-rocker with the greatest least transmission angle for a rocker's swing [rad], a time ratio and a rocker length (the
+    optimum of Alt's chart, VDI 2130).
 
-    The pins of the rocker's ends, B1 and B2, are seen from the crank's pivot under alpha: all pivots lie on a circle. Frame
-    along x, rocker pivot on the right.
+    From the crank's pivot the rocker's pin is seen at its two dead points B1 and B2 under the angle alpha: all such pivots lie on a
+    circle. Frame along x, rocker pivot on the right.
     """
     alpha = alpha_of(ratio)
     if not 0.0 < swing < np.pi:
@@ -118,7 +119,7 @@ def best_crank_rocker(swing: float, ratio: float, rocker: float = 1.0) -> FourBa
             )
         )
     low, high = place - step, place + step
-    golden = 0.5 * (np.sqrt(5.0) - 1.0)  # the best may lie in a kink, where parabolas do not help
+    golden = 0.5 * (np.sqrt(5.0) - 1.0)  # the optimum may be a kink, where parabolas fail
     while high - low > 1e-13:
         inner = high - golden * (high - low), low + golden * (high - low)
         low, high = (low, inner[1]) if cost(inner[0], side) < cost(inner[1], side) else (inner[0], high)
@@ -128,12 +129,12 @@ def best_crank_rocker(swing: float, ratio: float, rocker: float = 1.0) -> FourBa
 
 
 def _crank_rocker(swing: float, alpha: float, rocker: float, side: int, at: float) -> FourBar | None:
-    """The crank-rocker whose crank pivot stands at an angle of the circle on one side of the chord; None where there is none."""
+    """The crank-rocker whose crank pivot is at an angle of the circle on one side of the chord; None where there is none."""
     first, second = rocker * np.exp(0.5j * swing), rocker * np.exp(-0.5j * swing)  # rocker pivot at the origin
     chord = abs(first - second)
     radius = chord / (2.0 * np.sin(alpha))
     pivot = complex(0.5 * (first + second) + side * radius * np.cos(alpha) + radius * np.exp(1j * at))
-    with np.errstate(**QUIET):  # the pivot may stand on the pin itself
+    with np.errstate(**QUIET):  # the pivot may coincide with the pin
         seen = np.angle((first - pivot) / (second - pivot))
     if not abs(abs(seen) - alpha) <= 1e-9 or cross(-pivot, first - pivot) * cross(-pivot, second - pivot) <= 0.0:
         return None
@@ -158,7 +159,7 @@ class SlottedLever:
 
 
 def slotted_lever(stroke: float, ratio: float, frame: float) -> SlottedLever:
-    """The slotted lever whose end travels a stroke [m] between its dead points, with a time ratio and a distance of pivots [m]."""
+    """The slotted lever whose end has a stroke [m] between its dead points, for a time ratio and a distance of the pivots [m]."""
     beta = np.pi / (ratio + 1.0)
     if alpha_of(ratio) == 0.0:
         raise MechanismError(Fault("ratio", "a slotted lever always returns faster.", "Ask for a time ratio above one."))
@@ -168,8 +169,8 @@ def slotted_lever(stroke: float, ratio: float, frame: float) -> SlottedLever:
 
 @dataclass(frozen=True)
 class Whitworth:
-    """Whitworth's quick return, whose lever turns fully: crank, distance of the pivots, arm of the lever and rod to the slider [m],
-    whose line goes through the lever's pivot, across that of the pivots."""
+    """Whitworth's quick return, whose lever turns fully: crank, distance of the pivots, arm of the lever and rod to the slider [m].
+    The slider's line passes through the lever's pivot, perpendicular to the line of the pivots."""
 
     crank: float
     frame: float
@@ -177,7 +178,7 @@ class Whitworth:
     rod: float
 
 
-ROD_RATIO = 4.0  # a rod so many times the arm: the slider moves nearly as the arm's end does
+ROD_RATIO = 4.0  # rod over arm: the slider then moves nearly as the arm's end does
 
 
 def whitworth(stroke: float, ratio: float, crank: float) -> Whitworth:
@@ -193,7 +194,7 @@ RANGE_POINTS = 4001  # points of the range over which Hoecken's proportions are 
 
 @dataclass(frozen=True)
 class StraightLine:
-    """A four-bar, the range of its crank [rad] in which the point runs straight, and the line's direction (unit)."""
+    """A four-bar, the range of its crank [rad] in which the point's path is straight, and the line's direction (unit)."""
 
     four_bar: FourBar
     start: float
@@ -204,7 +205,7 @@ class StraightLine:
 
 @dataclass(frozen=True)
 class Straightness:
-    """Over a range: how far a point moves along a line [m], and the least and greatest distance to its left [m]."""
+    """Over a range: travel of a point along a line [m], and the least and greatest distance to its left [m]."""
 
     travel: float
     least: float
@@ -241,7 +242,7 @@ STRAIGHT_LINES = {
 
 
 def straightness(line: StraightLine) -> Straightness:
-    """How straight the coupler point of a linkage runs over its range, extremes to rounding."""
+    """The straightness of a linkage's coupler path over its range, with extremes exact to rounding."""
     theta = np.linspace(line.start, line.end, STROKE_SAMPLES)
 
     def at(angle: Real) -> tuple[Real, Real]:
@@ -263,9 +264,10 @@ def straightness(line: StraightLine) -> Straightness:
 
 
 def hoecken(straight: float) -> StraightLine:
-    """Hoecken's linkage of crank one that is straightest over a crank range [rad] about the crank pointing away from the frame.
+    """Hoecken's linkage of crank one with the straightest path over a crank range [rad], in whose middle the crank points away from
+    the frame.
 
-    Frame and coupler (= rocker) are chosen by a simplex search for the least width over travel.
+    A simplex search finds the frame and the coupler (= rocker) for the least width over travel.
     """
     theta = np.pi + np.linspace(-0.5, 0.5, RANGE_POINTS) * straight
 

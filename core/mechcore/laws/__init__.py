@@ -5,7 +5,7 @@
 ``catalogue``: the rise laws of the literature (``rise("cycloidal")``), all normalised 0 -> 1 over 0 -> 1, and
 the families behind them (sine-constant-cosine acceleration, sums of harmonics); ``boundary_conditions``: polynomials and B-splines
 from conditions, measured tables smoothed, laws given by acceleration or velocity;
-``segment_laws``: what joins the states at the two ends of a segment (polynomials, splines, given accelerations and velocities,
+``segment_laws``: laws between the states at the two ends of a segment (polynomials, splines, given accelerations and velocities,
 least peaks); ``program``: segments over a turn or over time, and drives that follow a master angle (several axes on one master);
 ``factors``: jumps, extremes and the peak factors Cv, Ca, Cj;
 ``signals``: sine, step, ramp and chirp, which loads and the speeds of drives follow.

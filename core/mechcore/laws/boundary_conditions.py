@@ -18,7 +18,7 @@ from mechcore.texts import Text, as_angle
 if TYPE_CHECKING:
     from scipy.interpolate import PPoly
 
-REFINEMENTS = 4  # times that coefficients are corrected by what their conditions, summed with more digits, lack
+REFINEMENTS = 4  # steps of iterative refinement: coefficients are corrected by residuals in extended precision
 
 
 @dataclass(frozen=True)
@@ -55,8 +55,8 @@ def _sorted(conditions: Sequence[BoundaryCondition], least: int) -> tuple[Real, 
 def polynomial_law(conditions: Sequence[BoundaryCondition], powers: Sequence[int] | None = None) -> MotionCurve:
     """The polynomial of least degree through any conditions at any angles (Hermite-Birkhoff interpolation).
 
-    ``powers``: exponents of (x - x0)/(x1 - x0) to use instead of 0 ... n - 1, one for each condition (3-4-5 is the outcome of
-    three zero conditions at each end; 2-10-18 styles name them). Raises where the conditions do not fix the polynomial.
+    ``powers``: exponents of (x - x0)/(x1 - x0) to use instead of 0 ... n - 1, one for each condition (a 3-4-5 polynomial follows
+    from three conditions at each end; names such as 2-10-18 state the powers). Raises where the conditions do not determine it.
     """
     x, k, y = _sorted(conditions, 2)
     exponents = np.arange(len(x)) if powers is None else np.asarray(powers, int)
@@ -96,8 +96,9 @@ def _of_ppoly(spline: PPoly, repeats: bool = False) -> MotionCurve:
 def spline_law(conditions: Sequence[BoundaryCondition], degree: int = 5) -> MotionCurve:
     """A B-spline of the stated degree through points and any further conditions on derivatives, over their range of angles.
 
-    As many basis functions as conditions; the inner knots are averages of neighbouring angles (as for plain interpolation),
-    so that a solution exists wherever the Schoenberg-Whitney conditions hold. Derivatives up to ``degree - 1`` are continuous.
+    There are as many basis functions as conditions. The inner knots are averages of neighbouring angles (as in interpolation of
+    values), so that a solution exists where the Schoenberg-Whitney conditions hold. Derivatives up to ``degree - 1`` are
+    continuous.
     """
     from scipy.interpolate import BSpline, PPoly
 
@@ -124,7 +125,7 @@ def spline_law(conditions: Sequence[BoundaryCondition], degree: int = 5) -> Moti
 
 @dataclass(frozen=True)
 class Smoothing:
-    """How smoothing changed a measured table: pieces of the spline, root mean square and largest correction and where."""
+    """How smoothing changed a measured table: pieces of the spline, root mean square of the corrections, the largest, its angle."""
 
     points: int
     pieces: int
@@ -146,8 +147,8 @@ def measured_table(
     """A quintic spline near measured points: the fewest knots whose root-mean-square correction stays within ``tolerance``.
 
     Tolerance 0 interpolates. ``repeats``: the last row is the end of the cycle (same value as the first up to an advance, which
-    is kept as a uniform trend); continuous into the next cycle up to the fourth derivative. P. Dierckx's smoothing spline
-    (``scipy.interpolate.splrep``). ``rest``: it interpolates, with velocity and acceleration zero at both ends.
+    is kept as a uniform trend); the spline continues into the next cycle with continuous derivatives up to the fourth. P. Dierckx's
+    smoothing spline (``scipy.interpolate.splrep``). ``rest``: it interpolates, with velocity and acceleration zero at both ends.
     """
     from scipy.interpolate import PPoly, make_interp_spline, splrep
 
@@ -172,7 +173,7 @@ def measured_table(
     curve = _of_ppoly(PPoly.from_spline(tck), repeats)
     curve = MotionCurve(tuple(p.scaled(1.0, size) for p in curve.pieces), curve.start, repeats)
     middles = 0.5 * (curve.knots[1:] + curve.knots[:-1])
-    inside = [p for p, m in zip(curve.pieces, middles, strict=True) if x[0] < m < x[-1]]  # periodic knots go on beyond
+    inside = [p for p, m in zip(curve.pieces, middles, strict=True) if x[0] < m < x[-1]]  # periodic knots extend beyond
     curve = MotionCurve(tuple(inside), float(x[0]), repeats)
     if repeats:
         rate = (y[-1] - y[0]) / (x[-1] - x[0])
@@ -199,8 +200,8 @@ def measured_table(
 def from_acceleration(acceleration: MotionCurve, value: float = 0.0, velocity: float | None = None) -> MotionCurve:
     """The law whose acceleration is given, integrated twice (the route of the lecture).
 
-    ``velocity``: that at the start. Without it the value returns at the end to where it started, as a profile must; the
-    velocity then closes too if the given acceleration has the mean zero, and otherwise jumps, which ``jumps`` lists.
+    ``velocity``: that at the start. Without it the value at the end is that at the start, as a profile needs. The velocity is then
+    continuous, too, if the mean of the given acceleration is zero; otherwise it jumps, which ``jumps`` lists.
     """
     first = acceleration.integrated(0.0)
     if velocity is None:

@@ -54,7 +54,7 @@ def acceleration_zones(zones: Sequence[float]) -> MotionCurve:
 
 
 def _at_rest_at_the_end(curve: MotionCurve) -> MotionCurve:
-    """The integration's last rounding error (some 1e-17) in velocity is left as it is; the value at the end is made exact."""
+    """The curve with an exact value at the end; the rounding error of the velocity there (about 1e-17) remains."""
     last = curve.pieces[-1]
     error = 1.0 - float(last.at(last.length, 0)[0])
     return MotionCurve((*curve.pieces[:-1], last.raised(error)), curve.start)
@@ -116,8 +116,8 @@ def _trapezoidal_velocity(run_up: float, braking: float) -> MotionCurve:
 
 
 def _coasting(law: str, sine: float, constant: float, cosine: float) -> Callable[[float], MotionCurve]:
-    """A rise with constant velocity over the share ``coast`` of its range: shares of the sine, constant and cosine zones of
-    either end."""
+    """A rise with constant velocity over the share ``coast`` of its range; ``sine``, ``constant``, ``cosine``: shares of the zones
+    at either end."""
 
     def make(coast: float) -> MotionCurve:
         end = 0.5 * (1.0 - _share(coast, "coast", law))
@@ -247,7 +247,7 @@ RISES: dict[str, Rise] = {
 }
 
 FORMER_NAMES = {"triple-harmonic": "cosine-1-3"}
-"""Former names of laws, which are read as the present ones for ever: the literature calls other laws triple harmonics."""
+"""Former names of laws, which stay valid. This one was renamed as the literature calls other laws triple harmonics."""
 
 
 def rise(name: str, **parameters: float) -> MotionCurve:

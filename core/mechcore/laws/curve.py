@@ -1,6 +1,6 @@
 """``MotionCurve``: a coordinate as a piecewise analytic function of a master angle, with exact derivatives of any order.
 
-On every piece the value is a polynomial plus sines and cosines of the distance from the start of the piece. That closed class holds
+On every piece the value is a polynomial plus sines and cosines of the distance from the start of the piece. This class contains
 every law of the literature, splines, and the integrals and mirror images of all of them, so that one evaluation, one search
 for extremes and one list of jumps serve them all.
 """
@@ -22,7 +22,7 @@ from mechcore.records import dataclass
 
 Side = Literal["left", "right"]
 
-_MANY = 24  # pieces; more are gathered from a table instead of visited one by one
+_MANY = 24  # pieces: more are evaluated from a table instead of one by one
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +65,7 @@ class Piece:
         return out[:, 0]
 
     def reversed(self) -> Piece:
-        """The same piece run through backwards: ``u -> length - u``."""
+        """The same piece in reverse: ``u -> length - u``."""
         degree = len(self.poly) - 1
         length = self.length
         p = np.zeros(degree + 1)
@@ -79,7 +79,7 @@ class Piece:
         return Piece(length, p, waves)
 
     def beginning(self, later: float, length: float) -> Piece:
-        """The same function from a distance later on, or before, over another length."""
+        """The same function over another ``length``, starting at the distance ``later`` (negative: before the piece)."""
         degree = len(self.poly) - 1
         p = np.zeros(degree + 1)
         for j in range(degree + 1):  # Taylor coefficients about the new start
@@ -91,7 +91,7 @@ class Piece:
         return Piece(length, p, waves)
 
     def scaled(self, dx: float, dy: float) -> Piece:
-        """Stretched by ``dx`` along the angle and ``dy`` along the coordinate."""
+        """The piece scaled by ``dx`` along the angle and ``dy`` along the coordinate."""
         p = dy * self.poly / dx ** np.arange(len(self.poly))
         waves = self.waves * np.array([1.0 / dx, dy, dy])
         return Piece(self.length * dx, p, waves)
@@ -124,7 +124,7 @@ class Piece:
 class MotionCurve:
     """Pieces joined end to end from ``start`` on; ``repeats``: continued periodically, each cycle adding ``advance``.
 
-    ``extended``: pieces are taken beyond where they join smoothly, for derivatives by what moves the knots.
+    ``extended``: pieces are continued beyond their ends, where they need not join, for derivatives by parameters that move knots.
     """
 
     pieces: tuple[Piece, ...]
@@ -149,7 +149,8 @@ class MotionCurve:
         waves: Iterable[ArrayLike] | None = None,
         repeats: bool = False,
     ) -> MotionCurve:
-        """From knots (n + 1), polynomial coefficients of each piece, ascending in the distance from its start, and waves (m, 3)."""
+        """The curve of knots (n + 1), polynomial coefficients of each piece, ascending in the distance from its start, and waves
+        (m, 3)."""
         lengths = np.diff(np.asarray(knots, float))
         tables = [numbers(p) for p in polys]
         rows = [np.zeros((0, 3))] * len(tables) if waves is None else [np.asarray(w, float).reshape(-1, 3) for w in waves]
@@ -194,7 +195,7 @@ class MotionCurve:
     def __call__(self, x: ArrayLike, order: int = 2, side: Side = "right") -> Real:
         """Angles (...) -> value and derivatives 0 ... ``order``, shape (order + 1, ...).
 
-        ``side`` says which one-sided value holds at the knots. A curve that does not repeat is continued by its end pieces.
+        ``side``: which one-sided value is taken at the knots. A curve that does not repeat is continued by its end pieces.
         """
         written: Callable[[Sequence[float], int], Real] | None = getattr(x, "on_curve", None)
         if written is not None and side == "right":  # of a program in C
@@ -225,7 +226,7 @@ class MotionCurve:
         return out.reshape(order + 1, *x.shape)
 
     def _visit(self, x: Real, out: Real, side: Side) -> None:
-        """Ordered angles: each piece fills its own slice."""
+        """Fill ``out`` at ordered angles: each piece its own slice."""
         inner = self.knots[1:-1]
         cuts = np.concatenate([[0], np.searchsorted(x, inner, side="left" if side == "right" else "right"), [x.size]])
         for piece, first, last, x0 in zip(self.pieces, cuts[:-1], cuts[1:], self.knots, strict=False):
@@ -233,18 +234,18 @@ class MotionCurve:
                 piece.fill(x[first:last] - x0, out[:, first:last])
 
     def _gather(self, x: Real, out: Real, side: Side) -> None:
-        """Many polynomial pieces: the coefficients of each angle's piece from one table."""
+        """Fill ``out`` for many polynomial pieces, with the coefficients of each angle's piece from one table."""
         k = np.clip(np.searchsorted(self.knots, x, side=side) - 1, 0, len(self.pieces) - 1)
         self._fill(k, x - self.knots[k], out)
 
     def on_pieces(self, k: Index, x: Real, order: int) -> Real:
-        """Value and derivatives (order + 1, n) at angles (n), each by the piece that ``k`` (n) names, continued beyond its ends."""
+        """Value and derivatives (order + 1, n) at angles (n), each on the piece of index ``k`` (n), continued beyond its ends."""
         out = np.empty((order + 1, x.size))
         self._fill(k, x - self.knots[k], out)
         return out
 
     def _fill(self, k: Index, u: Real, out: Real) -> None:
-        """Distances (n) from the starts of pieces ``k`` (n)."""
+        """Fill ``out`` at distances ``u`` (n) from the starts of pieces ``k`` (n)."""
         if not self._polynomial:
             for j in np.unique(k):
                 own = np.flatnonzero(k == j)
@@ -269,7 +270,7 @@ class MotionCurve:
 
     @cached_property
     def numbers(self) -> tuple[float, ...]:
-        """All numbers of the curve in one row, as `curve` of the programs in C takes them."""
+        """All numbers of the curve in one tuple, in the layout that `curve` of the programs in C takes."""
         n, knots, rows = len(self.pieces), self.knots, [[len(p.poly), *p.poly, len(p.waves), *p.waves.ravel()] for p in self.pieces]
         places = np.cumsum([5 + 2 * n, *map(len, rows[:-1])])
         numbers = n, self.start, self.length * self.repeats, self.advance, *knots, *places, *(x for row in rows for x in row)
@@ -286,18 +287,18 @@ class MotionCurve:
     # -- new curves ---------------------------------------------------------------------------------------------------
 
     def scaled(self, start: float, length: float, value: float, stroke: float) -> MotionCurve:
-        """Moved and stretched to begin at ``start``, last ``length`` and go from ``value`` on, the coordinate times ``stroke``."""
+        """The curve scaled to begin at ``start`` with ``value`` and to have the ``length``, its coordinate times ``stroke``."""
         dx = length / self.length
         y0 = float(self.pieces[0].at(0.0, 0)[0])
         pieces = tuple(p.scaled(dx, stroke).raised(value - stroke * y0) for p in self.pieces)
         return MotionCurve(pieces, start, self.repeats)
 
     def reversed(self) -> MotionCurve:
-        """Run through backwards over the same angles."""
+        """The curve in reverse over the same angles."""
         return MotionCurve(tuple(p.reversed() for p in self.pieces[::-1]), self.start, self.repeats)
 
     def mirrored(self) -> MotionCurve:
-        """A rise 0 -> 1 turned by half a turn: ``1 - s(1 - x)``; the same law with its acceleration and deceleration exchanged."""
+        """A rise 0 -> 1 rotated by half a turn: ``1 - s(1 - x)``, the same law with acceleration and deceleration exchanged."""
         y = self.advance
         pieces = tuple(p.scaled(1.0, -1.0).raised(y) for p in self.reversed().pieces)
         return MotionCurve(pieces, self.start, self.repeats)
@@ -317,7 +318,7 @@ class MotionCurve:
         return replace(self, pieces=tuple(p.raised(dy) for p in self.pieces))
 
     def then(self, *others: MotionCurve) -> MotionCurve:
-        """Curves joined one after the other, their values as they are."""
+        """This curve and others one after the other, with unchanged values."""
         return MotionCurve(tuple(p for c in (self, *others) for p in c.pieces), self.start)
 
     def repeating(self) -> MotionCurve:

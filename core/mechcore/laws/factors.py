@@ -9,7 +9,7 @@ from mechcore.laws.curve import MotionCurve, Piece
 from mechcore.records import dataclass
 from mechcore.texts import Text, as_angle
 
-VELOCITY_JUMP = 1e-6  # of a law's largest velocity: less may jump by what a table of its values, or a given profile, is rounded
+VELOCITY_JUMP = 1e-6  # least jump, relative to the largest velocity; smaller ones may be rounding of tables or given profiles
 ORDER_NAMES = ("position", "velocity", "acceleration", "jerk", "snap")
 
 
@@ -46,9 +46,9 @@ class LawExtreme:
 def jumps(curve: MotionCurve, orders: tuple[int, ...] = (0, 1, 2, 3), tolerance: float = 1e-9, ends: bool = True) -> list[Jump]:
     """All steps of the stated derivatives, by angle.
 
-    A step counts when it is larger than ``tolerance`` of the largest size of its derivative at any knot (and of what the
-    stroke over the curve's length makes of it). ``ends``: the two ends count too: against each other where the curve
-    repeats, else against the dwells (all derivatives zero) that are assumed before and after it.
+    A step counts when it exceeds ``tolerance`` times the largest size of its derivative at any knot, or, if that is larger, times
+    the stroke over the curve's length to the power of the order. ``ends``: the two ends count too: against each other where the
+    curve repeats, else against dwells (all derivatives zero) that are assumed before and after it.
     """
     top = max(orders)
     left, right = curve.limits(top)

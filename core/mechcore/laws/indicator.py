@@ -1,8 +1,8 @@
 """Indicator diagrams: the pressure in a cylinder over the piston's displacement, from the usual parameters or from tables.
 
-The displacement x runs from top dead centre (0) to bottom dead centre (``stroke``). Which branch of a diagram holds follows from
-the sense of the piston's motion and, for four strokes, from the half of the cycle. Polytropes p V^n = constant as in any text on
-piston machines, for example W. Kalide, Energieumwandlung in Kraft- und Arbeitsmaschinen.
+The displacement x runs from top dead centre (0) to bottom dead centre (``stroke``). The branch of a diagram follows from the sense
+of the piston's motion and, for four strokes, from the half of the cycle. Polytropes p V^n = constant as in any text on piston
+machines, for example W. Kalide, Energieumwandlung in Kraft- und Arbeitsmaschinen.
 """
 
 from __future__ import annotations
@@ -49,8 +49,8 @@ class Compressor:
     strokes: int = 2
 
     def pressure(self, x: Real, outward: Flags, firing: Flags) -> Real:
-        v = np.maximum(self.clearance + x / self.stroke, 0.0)  # volumes over the swept volume; rounding may pass the dead centre
-        with np.errstate(divide="ignore", over="ignore"):  # without clearance nothing is left at the dead centre: delivery there
+        v = np.maximum(self.clearance + x / self.stroke, 0.0)  # over the swept volume; rounding may make it negative
+        with np.errstate(divide="ignore", over="ignore"):  # without clearance v is zero at the dead centre: delivery there
             squeezed = self.suction * ((self.clearance + 1.0) / v) ** self.exponent
             left = (self.clearance / v) ** self.exponent if self.clearance else np.zeros(np.shape(v))
         expanded = np.maximum(self.delivery * left, self.suction)
@@ -63,7 +63,7 @@ class Compressor:
 
     @property
     def work(self) -> float:
-        """Work that the gas does in a cycle, over the piston's area [J/m^2]: the negative of what the compressor needs.
+        """Work that the gas does in a cycle, over the piston's area [J/m^2]: the negative of the compressor's work.
 
         -n/(n-1) p1 (V1 - V4) ((p2/p1)^((n-1)/n) - 1), and its limit for n = 1.
         """
@@ -125,7 +125,7 @@ class FourStroke:
 
 @dataclass(frozen=True, kw_only=True)
 class IndicatorDiagram:
-    """A measured diagram of two strokes: pressures [Pa] over the displacement [m], moving away from the head and towards it."""
+    """A measured diagram of two strokes: pressures [Pa] over the displacement [m], for motion away from the head and towards it."""
 
     stroke: float
     outward: Callable[[Real], Real]  # a `Table` for example

@@ -18,7 +18,7 @@ from mechcore.laws.segment_laws import BoundaryPolynomial, BoundaryState, Dwell,
 from mechcore.laws.timed import JUMPS, ConstantSpeed, Law, Piecewise, Triple
 from mechcore.records import dataclass
 
-SAME_PLACE = 1e-7  # of a program's length: a time at which it passes a knot is only as exact as the master's law allows
+SAME_PLACE = 1e-7  # error of the angle at a knot, over the program's length: its time is only as exact as the master's law
 
 
 @dataclass(frozen=True)
@@ -26,9 +26,9 @@ class Segment:
     """One segment of a program over the range ``over`` (> 0, radians of the master, or any unit used throughout).
 
     ``to``: the value at its end, or its state (value, velocity, acceleration, jerk) with respect to the master, ``None`` is free;
-    velocity and acceleration are zero unless said otherwise. Without it the law says the end; without a law it is a dwell.
-    ``law``: a name of the catalogue, "polynomial", a curve 0 -> 1, or any `SegmentLaw`; default cycloidal, of a state polynomial.
-    ``mirrored``: a named law or a curve run as 1 - s(1 - x), acceleration and deceleration exchanged.
+    velocity and acceleration are zero by default. Without ``to`` the law determines the end; without a law, too, it is a dwell.
+    ``law``: a name of the catalogue, "polynomial", a curve 0 -> 1, or any `SegmentLaw`; default cycloidal, to a state polynomial.
+    ``mirrored``: a named law or a curve is used as 1 - s(1 - x), acceleration and deceleration exchanged.
     """
 
     over: float
@@ -37,7 +37,7 @@ class Segment:
     mirrored: bool = False
 
     def made(self) -> SegmentLaw:
-        """Its law. Raises ``MechanismError`` where the catalogue has none of that name."""
+        """The law of the segment. Raises ``MechanismError`` where the catalogue has none of that name."""
         law = self.law
         if law is None:
             law = "polynomial" if isinstance(self.to, Sequence) else "cycloidal" if self.to is not None else Dwell()
@@ -58,12 +58,12 @@ def _state(to: float | Sequence[float | None]) -> BoundaryState:
 def program(
     segments: Sequence[Segment], start: float | Sequence[float | None] = 0.0, at: float = 0.0, repeats: bool = True
 ) -> MotionCurve:
-    """Segments one after the other, from the value (or state) ``start`` at the master angle ``at`` on.
+    """The curve of segments one after the other, from the value (or state) ``start`` at the master angle ``at`` on.
 
-    ``repeats``: continued periodically over the total range; what a cycle gains is added to the next one. Jumps between
-    segments are allowed and found by ``jumps``. Free entries of the states follow from the neighbouring laws that have their own
-    shape, and between polynomials and splines from the least integral of the squared jerk: quintics then join with continuous
-    third and fourth derivative.
+    ``repeats``: continued periodically over the total range; the advance of a cycle is added to the next one. Jumps between
+    segments are allowed and found by ``jumps``. Free entries of the states follow from neighbouring laws of fixed shape, and
+    between polynomials and splines from the least integral of the squared jerk: quintics then join with continuous third and
+    fourth derivatives.
     """
     if not segments:
         raise MechanismError(Fault("program", "it has no segments.", "Give at least one."))
@@ -89,7 +89,7 @@ def program(
 
 
 def _filled(laws: list[SegmentLaw], states: list[BoundaryState], overs: list[float], repeats: bool) -> list[MotionCurve]:
-    """The curves of the segments, after what is free in ``states`` has been found (they are changed)."""
+    """The curves of the segments. Free entries of ``states`` are found first and written to it."""
     n = len(laws)
     curves: dict[int, MotionCurve] = {}
 
@@ -97,7 +97,7 @@ def _filled(laws: list[SegmentLaw], states: list[BoundaryState], overs: list[flo
         states[k] = (*states[k][:order], value, *states[k][order + 1 :])
 
     def pass_on() -> None:
-        """Ends of curves that are made, and the other end of the cycle, decide what is free beside them."""
+        """Fill free entries from finished curves beside them and from the other end of the cycle."""
         for k in range(n + 1):
             for order, value in enumerate(states[k]):
                 sides = [(curves.get(k - 1), -1), (curves.get(k), 0)]
@@ -190,7 +190,7 @@ CLOCK = ConstantSpeed(0.0, 1.0)
 
 
 def over_time(curve: MotionCurve) -> Law:
-    """A program as a law of time: its master angle is the time [s]. After its end it begins anew from where it is."""
+    """A program as a law of time: its master angle is the time [s]. After its end it repeats, from the value reached."""
     if any(len(p.waves) for p in curve.pieces):
         return CurveOverMaster(curve.repeating(), CLOCK)
     knots, polys = curve.knots - curve.start, [tuple(map(float, p.poly)) for p in curve.pieces]
@@ -201,8 +201,8 @@ def over_time(curve: MotionCurve) -> Law:
 class CurveOverMaster:
     """A drive whose coordinate is a program of the master angle, which itself is a law of time: several axes on one master.
 
-    Called with times -> position, velocity, acceleration by the chain rule. At a time where the acceleration jumps the value
-    belongs to the piece that ends there, as for all laws of time.
+    Times -> position, velocity, acceleration by the chain rule. Where the acceleration jumps, the value belongs to the piece that
+    ends there, as for all laws of time.
     """
 
     curve: MotionCurve
@@ -211,7 +211,7 @@ class CurveOverMaster:
 
     @cached_property
     def duration(self) -> float:
-        """Time of one cycle of the master, of the program where the master's is a plain speed."""
+        """Time of one cycle [s]: of the master, or of the program where the master has constant speed."""
         if isinstance(self.master, ConstantSpeed):
             return float(self.curve.length / abs(self.master.speed))
         return self.master.duration
@@ -243,7 +243,7 @@ class CurveOverMaster:
         return tuple(sorted({max(t, 0.0) for t in own if t < span * (1.0 - 1e-12)}))  # 0: between two cycles
 
     def shock(self, t: float) -> str:
-        """The jump at this time in words; empty where nothing below the jerk jumps."""
+        """The jump at this time in words; empty where neither velocity nor acceleration jumps."""
         curve, theta = self.curve, float(self.master(np.array([t]))[0][0]) + self.phase
         steps = [*jumps(curve, (1,), VELOCITY_JUMP, ends=False), *jumps(curve, (2,), ends=False)]
         off = np.array([(theta - step.angle) / curve.length for step in steps])

@@ -3,8 +3,8 @@
 A state is (value, velocity, acceleration, jerk ...) with respect to the master, as far as it is prescribed; ``None`` is free.
 
 Rises of least peak acceleration, jerk or contact force for given conditions come from linear programmes. The highest derivative is
-held constant over equal steps; the states at the steps follow exactly, so that a limit on the derivative below it holds everywhere,
-not only at the steps. The result is a ``MotionCurve`` of polynomial pieces.
+constant over equal steps. The states at the steps follow exactly, so that a limit on the derivative below it holds everywhere, not
+only at the steps. The result is a ``MotionCurve`` of polynomial pieces.
 """
 
 from __future__ import annotations
@@ -25,15 +25,15 @@ from mechcore.laws.factors import peak
 from mechcore.records import dataclass
 
 Goal = Literal["velocity", "acceleration", "jerk", "snap", "force"]
-_SHORT = 1e-9  # of a piece: what is left of it by a sign that rounding changes
-_VANISHING = 1e-9  # factor of a part of a given acceleration: below it there is nothing left of it but rounding
-_LOPSIDED = 1e12  # condition of two equations for two sizes: beyond it they say the same
+_SHORT = 1e-9  # part of a piece that a change of sign by rounding may cut off
+_VANISHING = 1e-9  # factor of a part of a given acceleration: a smaller one leaves only rounding
+_LOPSIDED = 1e12  # condition number of two equations for two sizes: beyond it they are dependent
 _ORDER = {"velocity": 1, "acceleration": 2, "jerk": 3, "snap": 4}
 
 
 @dataclass(frozen=True, eq=False)
 class OptimalLaw:
-    """The law, the peak that it reaches (of the goal), and the peaks of velocity, acceleration and jerk."""
+    """The law, its peak (of the goal), and the peaks of velocity, acceleration and jerk."""
 
     curve: MotionCurve
     peak: float
@@ -58,10 +58,10 @@ def least_peak(
 ) -> OptimalLaw:
     """The rise over ``over`` between two states with the least peak of the goal.
 
-    ``start``, ``end``: (value, velocity, acceleration, ...) with respect to the master; what is left out, or None, is free.
-    ``limits``: {order: largest size} of other derivatives. ``smooth``: the derivative held constant over the steps (all below
+    ``start``, ``end``: (value, velocity, acceleration, ...) with respect to the master; missing entries and None are free.
+    ``limits``: {order: largest size} of other derivatives. ``smooth``: the derivative that is constant over each step (all below
     are continuous); default the goal's own (bang-bang), 3 for force. Goal "force": the contact force
-    ``mass s'' + stiffness s + load`` (mass in force per unit of s'', that is m w^2), whose largest value is made least while it
+    ``mass s'' + stiffness s + load`` (mass in force per unit of s'', that is m w^2), whose largest value is minimised while it
     stays above ``least_force`` (contact kept with that margin). Raises where no law satisfies the conditions.
     """
     from scipy.optimize import linprog
@@ -155,21 +155,21 @@ class SegmentLaw(Protocol):
 
     @property
     def meets(self) -> bool:
-        """Whether it meets velocities, accelerations ... at the ends; else its own shape decides them."""
+        """Whether the law meets prescribed velocities, accelerations ... at the ends; else they follow from its shape."""
         ...
 
     def end(self, start: float) -> float | None:
-        """The value at the end where the law itself says it, from that at the start; None where it is prescribed."""
+        """The value at the end, from that at the start, where the law determines it; None where it is prescribed."""
         ...
 
     def join(self, start: BoundaryState, end: BoundaryState, over: float) -> MotionCurve:
-        """The curve from one state to the other, its values as they are, over 0 ... ``over``."""
+        """The curve from one state to the other over 0 ... ``over``, with absolute values."""
         ...
 
 
 @dataclass(frozen=True, eq=False)
 class NormalisedLaw:
-    """A normalised law, stretched from the value at the start to that at the end; ``mirrored``: run as 1 - s(1 - x)."""
+    """A normalised law, scaled from the value at the start to that at the end; ``mirrored``: used as 1 - s(1 - x)."""
 
     curve: MotionCurve
     mirrored: bool = False
@@ -187,7 +187,7 @@ class NormalisedLaw:
 
 @dataclass(frozen=True)
 class Dwell:
-    """The value stays."""
+    """A dwell: the value is constant."""
 
     meets: bool = field(default=False, init=False)
 
@@ -230,12 +230,12 @@ class Spline:
 
 @dataclass(frozen=True, eq=False)
 class GivenAcceleration:
-    """A given acceleration, integrated twice; the values at both ends decide.
+    """A given acceleration, integrated twice to meet the values at both ends.
 
-    The velocity at the start follows from them; with ``scaled`` it is the prescribed one, and the size of the acceleration
-    follows. ``balanced``: so is that, and the sizes of the positive and of the negative acceleration follow, each by its own
-    factor (of a law that leads back, those of every stretch of one sign), for the law to end at rest. Without a value at the end
-    the law returns to where it starts.
+    The velocity at the start follows from these values. ``scaled``: the velocity at the start is prescribed, and a factor of the
+    acceleration follows. ``balanced``: it is prescribed, too, and the positive and the negative acceleration have a factor each
+    (where the law leads back, every interval of one sign) by which the law ends at rest. Without a value at the end the law
+    returns to where it starts.
     """
 
     curve: MotionCurve
@@ -263,7 +263,7 @@ class GivenAcceleration:
 
 @dataclass(frozen=True, eq=False)
 class GivenVelocity:
-    """A given velocity, integrated once; where the value at the end is prescribed, the size of the velocity follows."""
+    """A given velocity, integrated once; where the value at the end is prescribed, a factor of the velocity follows."""
 
     curve: MotionCurve
     meets: bool = field(default=False, init=False)
@@ -334,9 +334,9 @@ def _conditions(
 
 
 def _balanced(curve: MotionCurve, gain: float, travel: float) -> MotionCurve:
-    """A curve whose positive and negative parts are multiplied by a factor each, or, where that does not do (as where it leads
-    back), every stretch of one sign, by factors as near to one as possible: its integral is then ``gain``, and the integral of that
-    ``travel``."""
+    """A curve whose positive and negative parts are multiplied by a factor each, so that its integral is ``gain`` and the integral
+    of that ``travel``. Where that fails (as where the law leads back) every interval of one sign has a factor, as near to one as
+    possible."""
     pieces = [part for piece in curve.pieces for part in _of_one_sign(piece)]
     signs = np.array([np.sign(p.at(0.5 * p.length, 0)[0]) for p in pieces])
     stretches = np.cumsum(np.append(False, signs[1:] != signs[:-1]))
@@ -359,7 +359,7 @@ def _balanced(curve: MotionCurve, gain: float, travel: float) -> MotionCurve:
 
 
 def _of_one_sign(piece: Piece) -> list[Piece]:
-    """A straight piece in two where it changes its sign; any other as it is."""
+    """A straight piece, split in two where its sign changes; any other piece unchanged."""
     ends = [float(piece.at(u, 0)[0]) for u in (0.0, piece.length)]
     if len(piece.waves) or len(piece.poly) > 2 or ends[0] * ends[1] >= 0.0:
         return [piece]

@@ -1,8 +1,8 @@
 """Signals: functions of time that loads and speeds follow, with their derivative and their integral in closed form.
 
 A signal is called with times (...) [s] and ``derivative`` 0 (its value), 1 or 2 (its rates) or -1 (its integral from time zero).
-``breaks`` are the times at which it changes its form; at such a time the value belongs to the piece that ends there, as for all
-laws of time. ``order`` is that of the lowest derivative that jumps there.
+``breaks`` are the breakpoints [s], at which one piece ends and another begins; there the value belongs to the piece that ends, as
+for all laws of time. ``order`` is that of the lowest derivative that jumps there.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ class Sine:
         return np.asarray(self.mean + self.amplitude * np.sin(x))
 
     def periods(self, until: float) -> float:
-        """How many periods there are from time zero until a time [s]."""
+        """Number of periods from time zero until a time [s]."""
         return abs(self.frequency) * until
 
 
@@ -82,7 +82,7 @@ class Step:
 
 @dataclass(frozen=True, kw_only=True)
 class Ramp:
-    """``before`` until the time ``begin`` [s], then evenly to ``after``, which is reached at the time ``end`` and kept."""
+    """``before`` until the time ``begin`` [s], then linearly to ``after``, which is reached at the time ``end`` and kept."""
 
     begin: float
     end: float
@@ -107,7 +107,7 @@ class Ramp:
         return np.where(t >= self.end, self.after, self.before + slope * np.clip(t - self.begin, 0.0, None))
 
     def _area(self, t: Real) -> Real:
-        """Integral of the time since ``begin``, which stands still from ``end`` on."""
+        """Integral of the time since ``begin``, which is constant from ``end`` on."""
         risen = np.clip(t - self.begin, 0.0, self.end - self.begin)
         return 0.5 * risen**2 + (self.end - self.begin) * np.maximum(t - self.end, 0.0)
 
@@ -116,8 +116,8 @@ class Ramp:
 class Chirp:
     """``mean + amplitude sin(x)`` whose frequency x' / 2 pi goes from the first of ``frequencies`` [Hz] to the second.
 
-    It does so evenly in time ("linear") or by the same factor in the same time ("exponential"), over ``duration`` [s] from time
-    zero on, and stays at the second frequency after that. ``phase``: x at time zero [rad].
+    It changes linearly ("linear") or exponentially ("exponential") in time, over ``duration`` [s] from time zero on, and stays at
+    the second frequency afterwards. ``phase``: x at time zero [rad].
     """
 
     frequencies: tuple[float, float]
@@ -146,7 +146,7 @@ class Chirp:
         return np.asarray(self.mean + self.amplitude * np.sin(x))
 
     def periods(self, until: float) -> float:
-        """How many periods there are from time zero until a time [s]."""
+        """Number of periods from time zero until a time [s]."""
         swept = float(self._angle(np.array(min(until, self.duration)))) - self.phase
         return abs(swept) / TURN + abs(self.frequencies[1]) * max(until - self.duration, 0.0)
 
@@ -190,7 +190,7 @@ class Chirp:
 
 @dataclass(frozen=True, eq=False)
 class SignalPosition:
-    """A coordinate that is ``value`` [rad or m] times a signal of time; ``duration`` of a cycle: it has none."""
+    """A coordinate that is ``value`` [rad or m] times a signal of time; ``duration`` of a cycle is infinite: there is none."""
 
     value: float
     signal: Signal
@@ -206,7 +206,8 @@ class SignalPosition:
 
 @dataclass(frozen=True, eq=False)
 class SignalSpeed:
-    """A drive whose speed is ``speed`` times a signal of time: ``start`` plus the integral of that; ``duration`` of a run [s]."""
+    """A drive whose speed is ``speed`` times a signal of time; its coordinate is ``start`` plus the integral. ``duration`` of a run
+    [s]."""
 
     start: float
     speed: float

@@ -1,4 +1,4 @@
-"""Laws and signals of time as motion curves, by which programs in C know them."""
+"""Laws and signals of time as motion curves, the form in which programs in C take them."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def _numbers(function: object) -> tuple[float, ...] | None:
 
 
 def curve_of_time(function: object) -> MotionCurve | None:
-    """The motion curve that has the values of a law of a drive or of a signal, at times from zero on; None where none has."""
+    """The motion curve that equals a drive's law or a signal at times from zero on; None where there is none."""
     if isinstance(function, Rest):
         return _one([function.position])
     if isinstance(function, ConstantSpeed):
@@ -64,5 +64,5 @@ def _swinging(mean: float, amplitude: float, frequency: float, phase: float) -> 
 
 
 def _steps(borders: Any, polys: list[Any]) -> MotionCurve:
-    """Pieces before, between and after borders (n,), the first and the last without end."""
+    """Pieces before, between and after borders (n,); the first and the last are unbounded."""
     return MotionCurve.of([borders[0] - 1.0, *borders, borders[-1] + 1.0], polys)

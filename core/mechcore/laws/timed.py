@@ -1,4 +1,4 @@
-"""Drives: a coordinate as a function of time with its exact derivatives, or free to follow from the forces."""
+"""Drives: a coordinate as a function of time with its exact derivatives, or one that follows from the forces."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ from mechcore.numerics.tape import Traced
 from mechcore.numerics.tape_functions import piecewise
 from mechcore.records import dataclass
 
-MOST_PARTS = 2.0**62  # whole numbers end soon after it
-ROUNDING = 1e-9  # of the size of a derivative: less is no jump
+MOST_PARTS = 2.0**62  # below the largest 64-bit integer
+ROUNDING = 1e-9  # least jump of a derivative, relative to its size; smaller steps are rounding
 JUMPS = ("the velocity jumps, infinite acceleration", "the acceleration jumps, infinite jerk")
 """Jumps of the first two derivatives of a law, in words."""
 
 
 @dataclass(frozen=True)
 class Free:
-    """Stands where a drive's law would: the mechanism is put together at ``start`` [rad or m], where it moves at ``speed``.
+    """In place of a drive's law: a free coordinate. The mechanism is assembled at ``start`` [rad or m] and starts at ``speed``.
 
     As a law it is the straight line through the start; forward dynamics replaces it by the motion that it finds.
     """
@@ -70,7 +70,7 @@ class Law(Protocol):
 
 @dataclass(frozen=True)
 class Rest:
-    """A coordinate that stays where it is, a held input. ``lasts``: time of the motion that says so, 0 where it says none [s]."""
+    """A constant coordinate, a held input. ``lasts``: time of a cycle where the drive states one, else 0 [s]."""
 
     position: float
     lasts: float = 0.0
@@ -89,7 +89,7 @@ class Rest:
 
 
 def moves(law: Law) -> bool:
-    """Whether a law moves its drive: no `Rest`, and no constant speed of zero."""
+    """Whether a law moves its drive: it is neither `Rest` nor a constant speed of zero."""
     return not (isinstance(law, Rest) or (isinstance(law, ConstantSpeed) and law.speed == 0.0))
 
 
@@ -144,7 +144,8 @@ class Oscillation:
 class Piecewise:
     """Polynomial pieces: on ``(knots[k], knots[k+1]]`` the value is ``sum_j coefficients[k][j] (t - knots[k])^j``.
 
-    Before the first and after the last knot the law either repeats (``advance`` is added per cycle) or is refused by the scene.
+    Before the first knot the first piece is continued. After the last knot the law repeats (``advance`` is added per cycle), where
+    the scene allows such times.
     """
 
     knots: tuple[float, ...]
@@ -174,7 +175,7 @@ class Piecewise:
         return tuple(float(k) for k in inner[jumping] - self.knots[0])
 
     def _steps(self, order: int) -> tuple[Real, float]:
-        """How far a derivative jumps where each piece (n) begins, the first one after the last one, and its size."""
+        """The step of a derivative at the start of each piece (n), the first against the end of the last, and the size of it."""
         if order >= len(self._table):
             return np.zeros(len(self.coefficients)), 1e-300
         degrees, lengths = np.arange(len(self._table) - order), np.diff(self.knots)
@@ -183,7 +184,7 @@ class Piecewise:
         return factors[0] - np.roll(parts.sum(axis=0), 1), max(float(np.abs(parts).sum(axis=0).max()), 1e-300)
 
     def shock(self, t: float) -> str:
-        """The jump at one of the ``breaks``, or between two cycles, in words; empty where nothing below the jerk jumps."""
+        """The jump at one of the ``breaks``, or between two cycles, in words; empty where velocity and acceleration do not jump."""
         begins = np.asarray(self.knots[:-1]) - self.knots[0]
         off = (t - begins) / self.duration
         piece = int(np.argmin(np.abs(off - np.round(off))))
@@ -200,14 +201,15 @@ class Piecewise:
         return q + cycle * self.advance, v, a
 
     def place(self, t: Real) -> tuple[Real, NDArray[np.intp]]:
-        """The cycle and the piece in which times (...) are."""
+        """The cycle and the piece that contain each of the times (...)."""
         cycle = np.ceil((t - self.knots[0]) / self.duration) - 1.0  # half-open on the left: the end of a cycle belongs to it
         cycle = np.maximum(cycle, 0.0)
         piece = np.searchsorted(self.knots, t - cycle * self.duration, side="left") - 1
         return cycle, np.clip(piece, 0, len(self.coefficients) - 1)
 
     def on_piece(self, piece: NDArray[np.intp], u: Real) -> Triple:
-        """Position, velocity and acceleration on pieces (...) at times ``u`` (...) after their beginnings, or beyond their ends."""
+        """Position, velocity and acceleration on pieces (...) at times ``u`` (...) after their starts; pieces continue beyond
+        their ends."""
         q, v, a = np.zeros_like(u), np.zeros_like(u), np.zeros_like(u)
         for ck in self._table[:, piece][::-1]:  # Horner, value and two derivatives at once
             a = a * u + 2.0 * v
@@ -264,20 +266,20 @@ class Table:
 
     @property
     def straight(self) -> bool:
-        """Whether it is straight lines between the points."""
+        """Whether the table is linear between the points."""
         return _is_straight(self.x, self.period, self.smooth)
 
     @property
     def knots(self) -> tuple[float, ...]:
-        """Arguments within the range at which some derivative jumps: the points, of a spline its ends, of a periodic one none."""
+        """Arguments within the range at which a derivative jumps: the points; of a spline its ends; of a periodic spline none."""
         if self.smooth != "spline" or self.straight:
             return self.x
         return (self.x[0], self.x[-1]) if self.period is None else ()
 
     @property
     def overshoot(self) -> tuple[float, int]:
-        """How far it leaves the range of the two points between which it is, relative to the range of all, and which pair of
-        points that is, from 0."""
+        """Largest distance outside the range of the two neighbouring points, relative to the range of all, and the index of that
+        pair of points, from 0."""
         x, y = np.asarray(self.x, float), np.asarray(self.y, float)
         if self.smooth != "spline" or self.straight:
             return 0.0, 0
@@ -299,17 +301,17 @@ class Table:
         return value if derivative == 0 else np.where(x == inside, value, 0.0)
 
     def pieces(self) -> tuple[Real, Real]:
-        """Borders (n + 1,) and coefficients (n, 4) of its polynomials of what is beyond the lower border, highest power first."""
+        """Borders (n + 1,) and coefficients (n, 4) of its polynomials in the distance from the lower border, descending powers."""
         from scipy.interpolate import PPoly
 
         spline: Any = PPoly.from_spline(self._spline) if self.straight else self._spline
-        used = np.diff(spline.x) > 0.0  # of a straight one the end knots come twice
+        used = np.diff(spline.x) > 0.0  # the end knots of a linear spline are double
         coefficients = np.zeros((int(used.sum()), 4))
         coefficients[:, 4 - len(spline.c) :] = spline.c.T[used]
         return np.unique(spline.x), coefficients
 
     def part(self, x: ArrayLike) -> NDArray[np.int64]:
-        """Between which of its ``knots`` the table is at arguments (...): a whole number."""
+        """Number of the interval between its ``knots`` that contains each argument (...)."""
         x = np.asarray(x, float)
         knots = np.asarray(self.knots, float)
         if self.period is None:
@@ -323,7 +325,7 @@ def _is_straight(x: Sequence[float], period: float | None, smooth: Smoothness) -
     return not smooth or len(x) < 2 + (period is None)
 
 
-@lru_cache(maxsize=256)  # another value of a scene leaves most of its tables as they are
+@lru_cache(maxsize=256)  # a change of a scene leaves most of its tables as they are
 def _interpolation(knots: tuple[float, ...], values: tuple[float, ...], period: float | None, smooth: Smoothness) -> object:
     from scipy.interpolate import CubicHermiteSpline, CubicSpline, PchipInterpolator, make_interp_spline
 
@@ -342,7 +344,8 @@ def _interpolation(knots: tuple[float, ...], values: tuple[float, ...], period: 
 
 
 def _overshoot(x: Real, y: Real, curve: Any) -> tuple[float, int]:
-    """How far a piecewise polynomial leaves the range of two neighbouring points, relative to that of all, and which two."""
+    """Largest distance of a piecewise polynomial outside the range of two neighbouring points, relative to the range of all, and
+    the index of these two."""
     extreme = np.ravel(curve.derivative().roots(extrapolate=False))
     extreme = extreme[np.isfinite(extreme) & (extreme >= x[0]) & (extreme <= x[-1])]
     if not len(extreme):
@@ -386,8 +389,8 @@ class TableLaw:
 
     @property
     def overshoot(self) -> tuple[float, int]:
-        """How far the motion leaves the range of the two rows between which it is, relative to the range of all, and which pair of
-        rows that is, from 0."""
+        """Largest distance of the motion outside the range of the two neighbouring rows, relative to the range of all, and the
+        index of that pair of rows, from 0."""
         from scipy.interpolate import PPoly
 
         t, motion = np.asarray(self.t, float), PPoly.from_spline(self._spline)
@@ -417,7 +420,7 @@ class TableLaw:
 
 
 def timed(laws: Iterable[Law]) -> list[Law]:
-    """Those of some laws that may change their form at times that they state, see `next_break`."""
+    """Those of some laws that have breakpoints, see `next_break`."""
     return [law for law in laws if law.breaks or isinstance(law, Piecewise)]
 
 

@@ -22,8 +22,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class PlacedRoller:
-    """``links`` are those of the joint. A place w of the theory's ground axes in the plane lies at ``centre + axes w`` on the
-    ``carrier``; ``guide`` is the joint that guides the driven link, ``bed`` the one on which a driving link slides.
+    """A roller in a groove or on a rib, in its mechanism. ``links`` are those of the joint. A point w of the theory's ground axes
+    in the plane is ``centre + axes w`` on the ``carrier``; ``guide`` is the joint that guides the driven link, ``bed`` the one on
+    which a driving link slides.
 
     ``own``: where the theory's origin lies in the axes of the link that carries the groove.
     """
@@ -50,7 +51,7 @@ class PlacedRoller:
 
     @property
     def pace(self) -> float:
-        """How far the driven coordinate goes on per unit of the law's argument, on average; 0 where it returns."""
+        """Mean travel of the driven coordinate per unit of the law's argument; 0 where it returns."""
         return 0.0
 
     @property
@@ -74,7 +75,7 @@ class PlacedRoller:
         return np.where(known, values, np.nan)
 
     def known(self, argument: ArrayLike) -> tuple[Real, Flags]:
-        """Arguments put on the law's knots, those that are NaN replaced by its start, and which are known."""
+        """Arguments by `on_knots`, with the law's start in place of NaN; and which of them are not NaN."""
         x = on_knots(self.cam.law, np.multiply(argument, 1.0))
         known = np.isfinite(x)
         return np.where(known, x, self.cam.law.start), known
@@ -97,7 +98,7 @@ class PlacedRoller:
         return motion.of_point(k, 0j) + motion.rotation(k) * (self.centre + self.axes * w)
 
 
-STEEPEST = np.radians(89.0)
+STEEPEST = np.radians(89.0)  # pressure angle from which on a groove cannot drive
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -168,14 +169,14 @@ class PlacedInverse(PlacedRoller):
                 )
 
     def argument(self, motion: Motion) -> Real:
-        """The law's argument (F): of a crank [rad] within half a turn of the middle of its way, of a slide [m]."""
+        """The law's argument (F): of a crank [rad] within half a turn of the middle of its travel, of a slide [m]."""
         return self._near(super().argument(motion))
 
     def known(self, argument: ArrayLike) -> tuple[Real, Flags]:
         return super().known(self._near(cast(Real, argument)))
 
     def _near(self, x: Real) -> Real:
-        """Angles of a crank in the turn in which the law is given, however far the crank has turned."""
+        """Angles of a crank reduced to the turn about the middle of its travel, however far the crank has turned."""
         middle = 0.5 * (self.travel[0] + self.travel[1])
         return x if self.bed is not None else x - 2.0 * np.pi * np.rint((x - middle) / (2.0 * np.pi))
 
@@ -183,7 +184,8 @@ class PlacedInverse(PlacedRoller):
         return f"{as_coordinate(x, rotary=self.bed is None)} of the {'crank' if self.bed is None else 'slide'}"
 
     def _at(self, motion: Motion) -> tuple[Complex, Complex, Plane]:
-        """Roller's centre, normal of the groove, and how fast a point there moves with the coordinate; the theory's ground axes."""
+        """Roller's centre, normal of the groove, and velocity of a driven point there per unit rate of its coordinate, in the
+        theory's ground axes."""
         theta, known = self.known(self.argument(motion))
         pin, q = self.cam.pin(theta, 0)[0], self.cam.law(theta, 0)[0]
         turned = np.exp(1j * q) if self.cam.turns else 1.0
@@ -200,7 +202,7 @@ class PlacedInverse(PlacedRoller):
         return self.place(motion, pin + self.cam.radius * push), direction * world
 
     def pressing(self, motion: Motion, reaction: Complex) -> Real:
-        """Force along the normal (F) [N], positive where it drives the link the way its coordinate grows."""
+        """Force along the normal (F) [N], positive where it drives the link towards larger coordinates."""
         return np.asarray(np.real(reaction * np.conj(self.rows(motion).normal)))
 
     def pressure_angles(self, motion: Motion) -> dict[str, Real]:
@@ -208,7 +210,7 @@ class PlacedInverse(PlacedRoller):
         return {"": self.rows(motion).pressure_angle}
 
     def rows(self, motion: Motion, multiplier: Values = 1.0) -> ContactRows:
-        """The contact over a motion; the sign of ``multiplier`` says which flank carries."""
+        """The contact over a motion; the sign of ``multiplier`` gives the flank that carries."""
         return motion.over_parts(self._rows, np.broadcast_to(multiplier, (motion.frames,)))
 
     def _rows(self, motion: Motion, multiplier: Values) -> ContactRows:

@@ -26,14 +26,14 @@ if TYPE_CHECKING:
     from mechcore.laws.curve import MotionCurve
     from mechcore.motion.motion import Motion
 
-LEAST_PART, RADIUS_HALVINGS = 0.01, 20  # of the radius of a pitch curve: smaller rollers are not proposed
-KNOT_DISTANCE = 1e-12  # arguments closer to a knot of the law than this part of its length are on it
+LEAST_PART, RADIUS_HALVINGS = 0.01, 20  # smallest roller that is proposed, over the pitch curve's radius; bisections for it
+KNOT_DISTANCE = 1e-12  # distance from a knot, relative to the law's length, below which an argument is on it
 
 
 def on_knots(law: MotionCurve, x: Real) -> Real:
-    """Arguments that rounding has moved off a knot of a law put back on it.
+    """The arguments, moved onto a knot of the law where they differ from it by rounding only.
 
-    Where the law's derivatives jump, kinematics and contact would else take different sides.
+    Otherwise kinematics and contact could take different sides of a knot at which the law's derivatives jump.
     """
     knots = np.asarray(law.knots)
     local = np.mod(x - law.start, law.length) + law.start if law.repeats else x
@@ -47,8 +47,7 @@ def on_knots(law: MotionCurve, x: Real) -> Real:
 
 
 def argument_of(cam: object, motion: Motion) -> Real:
-    """Place of the driving link of a placed cam in its law (F): [rad] within one turn of ``links[0]`` on the ``carrier``, or [m]
-    on its ``bed``."""
+    """The argument of a placed cam's law (F): [rad] within one turn of ``links[0]`` on the ``carrier``, or [m] on its ``bed``."""
     return motion.over_parts(partial(_argument, cam))
 
 
@@ -62,7 +61,7 @@ def _argument(cam: Any, motion: Motion) -> Real:
 
 
 def segment_of(cam: Any, motion: Motion, knots: Real | None = None) -> Real:
-    """Number of the segment of the law in which a placed cam is, by frame (F); between some of its ``knots`` only, if stated."""
+    """Number of the segment of the law in which a placed cam is, by frame (F); ``knots``: ends of segments, if not all knots."""
     law = cam.cam.law
     x = cam.argument(motion) * cam.ahead
     local = np.mod(x - law.start, law.length) + law.start if law.repeats else x
@@ -72,11 +71,12 @@ def segment_of(cam: Any, motion: Motion, knots: Real | None = None) -> Real:
 
 @dataclass(frozen=True, eq=False)
 class ContactRows:
-    """Where cam and follower touch over the frames (F): ``place`` in the world; NaN where there is nothing to say.
+    """The contact of cam and follower over the frames (F); NaN where it is not defined.
 
-    Of two flanks (groove, yoke, conjugate pair) all is said of the one that carries. ``normal``: from the cam to the follower.
-    ``angle``: argument of the law; ``pressure_angle`` [rad]; ``radius`` of curvature of the profile [m]; ``eccentricity`` on a flat
-    face [m]; ``coordinate``: of the follower, base included; ``lift``: above the base circle.
+    With two flanks (groove, yoke, conjugate pair) the values are those of the flank that carries. ``place``: in the world;
+    ``normal``: from the cam to the follower. ``angle``: argument of the law; ``pressure_angle`` [rad]; ``radius`` of curvature of
+    the profile [m]; ``eccentricity`` on a flat face [m]; ``coordinate``: of the follower, base included; ``lift``: above the base
+    circle.
     """
 
     angle: Real
@@ -91,9 +91,10 @@ class ContactRows:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class PlacedCam:
-    """A cam whose own theory (axes: origin O, translating followers move up) lies at ``centre + axes z`` on its carrier.
+    """A plane cam in its mechanism. A point z of the theory's ground axes (origin O, translating followers move up) is
+    ``centre + axes z`` on the carrier.
 
-    A point z of the cam's theoretical axes is ``own + mount z`` in the axes of its link. A yoke touches on two opposite sides.
+    A point z of the theory's axes of the cam is ``own + mount z`` in the axes of its link. A yoke touches on two opposite sides.
     """
 
     name: str
@@ -113,14 +114,14 @@ class PlacedCam:
     phase: float
     pressure_limit: float | None
     curvature_limit: float | None = None  # least radius of the convex profile [m]
-    decides: str | None = None  # of a base circle that is the least for its limits: which of them
+    decides: str | None = None  # the limit that decides, where the base circle is the least for its limits
     ahead: float = 1.0  # of a wedge: the law's x over the argument
     mate: PlacedCam | None = None  # the second cam of a conjugate pair, which touches where the first would have to pull
-    second: SecondRoller | None = None  # which follows that cam
-    given: Contour | None = None  # the profile, where it is not the one that the law asks for; the theory's axes
+    second: SecondRoller | None = None  # the roller that follows that cam
+    given: Contour | None = None  # the profile in the theory's axes, where it is not that of the law
     bridges: tuple[Bridge, ...] = ()  # where the contact leaps on a given profile
-    intended: Cam | None = None  # what was to be cut, where the cutter leaves something else
-    lost: tuple[tuple[float, float], ...] = ()  # ranges of the law's angle that the cutter takes away
+    intended: Cam | None = None  # the cam as designed, where the cutter leaves another profile
+    lost: tuple[tuple[float, float], ...] = ()  # ranges of the law's angle that the cutter removes
     knot_angles: tuple[float, ...] | None = None  # of a given profile: angles at which the law's derivatives may jump
 
     @property
@@ -130,7 +131,7 @@ class PlacedCam:
 
     @property
     def pace(self) -> float:
-        """How far the follower goes on per unit of the law's argument, on average: it returns."""
+        """Mean travel of the follower per unit of the law's argument: zero, as it returns."""
         return 0.0
 
     @property
@@ -150,7 +151,7 @@ class PlacedCam:
 
     @cached_property
     def zero(self) -> float:
-        """The follower's coordinate at zero lift: at the law's start, of a given profile the least one."""
+        """The follower's coordinate at zero lift: at the law's start; for a given profile, the least coordinate."""
         law = self.cam.law
         if self.given is None or self.intended is not None:
             return float((law if self.intended is None else self.intended.law).pieces[0].at(0.0, 0)[0])
@@ -167,7 +168,8 @@ class PlacedCam:
         return self.form and not self.yoke and self.mate is None
 
     def beside(self, cam: Cam) -> tuple[Cam, ...]:
-        """The other profile that the joint has beside ``cam``: the outer flank of a groove, the second cam of a conjugate pair."""
+        """The other profiles of the joint beside ``cam``: the outer flank of a groove, the second cam of a conjugate pair, or
+        none."""
         if self.second is not None:
             return (self.second.cam(cam),)
         return outer_flank(cam) if self.groove else ()
@@ -179,7 +181,7 @@ class PlacedCam:
 
     @cached_property
     def contour(self) -> Contour:
-        """The profile in the theory's axes of the cam, of a groove its inner flank."""
+        """The profile in the theory's axes of the cam; of a groove, its inner flank."""
         return cam_contour(self.cam) if self.given is None else self.given
 
     @property
@@ -197,16 +199,16 @@ class PlacedCam:
         return np.where(known, s, np.nan)
 
     def known(self, argument: ArrayLike) -> tuple[Real, Flags]:
-        """Places in the law put on its knots, those that are NaN replaced by its start, and which are known."""
+        """The law's x at arguments, by `on_knots`, with the law's start in place of NaN; and which of them are not NaN."""
         x = on_knots(self.cam.law, np.multiply(argument, self.ahead))
         known = np.isfinite(x)
         return np.where(known, x, self.cam.law.start), known
 
     def check(self, *, second: bool = False) -> None:
-        """Raises where the cam cannot be cut, or where a yoke does not fit; ``second``: of a conjugate pair, whose base circle
-        follows from the first."""
+        """Raises where the cam cannot be cut, or where a yoke does not fit; ``second``: it is the second cam of a conjugate pair,
+        whose base circle follows from the first."""
         cam, face, guide = self.cam, self.cam.follower.face, self.cam.follower.guide
-        if cam.law.extended:  # stands for one beside it, which has no corners where its pieces do not join
+        if cam.law.extended:  # moved for derivatives: pieces that do not join are no corners
             return
         if self.yoke:
             if isinstance(guide, Oscillating) or abs(face.tilt) > 0.0:  # type: ignore[union-attr]  # flat here
@@ -265,8 +267,8 @@ class PlacedCam:
         )
 
     def _largest_radius(self, most: float, outer: bool) -> float | None:
-        """The largest radius up to ``most`` that follows the law on the same base circle, on which a smaller roller has a smaller
-        pitch curve; None where none does."""
+        """The largest roller radius [m] up to ``most`` that follows the law on the same base circle, on which a smaller roller has
+        a smaller pitch curve; None where none does."""
         cam = self.cam
         if cam.wedge:
             return most
@@ -289,7 +291,7 @@ class PlacedCam:
         return low
 
     def _remedy(self) -> str:
-        """The least base circle without undercut, in words without a full stop."""
+        """A remedy that gives the least base circle without undercut, in words without a full stop."""
         if self.cam.wedge:
             return "Stretch the segments"
         try:
@@ -322,7 +324,8 @@ class PlacedCam:
         )
 
     def contact(self, motion: Motion, multiplier: Values) -> tuple[Plane, Plane]:
-        """Where the force acts; force on the follower per multiplier, which is its part (or moment over the arm) along the lift."""
+        """Where the force acts, and the force on the follower per unit of the multiplier, which is its component along the lift
+        (or its moment over the arm)."""
         s = self.at(motion)
         n, touch = s.ground_normal, s.contact
         guide, carried = self.cam.follower.guide, cast(Real, np.real(multiplier))
@@ -354,7 +357,7 @@ class PlacedCam:
         return np.where(other > along, -1.0, 1.0) * np.abs(reaction)
 
     def _other(self, motion: Motion, s: Synthesis) -> tuple[Synthesis, complex]:
-        """The other flank of a groove, face of a yoke or cam of a pair, and what turns its ground axes into this one's."""
+        """The other flank of a groove, face of a yoke or cam of a pair, and the number that turns its ground axes into these."""
         if self.mate is not None:
             return self.mate.at(motion), self.mate.axes / self.axes
         if self.yoke:
@@ -362,13 +365,13 @@ class PlacedCam:
         return replace(s, cam=replace(self.cam, outer=True)), 1.0
 
     def pressure_angles(self, motion: Motion) -> dict[str, Real]:
-        """Pressure angles (F) [rad] that are to keep to a limit, by what has them, in words: of a conjugate pair those of both
-        cams, whichever carries."""
+        """Pressure angles (F) [rad] to which a limit applies, by words that name the cam: of a conjugate pair those of both cams,
+        whichever carries."""
         own = self.at(motion).pressure_angle
         return {"": own} if self.mate is None else {"": own, " of the second cam": self.mate.at(motion).pressure_angle}
 
     def rows(self, motion: Motion, multiplier: Values = 1.0) -> ContactRows:
-        """The contact over a motion; the sign of ``multiplier`` says which flank carries."""
+        """The contact over a motion; the sign of ``multiplier`` gives the flank that carries."""
         return motion.over_parts(self._rows, np.broadcast_to(multiplier, (motion.frames,)))
 
     def _rows(self, motion: Motion, multiplier: Values) -> ContactRows:

@@ -22,13 +22,13 @@ if TYPE_CHECKING:
     from mechcore.motion.motion import Motion
     from mechcore.spec.mechanism import SpatialBlank
 
-RIB_WIDTH = 0.05  # of the distance of two rollers: what a rib between them needs
+RIB_WIDTH = 0.05  # least width of a rib, over the distance of the two rollers beside it
 
 
 def room_of_rollers(blank: SpatialBlank, arm: float, inner: float) -> float:
-    """The radius of a turret's rollers between which there is no room left for a rib [m]; infinite where there is one roller.
+    """The radius [m] of a turret's rollers from which on there is no room for a rib between two; infinite for a single roller.
 
-    ``arm``: of the rollers' middles about the pivot, ``inner``: of their inner ends, from there of a globoid's [m].
+    ``arm``: distance of the rollers' middles from the pivot, ``inner``: that of the inner ends of a globoid's rollers [m].
     """
     if not blank.rollers:
         return np.inf
@@ -37,7 +37,7 @@ def room_of_rollers(blank: SpatialBlank, arm: float, inner: float) -> float:
 
 @dataclass(frozen=True, eq=False)
 class FlankSliding:
-    """One sliding of the roller on its flank over the frames (F): a unit of friction along it on the follower is the force
+    """One direction of sliding of the roller on its flank over the frames (F). Unit friction in it on the follower is the force
     ``along`` in the plane at ``place``, the opposite on the cam there, and the couple ``twist`` [m] on the cam against the carrier.
 
     ``rate``: of sliding, follower against cam [m/s].
@@ -51,9 +51,9 @@ class FlankSliding:
 
 @dataclass(frozen=True, eq=False)
 class _Touch:
-    """Where roller and flank touch, in the theory's ground axes (F, 3): ``axis`` point in the middle of the roller, ``normal`` from
-    the cam to the roller on the lifting flank, direction ``a`` of the roller's axis; ``lift`` how the follower moves there for a
-    unit of its coordinate, over the arm."""
+    """The contact of roller and flank in the theory's ground axes (F, 3): ``axis`` point in the middle of the roller, ``normal``
+    from the cam to the roller on the lifting flank, direction ``a`` of the roller's axis; ``lift``: velocity of the follower there
+    for a unit rate of its coordinate, over the arm."""
 
     axis: Real
     normal: Real
@@ -63,8 +63,9 @@ class _Touch:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class PlacedSpatial(PlacedRoller):
-    """A place y + i z (barrel) or x + i z (globoid) of the theory's ground axes in the plane lies at ``centre + axes w``, so that
-    the cam's axis has the direction ``1j axes``; ``centre`` is the cam's pin on the carrier, ``own`` on the cam's link.
+    """A spatial cam in its mechanism. A point w = y + i z (barrel) or x + i z (globoid) of the theory's ground axes is
+    ``centre + axes w`` in the plane, so that the cam's axis has the direction ``1j axes``; ``centre`` is the cam's pin on the
+    carrier, ``own`` on the cam's link.
     """
 
     cam: SpatialCam
@@ -84,12 +85,12 @@ class PlacedSpatial(PlacedRoller):
 
     @property
     def middle(self) -> float:
-        """Of the roller, along its axis [m]."""
+        """The middle of the roller along its axis [m]."""
         return 0.5 * (self.cam.inner + self.cam.outer)
 
     @property
     def pace(self) -> float:
-        """How far a turret goes on per angle of the cam, on average; 0 of a follower that returns."""
+        """Mean rotation of a turret per angle of the cam; 0 for a follower that returns."""
         return self.cam.law.advance / self.cam.law.length if self.blank.rollers else 0.0
 
     def argument(self, motion: Motion) -> Real:
@@ -98,8 +99,8 @@ class PlacedSpatial(PlacedRoller):
         return np.mod(x - law.start, law.length) + law.start if self.blank.rollers else x
 
     def limits(self, count: int = 720, layers: int = LAYERS) -> list[SpatialLimits]:
-        """Extremes over its flanks, and of a turret over the other sides of the ribs next to the middle, too, which the rollers
-        before and after follow; its own first."""
+        """Extremes over the flanks of the roller; for a turret then those over the flanks of the rollers before and after it, on
+        the far sides of the ribs beside the middle."""
         cams = [(self.cam, (1, -1) if self.form else (1,))]
         if self.blank.rollers:
             step = 2.0 * np.pi / self.blank.rollers
@@ -107,7 +108,7 @@ class PlacedSpatial(PlacedRoller):
         return [spatial_limits(cam, sides, count, layers) for cam, sides in cams]
 
     def greatest_roller(self, limits: list[SpatialLimits]) -> float:
-        """The radius from which on rollers undercut a flank, or leave no room for a rib between those of a turret [m]."""
+        """The radius [m] from which on rollers undercut a flank, or leave no room for a rib between two rollers of a turret."""
         room = room_of_rollers(self.blank, self.arm, self.cam.inner)
         return min(room, *(each.greatest_roller.value for each in limits))
 
@@ -138,7 +139,7 @@ class PlacedSpatial(PlacedRoller):
         return _Touch(axis * lost, flank._normals[0][:, 0] * lost, a, self.cam.mount.carried(axis) / self.scale)
 
     def _shadow(self, x: Real) -> Complex:
-        """Vectors (F, 3) as the plane sees them (F)."""
+        """Projections (F) of vectors (F, 3) on the plane."""
         first = x[:, 0] if isinstance(self.cam.mount, Globoid) else x[:, 1]
         return np.asarray(first + 1j * x[:, 2])
 
@@ -153,7 +154,7 @@ class PlacedSpatial(PlacedRoller):
     # -- in the plane -------------------------------------------------------------------------------------------------
 
     def contact(self, motion: Motion, multiplier: Values) -> tuple[Plane, Plane]:
-        """Where the roller touches, and the force there on the follower per multiplier, which is its part along the lift."""
+        """Where the roller touches, and the force there on the follower per multiplier, which is its component along the lift."""
         t = self._touch(motion)
         pulls = np.asarray(multiplier).real < 0.0 if self.form else np.zeros(motion.frames, bool)
         at = self._shadow(self._point(t, np.broadcast_to(pulls, (motion.frames,))))
@@ -161,8 +162,8 @@ class PlacedSpatial(PlacedRoller):
         return self.place(motion, at), force * self.world(motion)
 
     def couple(self, motion: Motion, place: Plane, force: Plane) -> Values:
-        """Couple [N m] on the cam of what its bearings carry, under a force along the normal on the follower: the moment in the
-        plane about the cam's pin less that about the cam's axis."""
+        """Couple [N m] on the cam that its bearings carry, under a force along the normal on the follower: the moment in the plane
+        about the cam's pin less that about the cam's axis."""
         t = self._touch(motion)
         n = self._shadow(t.normal) * self.world(motion)
         size = np.real(np.conj(n) * force) / np.abs(n) ** 2
@@ -176,11 +177,11 @@ class PlacedSpatial(PlacedRoller):
         return np.asarray(np.imag(np.conj(w) * f) - turning)
 
     def rubbing(self, motion: Motion, flank: Values) -> tuple[FlankSliding, FlankSliding, Real]:
-        """The roller against its flank across its axis, where it rolls, and along it, where it slides; and how much of the normal
-        force lies in the plane (F). ``flank``: negative where the other flank of a groove is pressed.
+        """The sliding of roller and flank across the roller's axis, where it becomes rolling, and along the axis; and `seen` (F).
+        ``flank``: negative where the other flank of a groove is pressed.
 
-        Along its axis a roller slides as the place of contact is not where its axis is: at a pressure angle alpha the cam's surface
-        has there the speed omega r sin(alpha) along a radial roller.
+        A roller slides along its axis because the contact does not lie on the axis: at a pressure angle alpha the cam's surface
+        there has the speed omega r sin(alpha) along a radial roller.
         """
         t = self._touch(motion)
         pulls = np.broadcast_to(np.asarray(flank).real < 0.0, (motion.frames,)) if self.form else np.zeros(motion.frames, bool)
@@ -201,7 +202,7 @@ class PlacedSpatial(PlacedRoller):
         return directions[0], directions[1], self.seen(motion)
 
     def seen(self, motion: Motion) -> Real:
-        """How much of the normal force lies in the plane (F)."""
+        """Share of the normal force that lies in the plane (F)."""
         return np.abs(self._shadow(self._touch(motion).normal))
 
     def pressing(self, motion: Motion, reaction: Complex) -> Real:
@@ -219,7 +220,7 @@ class PlacedSpatial(PlacedRoller):
         return {" over the roller's length": np.where(np.isfinite(angle), steep, np.nan)}
 
     def rows(self, motion: Motion, multiplier: Values = 1.0) -> ContactRows:
-        """The contact in the middle of the roller over a motion; ``place`` is that of the roller, as the plane sees it."""
+        """The contact in the middle of the roller over a motion; ``place`` is that of the roller's axis, projected on the plane."""
         return motion.over_parts(self._rows, np.broadcast_to(multiplier, (motion.frames,)))
 
     def curvature_sum(self, motion: Motion, multiplier: Values) -> Real:
@@ -261,11 +262,11 @@ class PlacedSpatial(PlacedRoller):
 def roller_speed(motion: Motion, cam: PlacedCam | PlacedInverse | PlacedSpatial, force: Values = 1.0, above: int = 0) -> Real:
     """Angular velocity of the roller in the world (F) [rad/s]: its surface moves with the cam's where they touch.
 
-    ``force``: along the normal (F); where it is negative the far flank of a groove carries, and the roller turns the other way.
-    Of a conjugate pair: the first roller; that of its second cam is the roller of ``cam.mate``. Of an inverse cam the roller on
-    the crank. Of barrel, rib and end cams: about the axis towards the viewer, half way along the roller; ``above`` 1 or -1 says
-    on which side of a rib it lies, along the axis. Of a globoid: against the arm, about the direction from its pivot to the
-    roller. Raises ``ValueError`` for a face that is none.
+    ``force``: along the normal (F); where it is negative the far flank of a groove carries, and the roller turns in the other
+    sense. Of a conjugate pair: the first roller; that of its second cam is the roller of ``cam.mate``. Of an inverse cam: the
+    roller on the crank. Of barrel, rib and end cams: about the axis towards the viewer, in the middle of the roller; ``above`` 1
+    or -1: on which side of a rib the roller lies, along the cam's axis. Of a globoid: relative to the arm, about the direction
+    from its pivot to the roller. Raises ``ValueError`` where the face is no roller.
     """
     if not isinstance(cam.face, Roller):
         raise ValueError(f"'{cam.name}' has no roller")
@@ -309,7 +310,7 @@ def _in_slot(motion: Motion, cam: PlacedInverse, force: Values) -> Real:
 
 
 def _in_space(motion: Motion, cam: PlacedSpatial, force: Values, above: int) -> Real:
-    """Sliding past the roller across its axis is rolled off; an arm beside a barrel carries the roller round."""
+    """`roller_speed` of a spatial cam: sliding across the axis becomes rolling; an arm beside a barrel adds its own rotation."""
     flank = np.broadcast_to(np.asarray(above or force, float), (motion.frames,))
     across, _, _ = cam.rubbing(motion, flank)
     side = np.where(flank < 0.0, -1.0, 1.0) if cam.form else 1.0
@@ -322,7 +323,7 @@ def _in_space(motion: Motion, cam: PlacedSpatial, force: Values, above: int) -> 
 
 
 def roller_angle(motion: Motion, cam: PlacedCam | PlacedInverse | PlacedSpatial, force: Values = 1.0, above: int = 0) -> Real:
-    """How far the roller has turned against the link that carries it since the first frame (F) [rad]: trapezoids between frames."""
+    """Angle (F) [rad] by which the roller has turned against its link since the first frame, by the trapezoidal rule."""
     link = cam.links[0] if isinstance(cam, PlacedInverse) else cam.links[1]
     own = np.broadcast_to(np.asarray(motion.velocity(link)[:, 2], float), (motion.frames,))
     if isinstance(cam, PlacedSpatial) and cam.blank.kind == "globoid":
