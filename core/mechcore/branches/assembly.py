@@ -1,4 +1,4 @@
-"""Assembly modes: how each group is put together at the start. Stated in the mechanism or taken from its sketch, never guessed."""
+"""Assembly of the groups at the start. Assembly modes are stated in the mechanism or taken from its sketch, never guessed."""
 
 from __future__ import annotations
 
@@ -35,17 +35,20 @@ _MOST_CHOICES = 2  # groups whose modes are listed in all combinations
 
 @dataclass(frozen=True)
 class Assembly:
-    """``modes``: +1 or -1 for each block (0 where there is no choice). ``starts``: unknowns of general blocks at the start."""
+    """A mechanism as assembled. ``modes``: +1 or -1 for each block (0 where there is no choice); ``starts``: unknowns of general
+    blocks at the start."""
 
     modes: tuple[float, ...]
-    starts: dict[str, Real]  # and angles of groups, "angle <group>", beyond one turn
+    starts: dict[str, Real]  # also angles of groups beyond one turn, "angle <group>"
     constants: tuple[float, ...]  # of the relations
     state: State  # positions at the start
 
 
 def assemble(model: Model, drives: Sequence[float], *, others: bool = True) -> Assembly:
-    """Put the mechanism together at the drives' first positions. Raises `MechanismError` with all faults that show; ``others``:
-    where a group does not fit, the remedy names another assembly mode in which it does."""
+    """Assemble the mechanism at the drives' first positions. Raises `MechanismError` with all faults found.
+
+    ``others``: where a group cannot be assembled, the remedy names another assembly mode in which it can.
+    """
     faults: list[Fault] = []
     stated = stated_modes(model)
     constants = [0.0] * len(model.relations)
@@ -93,14 +96,13 @@ def assemble(model: Model, drives: Sequence[float], *, others: bool = True) -> A
 
 
 def starts_of(model: Model, state: State, shape: tuple[int, ...] = ()) -> dict[str, Real]:
-    """Starts from which solved positions (*shape) are continued: unknowns of general blocks, and angles of groups beyond one
-    turn."""
+    """Newton starts for continuing solved positions (*shape): unknowns of general blocks, and angles of groups beyond one turn."""
     starts = {name: np.asarray(newton.x) for name, newton in state.newton.items()}
     return starts | {f"angle {g}": np.broadcast_to(real_angle(model, state, g), shape) for g in model.multi_turn}
 
 
 def _idle_modes(model: Model, stated: Mapping[str, Sequence[str]]) -> list[Fault]:
-    """The faults of assembly modes that decide nothing: at joints that no group of two modes places."""
+    """Faults of stated assembly modes without effect: at joints that no group with two modes places."""
     used = {joint for joints in stated.values() for joint in joints}
     near = ", ".join(sorted(block.name for block in model.blocks if block.kind in TWO_MODES))
     choice = f" Joints at which a group can be put together in two ways: {near}." if near else ""
@@ -125,7 +127,7 @@ def _idle_modes(model: Model, stated: Mapping[str, Sequence[str]]) -> list[Fault
 
 
 def _overdriven(model: Model, joint: str) -> int:
-    """Equations that are left over in the loops through a joint, once the drives have decided what they do."""
+    """Number of redundant equations in the blocks whose loops contain a link of the joint, given the drives."""
     j = model.joint_index.get(joint)
     classes = set() if j is None else {model.angles.rotation_class[k] for k in model.ends[j] if k}
     turned = {block: {s for c in block.loops for s, _ in model.loop_sums[c].arms} for block in model.blocks if block.redundant}
@@ -133,7 +135,7 @@ def _overdriven(model: Model, joint: str) -> int:
 
 
 def _fitting_mode(model: Model, drives: Sequence[float]) -> str:
-    """Another assembly mode in which the mechanism can be put together at the start, as the rest of a remedy; "" for none."""
+    """Another assembly mode in which the mechanism can be assembled at the start, as the end of a remedy; "" if there is none."""
     for other, remedy in other_modes(model.mechanism):
         try:
             assemble(replace(model, mechanism=other), drives, others=False)
@@ -144,7 +146,7 @@ def _fitting_mode(model: Model, drives: Sequence[float]) -> str:
 
 
 def fitting_statements(model: Model, drives: Sequence[float]) -> str:
-    """Assembly modes that fit at the start, to be stated instead of a sketch, as the rest of a remedy; "" for none."""
+    """Assembly modes possible at the start, to be stated instead of a sketch, as the end of a remedy; "" if there are none."""
     choices = [block for block in model.blocks if block.kind in TWO_MODES]
     if len(choices) > _MOST_CHOICES or any(block.kind == "general" for block in model.blocks):
         return ""
@@ -176,7 +178,7 @@ def _unspanned(block: Block) -> Fault:
 
 
 def _mode(model: Model, block: Block, state: State, joints: Sequence[str]) -> tuple[float, list[Fault]]:
-    """The sign of a block with two assembly modes, stated at ``joints`` or else as it is sketched."""
+    """The sign of a block with two assembly modes, stated at ``joints`` or else sketched; with faults if neither decides."""
     if joints:
         return stated_sign(model, block, state, joints)
     sketched = _sketched_mode(model, block, state)
@@ -199,7 +201,7 @@ def _mode(model: Model, block: Block, state: State, joints: Sequence[str]) -> tu
 
 
 def _solutions(model: Model, block: Block, state: State, modes: Sequence[float]) -> dict[tuple[str, int], Complex]:
-    """A block's unknowns (rotations and displacements) in some modes, (modes,) each, without changing ``state``."""
+    """A block's unknowns (rotations and displacements) in the given modes, (modes,) each; ``state`` does not change."""
     trial = state.copy()
     with np.errstate(invalid="ignore", divide="ignore"):
         place_block(model, block, trial, np.array(modes))
@@ -210,7 +212,7 @@ def _solutions(model: Model, block: Block, state: State, modes: Sequence[float])
 
 
 def _mode_words(model: Model, block: Block, state: State, modes: Sequence[float]) -> list[str]:
-    """Both modes of a block in words, by what tells them apart: the place of its joint, else displacement and angles."""
+    """Texts that distinguish a block's modes: the position of its joint, else the displacements and angles that differ."""
     places = [f"{block.name} is at {_place_of(model, block, state, mode)}" for mode in modes]
     if len(set(places)) == len(places):
         return places
@@ -227,7 +229,7 @@ def _mode_words(model: Model, block: Block, state: State, modes: Sequence[float]
 
 
 def _place_of(model: Model, block: Block, state: State, mode: float) -> str:
-    """Where the block's joint is in one mode, for a message."""
+    """The position of the block's joint in one mode, as text for a message."""
     trial = state.copy()
     with np.errstate(invalid="ignore", divide="ignore"):
         place_block(model, block, trial, mode)
@@ -258,7 +260,7 @@ def _place_of(model: Model, block: Block, state: State, mode: float) -> str:
 
 
 def _fix_relation(model: Model, block: Block, state: State, constants: list[float]) -> list[Fault]:
-    """Take a relation's constant from the start: its unknown is where the sketch has it, else at zero."""
+    """Set the constant of a block's relation; if none is given, from the start: its unknown as sketched, else zero."""
     r = block.relations[0]
     given = model.constraints[r].constant
     if given is not None:
@@ -278,7 +280,7 @@ def _fix_relation(model: Model, block: Block, state: State, constants: list[floa
 
 
 def _placed_by_angle(model: Model, group: int) -> str:
-    """The first link of a group of parallel links with joints off its axis, whose angle at the start matters; "" for none."""
+    """The first link of a group with joints at different points, so that its angle at the start matters; "" if there is none."""
     ends = [(e[p], joint.b if p else joint.a) for joint, e in zip(model.joints, model.ends, strict=True) for p in (0, 1)]
     for k in model.angles.links_of[group]:
         if len({place for link, place in ends if link == k}) > 1:
@@ -292,7 +294,7 @@ def _unsketched(joint: str, link: str) -> Fault:
 
 
 def _sketched_mode(model: Model, block: Block, state: State) -> float | None:
-    """The mode nearest to the sketch, None where the sketch does not decide."""
+    """The mode nearest to the sketch; None if the sketch does not decide."""
     errors: Any = None
     for (what, i), values in _solutions(model, block, state, (1.0, -1.0)).items():
         if what == "angle":
@@ -309,7 +311,7 @@ def _sketched_mode(model: Model, block: Block, state: State) -> float | None:
 
 
 def _start_of_general(model: Model, block: Block, state: State) -> tuple[Real | None, list[Fault]]:
-    """Unknowns of a general block at the start: the assembly mode nearest to the sketch."""
+    """Unknowns of a general block at the start, in the assembly mode nearest to the sketch; None with faults if undecided."""
     angles = [sketched_angle(model, g, state) for g in block.angles]
     slides = [sketched_slide(model, j) for j in block.slides]
     if block.relations:
@@ -351,10 +353,10 @@ def _start_of_general(model: Model, block: Block, state: State) -> tuple[Real | 
 def _fix_relations_of_group(
     model: Model, block: Block, state: State, angles: Sequence[float | None], slides: Sequence[float | None]
 ) -> list[Fault]:
-    """Constants of the relations inside a simultaneous group, from the sketch, which then has to be exact in their phase."""
+    """Set the constants of the relations inside a general block from the sketch, whose angles then fix their phase exactly."""
     start = dict(zip([("angle", g) for g in block.angles] + [("slide", j) for j in block.slides], [*angles, *slides], strict=True))
     faults: dict[str, Fault] = {}
-    constants = cast(list[float], state.constants)  # while the mechanism is put together
+    constants = cast(list[float], state.constants)  # a list during assembly
     for r in block.relations:
         given = model.constraints[r].constant
         if given is not None:
@@ -390,11 +392,12 @@ def _angle_words(model: Model, group: int, angle: float) -> str:
 
 
 def group_modes(model: Model, block: Block, state: State, *, starts: int = 400, near: Sequence[float | None] = ()) -> Real:
-    """All assembly modes of a general block (modes, unknowns) that Newton finds from many starts; ``near`` is one more start.
+    """All assembly modes of a general block (modes, unknowns) that Newton's method finds from many random starts.
 
-    Angles lie within half a turn of zero, or of ``near`` where relations make whole turns matter.
+    ``near`` replaces one of them. Angles lie within half a turn of zero; in a block with relations, for which whole turns matter,
+    they are as found.
     """
-    rng = np.random.default_rng(12345)  # the same answer every time
+    rng = np.random.default_rng(12345)  # reproducible
     n, k = len(block.angles), len(block.slides)
     x = np.concatenate([rng.uniform(-np.pi, np.pi, (starts, n)), rng.uniform(-2.0, 2.0, (starts, k)) * model.length_scale], axis=-1)
     if near:
@@ -416,7 +419,7 @@ def group_modes(model: Model, block: Block, state: State, *, starts: int = 400, 
 
 
 def all_modes(model: Model, assembly: Assembly, drives: Sequence[float]) -> list[tuple[str, list[tuple[Text, bool]]]]:
-    """Every group's assembly modes at the start in words, the groups before it as assembled; the flag marks the assembled one."""
+    """The assembly modes of every group at the start as texts, with earlier groups as assembled: (joint, [(text, assembled?)])."""
     state = initial_state(model, [np.float64(q) for q in drives], assembly.constants)
     out = []
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):

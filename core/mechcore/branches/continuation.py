@@ -1,10 +1,10 @@
-"""Continuation of the branch on which a mechanism has been assembled, along a parameter that leads its drives.
+"""Continuation of the branch on which a mechanism has been assembled, along a parameter that its drives depend on.
 
-This is the one place that walks with a predictor, Newton's method as corrector and a step control. A step counts only if Newton's
+All continuation with a predictor, Newton's method as corrector and step size control is here. A step is accepted only if Newton's
 first correction was small and the determinants of the groups' columns kept their signs, so that the path cannot jump to another
-assembly mode unseen. At a change point, where branches cross, it goes on along the tangent, on the branch that runs straight
-through. Where it comes to a stand next to a limit, the limit's exact place is found. The frames that are wanted start from the
-interpolated path, all at once.
+assembly mode unnoticed. At a change point, where branches cross, the path continues along the tangent, on the smooth branch. Where
+the path stops next to a limit, the limit is located exactly. Newton's method at the frames then starts from the interpolated path,
+for all frames together.
 """
 
 from __future__ import annotations
@@ -28,27 +28,27 @@ from mechcore.numerics.interpolation import interpolant
 from mechcore.records import dataclass
 
 LARGEST_CORRECTION = 0.02  # [rad] of the first Newton correction of an accepted step
-LARGEST_TURN = 0.5  # [rad] by which an angle beyond one turn may differ from where it was expected
+LARGEST_TURN = 0.5  # [rad] by which an angle beyond one turn may differ from its prediction
 FOR_PASSING = 4  # rows from which the branch is extrapolated through a singular position
-SMOOTH_CHANGE = 0.05  # part of the speed or of the travel by which the branch may differ from that beyond it
-WATCHED_RATIO = 0.05  # smallest against largest singular value below which a group is looked after
-REGULAR_RATIO = 1e-8  # smallest against largest singular value of the columns of an accepted step
-SECOND_FREEDOM_RATIO = 1e-4  # second smallest singular value against the largest: below, a group has two freedoms or more
-SMALLEST_STEP = 1e-7  # of the range: below, the path has met a limit, whose place is then found exactly
-# Of the range: what is farther away than this from the last row is not the limit that the path came to a stand at
+SMOOTH_CHANGE = 0.05  # relative difference of speed or travel allowed between the extrapolated branch and the one found beyond
+WATCHED_RATIO = 0.05  # of smallest to largest singular value: below, a group is monitored
+REGULAR_RATIO = 1e-8  # of smallest to largest singular value of the columns: least of an accepted step
+SECOND_FREEDOM_RATIO = 1e-4  # of second smallest to largest singular value: below, a group has two degrees of freedom or more
+SMALLEST_STEP = 1e-7  # of the range: below, the path has met a limit, which is then located exactly
+# Of the range: a limit farther than this from the last row is not the one at which the path stopped
 LIMIT_DISTANCE = 1e-5
-SECOND_PLACE = 1e-3  # along the curve, relative: the second place from which a fold is looked for
-FARTHEST_FOLD = 0.2  # along the curve: a fold farther off is not the one that the path came to a stand at
+SECOND_PLACE = 1e-3  # along the curve, relative: second starting point of the search for a fold
+FARTHEST_FOLD = 0.2  # along the curve: a fold farther off is not the one at which the path stopped
 LIMIT_ACCURACY = 1e-13  # relative
 MOST_HALVINGS = 60
 
 
 @dataclass(frozen=True, eq=False)
 class Branch:
-    """The curve that is followed: a mechanism as assembled, whose first drives go by ``laws`` of a parameter; the others are held
-    ``still``.
+    """The curve to be continued: a mechanism as assembled, whose first drives follow ``laws`` of a parameter; the others are held
+    at ``still``.
 
-    Groups of ``model`` that are of the kind "general" are continued, and the angles of those that count turns.
+    Continued are the groups of ``model`` of the kind "general", and the angles of its ``multi_turn`` groups.
     """
 
     model: Model
@@ -57,7 +57,7 @@ class Branch:
     still: tuple[float, ...] = ()
 
     def drives(self, parameter: Real | float) -> tuple[list[Real], list[Real]]:
-        """Positions of all drives at parameters (...), and their derivatives by it."""
+        """Positions of all drives at parameters (...), and their derivatives by the parameter."""
         drives = [law(parameter) for law in self.laws]
         positions, speeds = [np.asarray(q, float)[()] for q, _, _ in drives], [np.asarray(v, float)[()] for _, v, _ in drives]
         if self.still:
@@ -68,7 +68,7 @@ class Branch:
     def placed(
         self, parameter: Real | float, starts: Mapping[str, Real], interpolants: Mapping[int, Sequence[Interpolant]] | None = None
     ) -> State:
-        """Positions of all groups at parameters (...) from Newton starts there."""
+        """Positions of all groups at parameters (...) from Newton ``starts`` there."""
         positions, _ = self.drives(parameter)
         return place_all(self.model, positions, self.assembly.modes, starts, interpolants, constants=self.assembly.constants)
 
@@ -84,13 +84,13 @@ class PathPoint:
     singular_values: dict[str, Real]
 
     def regularity(self, name: str) -> float:
-        """Smallest against largest singular value of a group's columns."""
+        """Ratio of the smallest to the largest singular value of a group's columns."""
         s = self.singular_values[name]
         return float(s[-1] / s[0])
 
     @property
     def loose(self) -> list[str]:
-        """Groups that have two freedoms or more here."""
+        """Names of the groups that have two degrees of freedom or more here."""
         return [name for name, s in self.singular_values.items() if len(s) > 1 and s[-2] < SECOND_FREEDOM_RATIO * s[0]]
 
     def same_branch(self, new: PathPoint) -> bool:
@@ -100,12 +100,13 @@ class PathPoint:
 
 @dataclass(frozen=True, eq=False)
 class ContinuationPath:
-    """Unknowns of the continued groups along the parameter. ``ends``: the range that was reached (all of it, or up to a limit);
-    ``known``: the part of it that the path's own rows cover, which ends just before a limit.
+    """Unknowns of the continued groups along the parameter.
 
-    ``passed``: singular positions at which the motion goes on along its tangent, and the group that is singular there. ``loose``:
-    the groups that have more than one freedom where the path ended; ``singular``: whether it ended at a limit; ``dead_point_ends``:
-    whether a continued group is all but singular where the path was let end, so that more of it should be known.
+    ``ends``: the range that was reached (all of it, or up to a limit); ``known``: the part of it that the path's rows cover, which
+    ends just before a limit. ``passed``: singular positions through which the motion continues along its tangent, and the group
+    that is singular there. ``loose``: the groups that have more than one degree of freedom where the path stopped; ``singular``:
+    whether it stopped at a limit; ``dead_point_ends``: whether, at each end of the range reached without a limit, a continued group
+    is nearly singular, so that the path should be extended.
     """
 
     ends: tuple[float, float]
@@ -123,9 +124,9 @@ class ContinuationPath:
 
 
 def continuation_path(branch: Branch, start: float, low: float, high: float, step: float) -> ContinuationPath:
-    """The branch from ``low`` to ``high``, or as far as it goes, continued from ``start`` in steps of at most ``step``.
+    """The branch from ``low`` to ``high``, or as far as it reaches, continued from ``start`` in steps of at most ``step``.
 
-    Raises `MechanismError` where the start is singular, so that two ways lead on.
+    Raises `MechanismError` if the start is singular, so that the branch is ambiguous.
     """
     passed: list[tuple[float, str]] = []
     forward = _continued(branch, start, high, step, passed)
@@ -144,11 +145,11 @@ def continuation_path(branch: Branch, start: float, low: float, high: float, ste
         if len(p) == 1:
             p1, x, slope = np.array([p[0], p[0] + 1.0]), np.repeat(x, 2, 0), np.zeros((2, *x.shape[1:]))
             splines[name] = interpolant(p1, x, slope)
-        elif name.startswith("angle "):  # decides the turn only; next to a limit its slope has no bounds
+        elif name.startswith("angle "):  # selects the turn only; next to a limit its slope is unbounded
             splines[name] = interpolant(p, x)
         else:
             splines[name] = interpolant(p, x, slope)
-    beyond = (min(low, start), max(high, start))  # a step through a singular position may go a little too far
+    beyond = (min(low, start), max(high, start))  # a step through a singular position may overshoot
     known = (max(float(p[0]), beyond[0]), min(float(p[-1]), beyond[1]))
     ends = (max(min(known[0], limits[0]), beyond[0]), min(max(known[1], limits[1]), beyond[1]))
     low_end, high_end = (
@@ -161,8 +162,7 @@ def continuation_path(branch: Branch, start: float, low: float, high: float, ste
 
 # -- steps --------------------------------------------------------------------------------------------------------------------
 def _continued(branch: Branch, start: float, end: float, step: float, passed: list[tuple[float, str]]) -> list[PathPoint]:
-    """Rows from ``start`` to ``end``, or to the limit before it; singular positions that were gone through are added to
-    ``passed``."""
+    """Rows from ``start`` to ``end``, or to the limit before it; singular positions passed on the way are added to ``passed``."""
     row = _row_at(branch, start, branch.assembly.starts)
     if row is None:
         which = ", ".join(b.name for b in branch.model.blocks if b.kind == "general") or "the groups that relations need"
@@ -198,7 +198,8 @@ def _continued(branch: Branch, start: float, end: float, step: float, passed: li
 
 
 def _row_at(branch: Branch, p: float, starts: Mapping[str, Real]) -> PathPoint | None:
-    """One point of the path; None where Newton ends too far from its start or nowhere."""
+    """The point of the path at ``p``; None if Newton's method does not converge or ends too far from its start, or if a group is
+    singular."""
     model, assembly = branch.model, branch.assembly
     positions, speeds = branch.drives(p)
     state = place_all(model, positions, assembly.modes, starts, constants=assembly.constants)
@@ -226,7 +227,7 @@ def _row_at(branch: Branch, p: float, starts: Mapping[str, Real]) -> PathPoint |
             return None
         row.singular_values[block.name] = np.asarray(np.linalg.svd(matrix, compute_uv=False), float)
         if square and row.regularity(block.name) < REGULAR_RATIO:
-            return None  # the sign of its determinant says nothing
+            return None  # the sign of its determinant is meaningless
     for g in model.multi_turn:
         name = f"angle {g}"
         x, slope = np.asarray(real_angle(model, state, g)), np.asarray(rates.group[g])
@@ -237,11 +238,11 @@ def _row_at(branch: Branch, p: float, starts: Mapping[str, Real]) -> PathPoint |
 
 
 def _extrapolated(rows: Sequence[PathPoint], p: float, derivative: int = 0) -> dict[str, Real]:
-    """Unknowns at ``p``, or their derivatives, by the Hermite polynomial through some rows: of two a cubic, of one the tangent."""
+    """Unknowns at ``p``, or their derivatives, by the Hermite polynomial through ``rows``: for two a cubic, for one the tangent."""
     places = [row.parameter for row in rows]
     weights = []
-    for i, at in enumerate(places):  # in terms of Lagrange's polynomial that is 1 at this place and 0 at the others
-        lagrange, slope, bend = 1.0, 0.0, 0.0  # at p, there its logarithmic derivative, and its derivative at its own place
+    for i, at in enumerate(places):  # with the Lagrange polynomial that is 1 at this node and 0 at the others
+        lagrange, slope, bend = 1.0, 0.0, 0.0  # at p, its logarithmic derivative at p, and its derivative at its own node
         for k, x in enumerate(places):
             if k != i:
                 lagrange *= (p - x) / (at - x)
@@ -261,8 +262,11 @@ def _extrapolated(rows: Sequence[PathPoint], p: float, derivative: int = 0) -> d
 
 
 def _singular_before(rows: Sequence[PathPoint], p: float) -> bool:
-    """Whether a group would be singular before ``p`` if its smallest singular value went on falling as it does: the way there is
-    then taken in smaller steps, or a position that is singular in two ways at once would be stepped over unseen."""
+    """Whether linear extrapolation of its regularity predicts a singular group before ``p``.
+
+    The step size is then reduced. Otherwise a step could pass unnoticed over a position at which a group is singular in two
+    directions at once, where its determinant keeps its sign.
+    """
     if len(rows) < 2:
         return False
     last, before = rows[-1], rows[-2]
@@ -275,12 +279,12 @@ def _singular_before(rows: Sequence[PathPoint], p: float) -> bool:
 
 
 def _pass(branch: Branch, rows: list[PathPoint], direction: float, step: float) -> list[str]:
-    """Go through a singular position, next to which the path has come to a stand, along the tangent of the configuration curve.
+    """Pass the singular position next to which the path has stopped, along the tangent of the configuration curve.
 
-    The branch is extrapolated from rows that are well conditioned to a place on the other side; there Newton must find it close to
-    where it was expected, and running on in the same direction. A limit of the motion, where nothing lies beyond, fails this. The
-    ill-conditioned rows are taken out. Returns the names of the groups that were singular: those whose determinants have changed
-    their signs, or, where one is singular in two ways at once, that which was nearest to it.
+    The branch is extrapolated from well-conditioned rows to a point on the other side. There Newton's method must find it close to
+    the prediction and with nearly the same slope. A limit of the motion, beyond which there is no branch, fails this test. The
+    ill-conditioned rows are removed. Returns the names of the groups that were singular: those whose determinants changed sign, or,
+    where one was singular in two directions at once, the one nearest to singular; an empty list if the position was not passed.
     """
     end = rows[-1]
     flattest = min(end.singular_values, key=end.regularity, default=None)
@@ -307,11 +311,11 @@ def _pass(branch: Branch, rows: list[PathPoint], direction: float, step: float) 
 
 
 # -- limits -------------------------------------------------------------------------------------------------------------------
-# At a limit of a continued group the configuration curve turns back: along the curve the parameter has an extremum there. Followed
-# by its own length instead of by the parameter the curve is regular, and the extremum is the zero of a smooth function. Where a
-# group with a closed form can no longer be put together, the place is found by bisection.
+# At a limit of a continued group the configuration curve has a fold: along the curve the parameter has an extremum. Parametrised by
+# pseudo-arclength the curve is regular there, and the extremum is the zero of a smooth function. The limit at which a group with a
+# closed form can no longer be assembled is found by bisection.
 def _limit(branch: Branch, row: PathPoint, span: float, direction: float) -> float:
-    """The parameter at which a path of the range ``span`` ends, beyond its last row; the row's own where that is unknown."""
+    """The parameter at which a path over the range ``span`` ends, beyond its last ``row``; that of the row if none is found."""
     p = row.parameter
     reach = p + direction * LIMIT_DISTANCE * span
     with np.errstate(all="ignore"):
@@ -324,7 +328,7 @@ def _limit(branch: Branch, row: PathPoint, span: float, direction: float) -> flo
 
 
 def _placed_before(branch: Branch, row: PathPoint, p: float, block: Block | None) -> State:
-    """Positions of the groups before one that is looked at (None: of all with a closed form before the first continued one)."""
+    """Positions at ``p`` of the groups before ``block`` (None: before the first continued group)."""
     model, assembly = branch.model, branch.assembly
     state = initial_state(model, branch.drives(p)[0], assembly.constants, row.unknowns)
     for b, mode in zip(model.blocks, assembly.modes, strict=True):
@@ -335,7 +339,8 @@ def _placed_before(branch: Branch, row: PathPoint, p: float, block: Block | None
 
 
 def _missing(branch: Branch, row: PathPoint, far: float) -> float | None:
-    """Where groups with closed forms, before any continued one, stop fitting together; None where they do at both ends."""
+    """The last parameter between ``row`` and ``far`` at which the groups before the first continued one can be assembled; None if
+    they can at ``far``, or cannot at ``row``."""
 
     def fits(at: float) -> bool:
         state = _placed_before(branch, row, at, None)
@@ -352,7 +357,7 @@ def _missing(branch: Branch, row: PathPoint, far: float) -> float | None:
 
 
 def _fold(branch: Branch, block: Block, row: PathPoint, near: float) -> float | None:
-    """Where the curve of a continued group turns back, next to a row of its path."""
+    """The parameter at a fold of a continued group's curve next to a ``row`` of its path; None if no fold is found."""
     model, p0 = branch.model, row.parameter
     scale = np.concatenate([np.ones(len(block.angles)), np.full(len(block.slides), model.length_scale)])
     start = np.asarray(row.unknowns[block.name], float) / scale
@@ -368,7 +373,8 @@ def _fold(branch: Branch, block: Block, row: PathPoint, near: float) -> float | 
     along = np.linalg.svd(jacobian)[2][-1]
 
     def on_curve(s: float, x: Real, p: float) -> tuple[Real, float, float] | None:
-        """The point of the curve that lies ``s`` along from the start, and how fast the parameter changes there."""
+        """The point of the curve at distance ``s`` from the start along its tangent (unknowns, parameter), and the parameter's
+        derivative by ``s`` there."""
         for _ in range(12):
             r, jacobian = residual(x, p)
             by_p = (residual(x, p + h)[0] - residual(x, p - h)[0]) / (2.0 * h)
@@ -387,7 +393,7 @@ def _fold(branch: Branch, block: Block, row: PathPoint, near: float) -> float | 
         return None
     x, p, speed = first
     s, other = 0.0, SECOND_PLACE
-    for _ in range(40):  # secants: the parameter's speed along the curve is zero at the fold
+    for _ in range(40):  # secant method: the parameter's derivative along the curve is zero at the fold
         point = on_curve(other, x, p)
         if point is None:
             return None

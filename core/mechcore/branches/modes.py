@@ -1,7 +1,7 @@
 """Assembly modes as a mechanism states them: in words, and by a sketch.
 
-Words: which group a joint decides, and what they mean there. The sketch, rough poses of links: angles, displacements and positions
-of the drives that follow from it, and the laws that lead from where it is drawn to the start.
+For words: which group the word at a joint applies to, and which mode it means. For the sketch (approximate poses of links): the
+angles, displacements and drive positions that follow from it, and the laws that lead from the sketched position to the start.
 """
 
 from __future__ import annotations
@@ -32,9 +32,10 @@ KEYS = {
 
 
 def stated_modes(model: Model) -> dict[str, list[str]]:
-    """Block of two modes -> the joints at which the mechanism states its mode, any of those that the block places.
+    """Block with two modes -> the joints at which the mechanism states its mode: any of those that the block places.
 
-    A joint belongs to the last group that it needs in order of solution: an outer pin of a dyad to the dyad, not to what bears it.
+    A joint belongs to the last block in solving order that its coordinate and links depend on: an outer pin of a dyad belongs to
+    the dyad, not to the group that carries it.
     """
     last = {unknown: k for k, block in enumerate(model.blocks) if block.loops for unknown in block.unknowns}
     stated: dict[str, list[str]] = {}
@@ -50,7 +51,7 @@ def stated_modes(model: Model) -> dict[str, list[str]]:
 
 
 def stated_sign(model: Model, block: Block, state: State, joints: Sequence[str]) -> tuple[float, list[Fault]]:
-    """The sign of a block of two modes as it is stated at ``joints``, and the faults of words that do not fit it or each other."""
+    """The sign of a block with two modes, stated at ``joints``, and the faults of words that do not apply or contradict others."""
     modes = model.mechanism.modes
     signs, faults = [], []
     for joint in joints:
@@ -64,7 +65,7 @@ def stated_sign(model: Model, block: Block, state: State, joints: Sequence[str])
 
 
 def _sign(model: Model, block: Block, state: State, joint: str, word: str) -> tuple[float, list[Fault]]:
-    """The sign of a block of two modes by the word at one joint."""
+    """The sign of a block with two modes by the ``word`` at one joint, and the faults of that word."""
     words = WORDS[block.kind]
     if word in words:
         return (1.0 if word == words[0] else -1.0) * orientation(model, block, joint), []
@@ -82,8 +83,8 @@ def _sign(model: Model, block: Block, state: State, joint: str, word: str) -> tu
 
 
 def other_modes(mechanism: Mechanism, beside: str = "") -> Iterator[tuple[Mechanism, str]]:
-    """The mechanism with one of its stated assembly modes turned into the other, and a remedy that says so; without the mode of
-    the joint ``beside``."""
+    """The mechanism with one of its stated assembly modes replaced by the other, and a remedy that says so, for each such mode but
+    that of the joint ``beside``."""
     for joint, word in mechanism.modes.items():
         if joint != beside and word in OTHER:
             other = OTHER[word]
@@ -94,22 +95,23 @@ def other_modes(mechanism: Mechanism, beside: str = "") -> Iterator[tuple[Mechan
 def orientation(model: Model, block: Block, joint: str) -> float:
     """+1 if the words stated at ``joint`` mean the closed form's +1 mode, -1 if its -1 mode.
 
-    'left': seen from the first link's other pin to the second link's other pin, the joint between the two links lies on the left;
-    first and second are those of that joint, wherever the word stands. The closed form has its first unknown group first. 'ahead':
-    of the two displacements along the guide the larger one.
+    'left': looking from the first link's other pin to the second link's other pin, the joint between the two links lies on the
+    left. First and second link are those of the joint where the word is stated if it joins the two links, else those of the block's
+    inner joint; the closed form takes its first unknown group as the first. 'ahead': the larger of the two displacements along the
+    guide.
     """
     if block.kind == "theta_theta":
         groups = [model.angles.group[k] for k in model.ends[model.joint_index[joint]]]
         if set(groups) != set(block.angles):
             return orientation(model, block, block.name)
         return 1.0 if groups[0] == block.angles[0] else -1.0
-    # arm_slide: mode +1 has the larger displacement; theta_slide: the displacement is what the link leaves over, so it is smaller
+    # arm_slide: mode +1 has the larger displacement; theta_slide: the link's part is subtracted, so mode +1 has the smaller one
     return 1.0 if block.kind == "arm_slide" else -1.0
 
 
 def _closed_four_bar(model: Model, block: Block) -> tuple[int, int, int, int, int] | None:
-    """The outer pins of two links that close a four-bar, each with the known link that it is on, and the pin of these two links:
-    (joint, link, joint, link, joint). None where no four-bar is closed."""
+    """The pins of the four-bar that a block closes: its two outer pins, each with its known link, and the pin of the known links,
+    (joint, link, joint, link, joint); None if it closes no four-bar."""
     u, v = block.angles
     pins = []
     for g, other in ((u, v), (v, u)):
@@ -127,7 +129,8 @@ def _closed_four_bar(model: Model, block: Block) -> tuple[int, int, int, int, in
 
 
 def _open_mode(model: Model, block: Block, state: State) -> float | None:
-    """The mode in which a four-bar's links do not cross at the start; None where that does not tell the two modes apart."""
+    """The mode in which a four-bar's links do not cross at the start; None if the block closes no four-bar, or if the links cross
+    in both modes or in neither."""
     four_bar = _closed_four_bar(model, block)
     if four_bar is None:
         return None
@@ -167,11 +170,11 @@ def _segments_cross(a: complex, b: complex, c: complex, d: complex) -> bool:
     return turn(a, b, c) * turn(a, b, d) < 0 and turn(c, d, a) * turn(c, d, b) < 0
 
 
-AT_START = 0.02  # a drive drawn within this [rad, or part of the mechanism's size] of its start is drawn there
+AT_START = 0.02  # a drive sketched within this [rad, or fraction of the mechanism's size] of its start counts as at its start
 
 
 def sketched_angle(model: Model, group: int, state: State) -> float | None:
-    """A group's sketched angle [rad], from any of its links in the sketch."""
+    """A group's sketched angle [rad], from the first of its links in the sketch; None if there is none."""
     turning = model.angles
     for k in turning.links_of[group]:
         name = model.links[k]
@@ -182,7 +185,7 @@ def sketched_angle(model: Model, group: int, state: State) -> float | None:
 
 
 def sketched_slide(model: Model, j: int) -> float | None:
-    """A sliding joint's sketched displacement [m], where both links are in the sketch (the frame always is)."""
+    """A sliding joint's sketched displacement [m]; None unless both links are in the sketch (the frame always is)."""
     joint = model.joints[j]
     sketch = {k: v for k, v in model.mechanism.sketch.items() if k in joint.links}
     if model.links[0] in joint.links:
@@ -199,8 +202,10 @@ def sketched_slide(model: Model, j: int) -> float | None:
 
 
 def sketched_drives(model: Model, start: Sequence[float]) -> tuple[float, ...] | None:
-    """Positions of the drives at which the sketch is drawn [rad or m], angles within half a turn of the start; None where that is
-    the start, as far as it is drawn, or where nothing is taken from the sketch."""
+    """Positions of the drives in the sketch [rad or m], angles within half a turn of the start.
+
+    Drives that are not sketched are at their start. None if the sketch shows the start position, or if nothing is taken from it.
+    """
     if not model.mechanism.sketch or not _decides(model):
         return None
     drawn, away = list(start), False
@@ -216,13 +221,13 @@ def sketched_drives(model: Model, start: Sequence[float]) -> tuple[float, ...] |
 
 
 def _decides(model: Model) -> bool:
-    """Whether something about the assembly may follow from the sketch."""
+    """Whether the assembly may depend on the sketch."""
     two = {block.name for block in model.blocks if block.kind in TWO_MODES}
     return bool(model.relations) or not two <= stated_modes(model).keys() or any(block.kind == "general" for block in model.blocks)
 
 
 def _sketched_drive(model: Model, name: str) -> float | None:
-    """The coordinate of a driven loop_joint as it is drawn [rad or m]; None where it is not."""
+    """The sketched coordinate of a driven joint [rad or m]; None if its links are not in the sketch."""
     poses = {model.mechanism.frame: (0.0, 0.0, 0.0), **model.mechanism.sketch}
     joint = next((joint for joint in model.mechanism.joints if name in coordinates_of(joint)), None)
     if isinstance(joint, Cylinder):
@@ -243,6 +248,6 @@ def _sketched_drive(model: Model, name: str) -> float | None:
 
 
 def at_sketch(mechanism: Mechanism, drawn: Sequence[float], start: Sequence[float]) -> Mechanism:
-    """The mechanism with drives that lead evenly from where it is drawn to the start, in a second."""
+    """The mechanism with drives that move at constant speed from the sketched position to the start in one second."""
     laws = [Piecewise(knots=(0.0, 1.0), coefficients=((a, b - a),), advance=b - a) for a, b in zip(drawn, start, strict=True)]
     return replace(mechanism, drives=tuple(Drive(joint=d.joint, law=law) for d, law in zip(mechanism.drives, laws, strict=True)))

@@ -1,9 +1,9 @@
 """Branch paths: the branch that the start lies on, as far as the frames of a run need it, with the singular points on it.
 
-One path along the configuration curve serves all frames. Its parameter is the position of the only drive; where that drive turns
-back at a dead point, or where there are several drives, it is time. Groups without a closed form are continued, and those whose
-whole angle a relation needs; so are groups with a closed form that come to a flat position on the path, because which of their
-modes is the smooth continuation depends on the path.
+One path along the configuration curve serves all frames. Its parameter is the position of the only drive; if that drive reverses at
+a dead point, or if there are several drives, it is time. Continued are the groups without a closed form, the angles that a relation
+needs beyond one turn, and the groups with a closed form that come to a dead point on the path, because it depends on the path which
+of their modes is the smooth continuation.
 """
 
 from __future__ import annotations
@@ -38,32 +38,33 @@ from mechcore.kinematics.state import Interpolant, State, value, wrapped_angle
 from mechcore.laws.timed import ConstantSpeed, Law
 from mechcore.records import dataclass
 
-FINE = {"angle": math.radians(6.0), "slide": 0.05}  # largest step of a continuation: [rad], or part of the mechanism's size
-COARSE = {"angle": 0.2, "slide": 0.1}  # the same, between places that Newton's method or the angles of links are followed over
-SAMPLES_A_TURN = 720  # of a turn or a cycle, at which closed forms are looked at for flat positions
-SAMPLES_OF_STEP = 12  # the same, of a step
+FINE = {"angle": math.radians(6.0), "slide": 0.05}  # largest step of a continuation: [rad], or fraction of the mechanism's size
+COARSE = {"angle": 0.2, "slide": 0.1}  # the same, between points over which Newton's method or the angles of links are followed
+SAMPLES_A_TURN = 720  # per turn or cycle, at which groups with a closed form are checked for dead points
+SAMPLES_OF_STEP = 12  # the same, per step
 MOST_SAMPLES = 20_000
-MOST_WAYPOINTS = 200  # steps from a waypoint: what lies farther off is a trial of the integrator's
+MOST_WAYPOINTS = 200  # most steps from a waypoint; a point farther off is a trial of the integrator
 SAMPLES_OF_LAW = 2001
-CLOSURE_AT_DEAD_POINT = 1e-11  # of the size: what loops may be open at a dead point that a drive just reaches
-STUCK_MARGIN = 1e-9  # flatness of a group that takes part in what a path did not get through
-START_BESIDE = 0.3  # of a step: where a path begins whose start is flat (no power of two: halved steps shall not lead back onto it)
-# Relative growth of the flatness over a thousandth of a step: beyond, the flat position is not the start itself
+CLOSURE_AT_DEAD_POINT = 1e-11  # of the size: largest closure error of the loops at a dead point that a drive just reaches
+STUCK_MARGIN = 1e-9  # `dead_point_margin` below which a group is involved in what stopped a path
+# Of a step: where a path begins if its start is a dead point (no power of two, or halved steps would return to the start)
+START_BESIDE = 0.3
+# Relative decrease of `dead_point_margin` from a thousandth of a step before to one after: beyond, the dead point lies ahead
 MARGIN_GROWTH = 2e-4
-DEAD_POINT = 1e-4  # flatness of a group below which a start counts as flat
-LIMIT_ACCURACY = 1e-11  # relative: what a limit is known to, generously
-CYCLES = (1, 2, 3, 4, 6, 12)  # turns after which groups may be back where they were
-SAME_POSITION = 1e-8  # of rotations, and of displacements over the size, that are the same after a cycle
+DEAD_POINT = 1e-4  # `dead_point_margin` of a group below which a start counts as a dead point
+LIMIT_ACCURACY = 1e-11  # relative: a generous bound of the error of a located limit
+CYCLES = (1, 2, 3, 4, 6, 12)  # turns after which groups may be back in their first position
+SAME_POSITION = 1e-8  # largest difference of rotations, and of displacements over the size, that are the same after a cycle
 
 
 @dataclass(frozen=True, eq=False)
 class BranchPath:
-    """A branch, continued over a range of its parameter, and what was met there.
+    """A branch, continued over a range of its parameter, and the singular points and limits found there.
 
-    ``branch``: with those groups marked that are continued. ``start``: the parameter there. ``asked``: the range to be covered;
-    ``edge``: to what its ends are known. ``by_time``: the parameter is time. ``period``: after so much of the parameter the groups
-    repeat, angles but for whole turns; None where the path covers all. ``unreachable``: ranges of the parameter in which a group
-    (by number, -1 where the path ended) cannot be put together. ``singular_points``: singular points that the motion goes through.
+    ``branch``: its model marks the continued groups. ``start``: the parameter at the start. ``asked``: the range to be covered;
+    ``edge``: accuracy of the ends reached. ``by_time``: the parameter is time. ``period``: interval of the parameter after which
+    the groups repeat, angles up to whole turns; None if the path covers all of it. ``unreachable``: ranges of the parameter in
+    which a group (by number; -1: beyond the end of the path) cannot be assembled. ``singular_points``: those that are passed.
     """
 
     branch: Branch
@@ -78,7 +79,7 @@ class BranchPath:
 
     @property
     def model(self) -> Model:
-        """The model in which the groups that are continued are so marked."""
+        """The model in which the continued groups are marked."""
         return self.branch.model
 
     def placed(self, parameter: Real, interpolants: Mapping[int, Sequence[Interpolant]] | None = None) -> State:
@@ -103,14 +104,14 @@ class BranchPath:
         return starts
 
     def reached(self, parameter: Real) -> Flags:
-        """Whether the path came as far as parameters (F,)."""
+        """Whether the path reaches the parameters (F,)."""
         if self.period is not None:
             return np.ones(np.shape(parameter), bool)
         low, high = self.continuation.ends
         return (parameter >= low - self.edge) & (parameter <= high + self.edge)
 
     def covers(self, parameter: Real) -> bool:
-        """Whether nothing more of parameters (F,) is found by another path: this one came as far, or met a limit before."""
+        """Whether a new path would reach no more of the parameters (F,): this one reaches each, or met a limit before it."""
         low, high = self.asked
         return bool(np.all(self.reached(parameter) | ((parameter >= low) & (parameter <= high))))
 
@@ -119,7 +120,7 @@ class BranchPath:
 def path_for(
     model: Model, assembly: Assembly, start: Sequence[float], time: Real, positions: Sequence[Real], *, given: bool
 ) -> BranchPath:
-    """The path that the frames at times (F,) need. ``given``: the frames' drive positions are not those of the laws."""
+    """The path that the frames at times (F,) need. ``given``: the frames' drive ``positions`` are not those of the laws."""
     drives = model.mechanism.drives
     in_time = Branch(model, assembly, tuple(d.law for d in drives))
     first, last = (float(np.min(time)), float(np.max(time))) if len(time) else (0.0, 0.0)
@@ -151,7 +152,7 @@ def path_for(
 
 
 def branch_by_drive(model: Model, assembly: Assembly, others: Sequence[float] = ()) -> Branch:
-    """The branch along the position of the first drive; ``others``: where further drives stand still."""
+    """The branch along the position of the first drive; ``others``: fixed positions of further drives."""
     return Branch(model, assembly, (ConstantSpeed(0.0, 1.0),), tuple(others))
 
 
@@ -177,8 +178,11 @@ def _path_in_time(branch: Branch, low: float, high: float) -> BranchPath:
 
 
 def _repeating(until: Callable[[float], BranchPath], cycles: Sequence[int], cycle: float, span: float) -> BranchPath | None:
-    """The path over the first number of cycles after which every link and slide is back where it was; None where a path over the
-    whole ``span`` is as short, or where one comes to a limit. ``until``: the path from the start over a part of the parameter."""
+    """The path over the first of ``cycles`` after which every link and slide is back in its first position.
+
+    None if the whole ``span`` is not longer, if a path meets a limit, or if no number of cycles fits. ``until``: length of the
+    range -> path from the start over it.
+    """
     for count in cycles:
         period = count * cycle
         if span <= 1.01 * period:
@@ -199,21 +203,22 @@ def _repeating(until: Callable[[float], BranchPath], cycles: Sequence[int], cycl
 
 
 def repeats(model: Model, state: State, before: Index | int, after: Index | int) -> bool:
-    """Whether every link and slide is at solved frames ``after`` (n,) where it was at frames ``before`` (n,), but for whole turns;
-    not where something is not known at one of them."""
+    """Whether every link and slide has the same position at solved frames ``after`` (n,) as at ``before`` (n,), up to whole turns;
+    False if a position is unknown at one of them."""
     slides = [np.asarray(slide) / model.length_scale for slide in state.slide.values()]
     away = [np.abs(x[after] - x[before]) for x in (*state.rot, *slides) if np.ndim(x)]
     return bool(np.max(away, initial=0.0) < SAME_POSITION)
 
 
 def travel_of(law: Law, first: float, last: float) -> tuple[float, float, bool]:
-    """Smallest and largest position of a law from ``first`` to ``last`` [s], between frames too; whether it stands still there."""
+    """Smallest and largest position of a law from ``first`` to ``last`` [s], reversals between samples included, and whether a
+    moving law comes to rest there, or nearly."""
     time = np.linspace(first, last, SAMPLES_OF_LAW)
     q, v, a = (np.asarray(x, float) for x in law(time))
     turns = np.flatnonzero((v[:-1] * v[1:] <= 0.0) & ((a[:-1] != 0.0) | (a[1:] != 0.0)))
     at = time[turns]
     step = float(time[1] - time[0])
-    for _ in range(4 if len(turns) else 0):  # where it turns back
+    for _ in range(4 if len(turns) else 0):  # Newton's method for the instants of reversal
         _, speed, bend = law(at)
         with np.errstate(divide="ignore", invalid="ignore"):
             move = np.where(bend != 0.0, -speed / bend, 0.0)
@@ -224,14 +229,14 @@ def travel_of(law: Law, first: float, last: float) -> tuple[float, float, bool]:
 
 
 def _dead_point_at_ends(path: BranchPath) -> bool:
-    """Whether a group with a closed form is all but flat where a path ended."""
+    """Whether a group with a closed form is nearly at a dead point where a path ended."""
     state = path.placed(np.array(path.continuation.known))
     two = (b for b in path.model.blocks if b.kind in TWO_MODES)
     return any(float(np.min(np.broadcast_to(h, 2))) < STUCK_MARGIN for b in two for h in dead_point_margin(path.model, b, state))
 
 
 def _reaches_dead_points(path: BranchPath) -> bool:
-    """Whether a path in time goes through dead points that the drive just reaches: beyond them the loops would not close."""
+    """Whether a path in time passes dead points that the drive just reaches; where the drive went beyond, the loops are open."""
     if path.singular_points is None:
         return False
     time = np.array([c.time for c in path.singular_points.points if c.dead])
@@ -248,10 +253,10 @@ def _reaches_dead_points(path: BranchPath) -> bool:
 def branch_path(
     branch: Branch, start: float, low: float, high: float, step: float, sample: float | None = None, *, by_time: bool = False
 ) -> BranchPath:
-    """The branch from ``low`` to ``high``, or as far as it goes, continued from ``start`` in steps of at most ``step``; groups with
-    a closed form that come to a flat position are continued as well, which is looked for in steps of ``sample``.
+    """The branch from ``low`` to ``high``, or as far as it reaches, continued from ``start`` in steps of at most ``step``.
 
-    Raises `MechanismError` where the start is singular, so that two ways lead on.
+    Groups with a closed form that come to a dead point are continued as well; dead points are searched in steps of ``sample``.
+    Raises `MechanismError` if the start is singular, so that the branch is ambiguous.
     """
     sample = step / SAMPLES_OF_STEP if sample is None else sample
     unreachable: list[tuple[float, float, int]] = []
@@ -260,7 +265,7 @@ def branch_path(
     if aside:
         begin = start + aside * START_BESIDE * step
         branch = _beside(branch, begin)
-        behind, ahead = min(low, start - more), max(high, start + more)  # it has to be known on both sides of the start
+        behind, ahead = min(low, start - more), max(high, start + more)  # the path must cover both sides of the start
     edge = LIMIT_ACCURACY * max(10.0 * step, abs(low), abs(high))
     for _ in range(len(branch.model.blocks) + 3):
         continuation = continuation_path(branch, begin, behind, ahead, step)
@@ -287,8 +292,8 @@ def branch_path(
 
 
 def _start_at_dead_point(branch: Branch, start: float, step: float) -> float:
-    """Which way the stated modes lead on from a start at, or all but at, a flat position of groups with a closed form: 1, or -1
-    where that position lies just ahead; 0 where none is near."""
+    """The side of a dead point on which the stated modes hold, for a start at or nearly at a dead point of groups with a closed
+    form: 1 (after the start), or -1 if the dead point lies just ahead; 0 if there is none near or a general block is singular."""
     model = branch.model
 
     def margins(p: float) -> Real:
@@ -306,7 +311,7 @@ def _start_at_dead_point(branch: Branch, start: float, step: float) -> float:
 
 
 def _singular(branch: Branch, p: float) -> bool:
-    """Whether a group that no closed form solves, whose way on nothing states, is singular."""
+    """Whether a general block, for which no mode is stated, is singular at ``p``."""
     model = branch.model
     state = branch.placed(p, branch.assembly.starts)
     for block in (b for b in model.blocks if b.kind == "general"):
@@ -318,13 +323,13 @@ def _singular(branch: Branch, p: float) -> bool:
 
 
 def _beside(branch: Branch, p: float) -> Branch:
-    """The branch from next to a flat start, where the modes of the groups with a closed form say which way leads on."""
+    """The branch with its assembly at ``p``, next to a dead point, where the modes of groups with a closed form are distinct."""
     state = branch.placed(p, branch.assembly.starts)
     return replace(branch, assembly=replace(branch.assembly, starts=starts_of(branch.model, state), state=state))
 
 
 def _with_continued(branch: Branch, numbers: set[int]) -> Branch:
-    """The same with some groups to be continued, by Newton's method, instead of solved by their closed form."""
+    """The branch with some groups, by number, continued by Newton's method instead of solved by their closed form."""
     model, assembly = branch.model, branch.assembly
     blocks: list[Block] = list(model.blocks)
     starts = dict(assembly.starts)
@@ -338,7 +343,8 @@ def _with_continued(branch: Branch, numbers: set[int]) -> Branch:
 
 
 def _dead_point_groups(path: BranchPath, sample: float) -> tuple[set[int], list[tuple[float, float, int]]]:
-    """Groups with a closed form that come to a flat position on a path, and where they cannot be put together."""
+    """Numbers of the groups with a closed form that pass a dead point on a path, or that stop it there; and the ranges (from, to,
+    number) in which groups cannot be assembled."""
     model, continuation = path.model, path.continuation
     two = [i for i, b in enumerate(model.blocks) if b.kind in TWO_MODES]
     low, high = continuation.known
@@ -361,7 +367,7 @@ def _dead_point_groups(path: BranchPath, sample: float) -> tuple[set[int], list[
 
 
 def _singular_point(path: BranchPath, p: float, name: str, sample: float) -> SingularPoint | None:
-    """A singular position that a path has passed next to ``p``; None where the motion beside it is not known."""
+    """The singular position that a path has passed next to ``p``; None if the motion around it is not known."""
     number = next(i for i, b in enumerate(path.model.blocks) if b.name == name and b.kind == "general")
     located = locate_singular(path.model, path.model.blocks[number], path.placed, p, sample)
     if located is None:
@@ -375,15 +381,15 @@ def _singular_point(path: BranchPath, p: float, name: str, sample: float) -> Sin
 
 
 # -- several free drives ----------------------------------------------------------------------------------------------------------
-# The frames of a window of the integrator may lie anywhere beside the motion: each is reached from the last waypoint before it, all
-# at once and in as many steps. The windows are short, so that no step control is needed.
+# The frames of a collocation window of the integrator may lie anywhere near the motion. Each is reached from the last waypoint
+# before it, all together and in the same number of steps. The windows are short, so that no step size control is needed.
 Starts = Mapping[str, Real]
 
 
 @dataclass(frozen=True, eq=False)
 class Waypoint:
-    """A place of a motion: time [s] and positions of the drives (d,). Once they are known: angles of the rotation classes (s,), and
-    starts of the groups that have to be followed, as in `Assembly`."""
+    """A point of a motion: time [s] and positions of the drives (d,). Once computed: angles of the rotation classes (s,), and
+    Newton starts of the continued groups, as in `Assembly`."""
 
     time: float
     drives: Real
@@ -392,15 +398,15 @@ class Waypoint:
 
 
 class WaypointPath:
-    """Waypoints in order of time, the first of which is known."""
+    """Waypoints in order of time; angles and starts of the first are known."""
 
     def __init__(self, at: Waypoint):
-        self._points: tuple[list[float], list[Waypoint]] = [at.time], [at]  # replaced as one: another thread may ask
+        self._points: tuple[list[float], list[Waypoint]] = [at.time], [at]  # replaced in one assignment: other threads may read it
         self._later: list[Any] = []
         self._resolve: Callable[[list[Any]], Sequence[Waypoint]] | None = None
 
     def leave_later(self, items: Sequence[Any], resolve: Callable[[list[Any]], Sequence[Waypoint]]) -> None:
-        """Go on through waypoints that ``resolve`` makes of all items left so, in order, once they are asked for."""
+        """Defer the waypoints of ``items``: at the next access, ``resolve`` makes them of all deferred items, in order."""
         self._resolve = resolve
         self._later += items
 
@@ -410,7 +416,7 @@ class WaypointPath:
             self.leave(self._resolve(later))
 
     def leave(self, waypoints: Sequence[Waypoint]) -> None:
-        """Go on through waypoints; those of a later time than the first of them are given up."""
+        """Append waypoints; existing ones later than the first of them are discarded."""
         self._resolved()
         times, points = self._points
         keep = max(bisect_right(times, waypoints[0].time), 1)
@@ -421,7 +427,7 @@ class WaypointPath:
         times.extend(w.time for w in waypoints)
 
     def before(self, time: Real) -> tuple[list[Waypoint], Index]:
-        """All waypoints, and the number of the last one before each of the times (n,); the first one where there is none."""
+        """All waypoints, and the number of the last one before each of the times (n,), or of the first if there is none."""
         self._resolved()
         times, points = self._points
         first = max(bisect_left(times, float(time.min())) - 1, 0)
@@ -429,7 +435,7 @@ class WaypointPath:
         return points, first + np.maximum(np.searchsorted(later, time, side="left") - 1, 0)
 
     def starts(self, model: Model, assembly: Assembly, time: Real, drives: Real) -> Starts:
-        """Starts of the groups that have to be followed, at times (n,) and positions of the drives (n, d)."""
+        """Newton starts of the continued groups, at times (n,) and positions of the drives (n, d)."""
         points, before = self.before(time)
         last = int(before.max())
         known = next(k for k in range(last, -1, -1) if points[k].starts is not None)
@@ -445,7 +451,8 @@ class WaypointPath:
 
 
 def _continued(model: Model, assembly: Assembly, first: Real, starts: Starts, drives: Real) -> Starts:
-    """Starts at positions of the drives (n, d), reached from others (n, d) whose ``starts`` are known, all in as many steps."""
+    """Starts at ``drives`` (n, d), continued from positions ``first`` (n, d) with known ``starts``, all in the same number of
+    steps."""
     with np.errstate(invalid="ignore"):
         far = np.nan_to_num(np.abs(drives - first) / largest_steps(model, COARSE)).max(initial=0.0)
     count = int(np.clip(np.ceil(far), 1, MOST_WAYPOINTS))

@@ -1,10 +1,11 @@
 """Change points and dead points that a run passes: where the two assembly modes of a group meet.
 
-There the group's triangle is flat for an instant. A smooth motion goes through: what was on the left comes out on the right. The
-mode therefore changes sign at every such time, or the motion would turn back with a kink onto the other branch. Near the
-instant itself the loop equations are ill conditioned and at it singular: see `singular_interpolation`.
+There the group's triangle is flat for an instant. A smooth motion passes through: a joint on the left comes out on the right. The
+mode therefore changes sign at every such instant; otherwise the motion would turn back with a kink onto the other branch. Near the
+instant the loop equations are ill conditioned, at it they are singular: see `singular_interpolation`.
 
-Where the triangle would be more than flat the group cannot be assembled: such a range, however narrow, is found in the same manner.
+Where the sides violate the triangle inequality, the group cannot be assembled. Such a range, however narrow, is found in the same
+manner.
 """
 
 from __future__ import annotations
@@ -27,33 +28,33 @@ from mechcore.kinematics.state import State, initial_state
 from mechcore.laws.timed import ConstantSpeed, Law, moves
 from mechcore.records import dataclass
 
-SAMPLES_A_CYCLE = 720  # of a cycle, at least, and of a turn of the fastest drive
+SAMPLES_A_CYCLE = 720  # at least, per cycle and per turn of the fastest drive
 MOST_SAMPLES = 400_000  # samples of a whole run
 DEAD_POINT = 3e-15  # below this `dead_point_margin` is rounding: the triangle is flat
-NEAR_DEAD_POINT = 1e-2  # minima of `dead_point_margin` above are none
-CLOSURE_LIMIT = 1e-14  # below minus this the closed forms give up: the links miss each other
-ROUNDING = 1e-14  # heights squared that differ by less within a window are one height: nothing moves
+NEAR_DEAD_POINT = 1e-2  # minima of `dead_point_margin` above this are no dead points
+CLOSURE_LIMIT = 1e-14  # where `dead_point_margin` is below minus this, the closed forms give NaN: the links do not meet
+ROUNDING = 1e-14  # `dead_point_margin` that varies by less within a window is constant: nothing moves
 WINDOW_SAMPLES = 4  # samples on each side from which the instant is located
-FINER_SAMPLING = (1, 8, 64)  # times as many samples, where a group runs too fast at a change for the polynomial next to it
-INTERPOLATED_DEAD_POINT = 3e-12  # instead of FLAT where an earlier group's positions come from such a polynomial
+FINER_SAMPLING = (1, 8, 64)  # times as many samples, if a group moves too fast next to a singular point for the polynomial
+INTERPOLATED_DEAD_POINT = 3e-12  # instead of DEAD_POINT where an earlier group's positions come from such a polynomial
 
 
 @dataclass(frozen=True)
 class SingularPoint:
-    """At ``time`` the modes of block number ``block`` meet. ``dead``: the drive stands still there, at its limit. ``flips``: the
-    motion goes through; else it only touches the flat position and turns back."""
+    """At ``time`` the modes of block number ``block`` meet. ``dead``: the drives are at rest there, at a limit. ``flips``: the
+    motion passes through; else it only touches the dead point and turns back."""
 
     time: float
     block: int
     name: str
     dead: bool
     flips: bool = True
-    step: float = 0.0  # in which distances from it are counted where positions are interpolated, see `singular_interpolation`
+    step: float = 0.0  # unit of the distances from it at which positions are interpolated, see `singular_interpolation`
 
 
 @dataclass(frozen=True)
 class UnreachableRange:
-    """From ``start`` to ``end`` [s] the block cannot be put together."""
+    """From ``start`` to ``end`` [s] the block cannot be assembled."""
 
     start: float
     end: float
@@ -62,9 +63,9 @@ class UnreachableRange:
 
 @dataclass(frozen=True)
 class SingularPoints:
-    """All singular points within ``[0, period)``; beyond, they repeat. ``unreachable``: where a group cannot be put together.
+    """All singular points within ``[0, period)``; beyond, they repeat. ``unreachable``: where a group cannot be assembled.
 
-    ``by_drive``: "time" means the way of the only drive from its start [rad], not seconds; ``laws`` lead the drives along it.
+    ``by_drive``: "time" is the travel of the only drive from its start [rad or m], not in seconds; ``laws`` are functions of it.
     """
 
     period: float
@@ -84,7 +85,7 @@ class SingularPoints:
         return sorted(out, key=lambda c: c.time)
 
     def unreachable_within(self, start: float, end: float) -> list[UnreachableRange]:
-        """Gaps that a run from ``start`` to ``end`` [s] meets, those of one period."""
+        """Unreachable ranges that a run from ``start`` to ``end`` [s] meets, within its first two periods only."""
         turns = np.floor(start / self.period)
         moved = [
             replace(g, start=g.start + k * self.period, end=g.end + k * self.period)
@@ -95,7 +96,7 @@ class SingularPoints:
 
     @cached_property
     def _flips(self) -> dict[int, _Flips]:
-        """When the modes of each block are exchanged."""
+        """For each block, the instants at which its modes are exchanged."""
         times: dict[int, list[float]] = {}
         for c in self.points:
             if c.flips:
@@ -103,17 +104,17 @@ class SingularPoints:
         return {block: _flips_of(t, self.period) for block, t in times.items()}
 
     def signs(self, block: int, time: Real) -> Real | float:
-        """+1 or -1 by how often the block's modes have met between the start and ``time`` (...)."""
+        """+1 or -1 by the number of times that the block's modes are exchanged between the start and ``time`` (...)."""
         flips = self._flips.get(block)
         return 1.0 if flips is None else flips.signs(*_cycles(time, self.period))
 
     def all_signs(self, time: Real) -> Iterator[tuple[int, Real]]:
-        """Blocks whose modes meet, each with its `signs` (...)."""
+        """The blocks whose modes are exchanged, each with its `signs` (...)."""
         cycles = _cycles(time, self.period) if self._flips else None
         return ((block, flips.signs(*cycles)) for block, flips in self._flips.items() if cycles is not None)
 
     def near(self, time: Real, steps: float) -> bool:
-        """Whether one of the times (n,) is nearer to a singular point than so many of its steps."""
+        """Whether any of the times (n,) is closer to a singular point than ``steps`` times the step of that point."""
         times, widths = self._places
         far = (time - times) / self.period
         return bool((np.abs(far - np.round(far)) < steps / self.period * widths).any())
@@ -125,13 +126,14 @@ class SingularPoints:
 
 
 class _Flips(NamedTuple):
-    """How many exchanges of modes a period has, and when they are, but for one at its start: that has been passed already."""
+    """The number of exchanges of modes in a period, and their instants; one at the start of the period counts as passed and has no
+    instant."""
 
     number: int
     times: Real
 
     def signs(self, parity: Index, local: Real) -> Real:
-        """+1 or -1 by how often modes have met before `_cycles` (...)."""
+        """+1 or -1 by the number of exchanges before times (...), given as `_cycles` returns them."""
         count = parity * self.number + self.times.searchsorted(local, side="left")
         return np.asarray(1.0 - 2.0 * (count & 1))
 
@@ -143,7 +145,7 @@ def _flips_of(times: Sequence[float], period: float) -> _Flips:
 
 
 def _cycles(time: Real, period: float) -> tuple[Index, Real]:
-    """The parity of the periods that times (...) are in, and how far within them these are [s]."""
+    """For times (...): the parity of the number of the period, and the time since the start of that period [s]."""
     cycle = np.floor((time + 1e-12 * period) / period)
     return (cycle % 2.0).astype(int), time - cycle * period
 
@@ -151,11 +153,12 @@ def _cycles(time: Real, period: float) -> tuple[Index, Real]:
 def find_singular_points(
     model: Model, modes: Sequence[float], starts: Mapping[str, Real], *, span: float | None = None
 ) -> SingularPoints | None:
-    """All singular points of a mechanism under its drives' laws; None where there can be none, or where groups are continued.
+    """All singular points of a mechanism under its drives' laws; None if there can be none, or if groups are continued.
 
-    With one rotary drive that can turn fully the configuration alone decides: one turn of the drive is looked at (or as many as the
-    mechanism needs to come back). Else the laws decide, over one cycle if that closes. If it does not, ``span`` [s] says how far to
-    look, and without it the answer is None although there may be some: see `needs_span`.
+    With one rotary drive that can turn fully, the singular points depend on the configuration alone: one turn of the drive is
+    searched, or two or four until the modes repeat. Otherwise they depend on the laws: one cycle is searched, or two or four, if it
+    closes. If it does not close, ``span`` [s] is searched; without ``span`` the result is None although there may be singular
+    points: see `needs_span`.
     """
     drives = model.mechanism.drives
     if not drives or starts or model.relations or not any(b.kind in TWO_MODES for b in model.blocks):
@@ -178,7 +181,7 @@ def find_singular_points(
 
 
 def needs_span(model: Model) -> bool:
-    """Whether a cycle of the laws does not bring the drives back to where they were (a sliding drive that goes on, say)."""
+    """Whether a cycle of the laws does not return the drives to their first positions (as with a sliding drive that advances)."""
     for d in model.mechanism.drives:
         if not moves(d.law):
             continue
@@ -193,7 +196,7 @@ def needs_span(model: Model) -> bool:
 def _until_closed(
     model: Model, modes: Sequence[float], cycle: float, laws: tuple[Law, ...], *, by_drive: bool
 ) -> SingularPoints | None:
-    """Look at one, two or four cycles, until every group has changed its mode an even number of times."""
+    """Search one, two or four cycles, until every group changes its mode an even number of times."""
     singular_points = None
     for cycles in (1, 2, 4):
         singular_points = _scan(model, modes, cycle, cycles, laws, by_drive=by_drive)
@@ -208,7 +211,7 @@ def _until_closed(
 def _scan(
     model: Model, modes: Sequence[float], cycle: float, cycles: int, laws: tuple[Law, ...], *, by_drive: bool
 ) -> SingularPoints | None:
-    """Look at cycles of the laws; None where the drive alone decides but cannot turn fully."""
+    """Search cycles of the laws, with finer samples if needed; None if ``by_drive`` and the drive cannot turn fully."""
     for finer in FINER_SAMPLING:
         singular_points, resolved = _sampled(model, modes, cycle, cycles, laws, finer, by_drive=by_drive)
         if resolved:
@@ -219,8 +222,11 @@ def _scan(
 def _sampled(
     model: Model, modes: Sequence[float], cycle: float, cycles: int, laws: tuple[Law, ...], finer: int, *, by_drive: bool
 ) -> tuple[SingularPoints | None, bool]:
-    """Sample cycles of the laws block by block. The flag: whether the samples resolve the motion next to every change; without
-    any, whether more samples would add nothing."""
+    """Sample cycles of the laws block by block.
+
+    The flag says whether the samples resolve the motion next to every singular point; if the result is None, whether finer samples
+    would not change that.
+    """
     period = cycles * cycle
     probe = np.linspace(0.0, period, 2001)
     rotary = [model.joints[model.joint_index[d.joint]].coordinate == "angle" for d in model.mechanism.drives]
@@ -259,7 +265,7 @@ def _sampled(
                 if exchanged:
                     sign = _flips_of(exchanged, period).signs(*sampled_cycles)
             place_block(model, block, state, mode * sign, terms=terms)
-            for t, flips in own:  # what hangs on this block must not see its ill-conditioned positions
+            for t, flips in own:  # later blocks must not see its ill-conditioned positions
                 resolving, fine = _smoothed(model, block, state, time, t, period, step, finer, blurred)
                 dead = not by_drive and float(np.interp(t, time, still)) < slow
                 points.append(SingularPoint(t, i, block.name, dead, flips, resolving))
@@ -274,8 +280,10 @@ def _sampled(
 def _smoothed(
     model: Model, block: Block, state: State, time: Real, instant: float, period: float, step: float, finer: int, blurred: Flags
 ) -> tuple[float, bool]:
-    """Replace a block's sampled positions next to an instant at which its modes meet. The largest step that resolves the motion
-    there, and whether it does."""
+    """Interpolate a block's sampled positions next to an instant at which its modes meet.
+
+    Returns the largest step that resolves the motion there, or the best one tried, and whether it resolves the motion.
+    """
     best = np.inf
     width = finer
     first, last = float(time[0]), float(time[-1])
@@ -297,8 +305,8 @@ def _smoothed(
 def locate_singular(
     model: Model, block: Block, placed: Callable[[Real], State], p: float, sample: float
 ) -> tuple[float, float] | None:
-    """The place of a singular position of a continued group next to the parameter ``p``, and the step, of ``sample`` at most, at
-    which the motion beside it is resolved; None where it is not known there. ``placed``: parameters (n,) -> positions."""
+    """The parameter of a continued group's singular position next to ``p``, and the step, at most ``sample``, that resolves the
+    motion around it; None if positions are unknown there. ``placed``: parameters (n,) -> positions."""
     scale = np.where(np.arange(len(block.angles) + len(block.slides)) < len(block.angles), 1.0, model.length_scale)
     best: tuple[float, float, float] | None = None
     width = sample
@@ -322,7 +330,7 @@ def _determinant(model: Model, block: Block, state: State) -> Real:
 
 
 def _zero(values: Real, nodes: Real) -> float:
-    """The zero nearest to 0 of a smooth quantity given at nodes on [-1, 1]."""
+    """The zero near 0 of a smooth quantity given at nodes on [-1, 1], by Newton's method on a fit; 0 if none lies within 0.2."""
     fit = np.polynomial.Chebyshev.fit(nodes, values / np.abs(values).max(), 11, domain=[-1.0, 1.0])
     slope, at = fit.deriv(), 0.0
     for _ in range(20):
@@ -331,9 +339,9 @@ def _zero(values: Real, nodes: Real) -> float:
 
 
 def rounding_of(model: Model) -> float:
-    """Uncertainty of lengths, relative to the size, because points far from their origin keep fewer digits.
+    """Uncertainty of lengths, relative to the mechanism's size, due to rounding of the largest coordinate of a point.
 
-    At an origin 10 km away no drawing says to better than 2e-12 m whether a parallelogram is one.
+    With coordinates of 10 km, lengths are known to 2e-12 m at best, and so is whether a parallelogram is one.
     """
     return float(8.0 * np.finfo(float).eps * model.once(_farthest) / model.length_scale)
 
@@ -345,13 +353,14 @@ def _farthest(model: Model) -> float:
 def dead_point_instants(
     margins: Sequence[Values], time: Real, blurred: Flags, rounding: float
 ) -> tuple[list[tuple[float, bool]], list[tuple[float, float]], bool]:
-    """Times at which a group touches its dead point without leaving its reach, and whether it passes through; ranges of time in
-    which it cannot be assembled; and whether the samples are too few to decide about some place: by its `dead_point_margin` at
-    samples.
+    """Dead points of a group from samples of its `dead_point_margin`: (time, whether the motion passes through), ranges of time in
+    which the group cannot be assembled, and whether the samples are too few to decide somewhere.
 
-    The height squared grows with the second power of the time where the motion goes through, with the fourth where the drive turns
-    back just there. Between samples it is the polynomial through its neighbours; its last terms say how far that can be trusted
-    (the height is no polynomial where an arm of the triangle is as short as the way from sample to sample).
+    The margin, the squared height of the triangle, grows with the second power of time where the motion passes through, and with
+    the fourth where the drive reverses at the dead point. Between samples it is the polynomial through the neighbours, whose last
+    terms estimate its error (the margin is far from a polynomial where an arm of the triangle is as short as the travel between
+    samples). ``blurred``: samples at which an earlier group's positions are interpolated; ``rounding``: relative uncertainty of
+    lengths.
     """
     out: list[tuple[float, bool]] = []
     unreachable: list[tuple[float, float]] = []
@@ -371,7 +380,7 @@ def dead_point_instants(
         for k in least_ones[(heights < NEAR_DEAD_POINT) & (heights > lowest)].tolist():
             a, b = max(k - WINDOW_SAMPLES, 0), min(k + WINDOW_SAMPLES + 1, len(time))
             y = h[a:b]
-            if not ROUNDING <= np.maximum.reduce(y) - np.minimum.reduce(y) < np.inf:  # or not all are known
+            if not ROUNDING <= np.maximum.reduce(y) - np.minimum.reduce(y) < np.inf:  # constant, or not all are known
                 continue
             fit = _LocalPolynomial(y, k - a, b - 1 - k)
             at, curvature = 0.0, 0.0
@@ -395,15 +404,15 @@ def dead_point_instants(
 
 
 class _LocalPolynomial:
-    """The polynomial through values at samples, of which so many stand before and after the place 0. Plain numbers: there are too
-    few of them for arrays."""
+    """The polynomial through values at samples, with ``before`` of them before and ``after`` after the sample at 0. It uses plain
+    numbers because arrays are slower for so few values."""
 
     def __init__(self, values: Real, before: int, after: int):
         self.middle, self.half = 0.5 * (after - before), 0.5 * (after + before)
         self.terms: list[float] = (_inverse(before, after) @ values).tolist()
 
     def __call__(self, x: float) -> tuple[float, float, float]:
-        """Its value, slope and bend at a place, in samples."""
+        """Value, first and second derivative at ``x``, in samples from 0."""
         u, value, slope, curvature = (x - self.middle) / self.half, 0.0, 0.0, 0.0
         for term in reversed(self.terms):  # Horner's scheme
             curvature = curvature * u + slope
@@ -414,13 +423,14 @@ class _LocalPolynomial:
 
 @cache
 def _inverse(before: int, after: int) -> Real:
-    """Terms (n,) of the polynomial by its values (samples,), over places between -1 and 1."""
+    """The matrix (n, samples) from values to coefficients of a polynomial on [-1, 1]."""
     places = np.linspace(-1.0, 1.0, before + after + 1)
     return np.asarray(np.linalg.pinv(np.vander(places, min(9, len(places)), increasing=True)))
 
 
 def _ranges_below(time: Real, h: Real, limit: float) -> list[tuple[float, float]]:
-    """Ranges of samples below a limit, their ends between samples by straight lines to where these are zero."""
+    """Ranges of time whose samples lie below a limit, extended at each end to the zero of a straight line to the next sample, if
+    that is not negative."""
     below = h < limit
     edges = np.flatnonzero(np.diff(np.concatenate([[0], below.astype(int), [0]])))
     out = []
@@ -436,12 +446,13 @@ def _ranges_below(time: Real, h: Real, limit: float) -> list[tuple[float, float]
 
 
 def passages(singular_points: SingularPoints, drive: Law, time: Real, q: Real) -> list[SingularPoint]:
-    """When a run passes the singular points along its only drive: ``time`` (F,) [s], the drive's law and positions (F,)."""
+    """The singular points along the only drive that a run passes, at its times [s]; from ``time`` (F,) [s], the drive's law and its
+    positions ``q`` (F,)."""
     start = float(singular_points.laws[0](0.0)[0])
     travel = q - start
     along = singular_points.within(float(np.min(travel)), float(np.max(travel)))
     place = np.array([c.time + start for c in along])
-    behind = np.searchsorted(place, q)  # how many places each frame is beyond
+    behind = np.searchsorted(place, q)  # number of places that each frame is beyond
     many = np.abs(np.diff(behind))
     k = np.repeat(np.arange(len(many)), many)
     order = np.arange(len(k)) - np.repeat(np.cumsum(many) - many, many)

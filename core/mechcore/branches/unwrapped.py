@@ -1,4 +1,4 @@
-"""Unwrapped angles of links: one branch at the start pose, followed from there along the motion, over waypoints where need be."""
+"""Unwrapped angles of links: fixed at the start pose and followed from there along the motion, over waypoints where needed."""
 
 from __future__ import annotations
 
@@ -24,22 +24,25 @@ from mechcore.spec.mechanism import Mechanism
 
 AngleRange = tuple[float, float]
 
-STOP_DISTANCE = 1e-6  # [rad] nearer than which a joint starts at its only stop, and not a turn away from it
-BORDER_WIDTH = 1e-9  # of a turn: angles so near to a border of their range are on it
+STOP_DISTANCE = 1e-6  # [rad] a joint that is closer than this to its only stop starts at it, not a turn away from it
+BORDER_WIDTH = 1e-9  # of a turn: angles closer than this to a border of their range count as on it
 
 
 @dataclass(frozen=True)
 class StartPose:
-    """Where the links stand at the start: ``angles`` [rad] by link, a number or one for each design (d, 1); links with the same
-    number in ``stated`` have a relative angle that drives and rigid joints state. ``ranges`` [rad] nearest to which coordinates of
-    joints start."""
+    """Angles of the links at the start.
+
+    ``angles`` [rad] by link, a number or one for each design (d, 1). Links with the same number in ``stated`` have a relative angle
+    that drives and rigid joints state. ``ranges`` [rad] by joint: its coordinate starts in or nearest to this range.
+    """
 
     angles: Mapping[str, Values]
     stated: Mapping[str, int]
     ranges: Mapping[str, AngleRange] = field(default_factory=dict)
 
     def turns(self, first: str, second: str, about: AngleRange | None) -> Values:
-        """Turns to be added to the angle of the second link minus that of the first, for it to start where it should."""
+        """Whole turns to add to the angle of the second link minus that of the first: so that it starts within half a turn of zero,
+        or, if that is outside the range ``about``, of the middle of this range; none if the relative angle is stated."""
         if self.stated[first] == self.stated[second]:
             return 0.0
         angle = self.angles[second] - self.angles[first]
@@ -52,8 +55,8 @@ class StartPose:
         return np.where(inside, turns, _turns_about(angle, 0.5 * (low + high)))
 
     def with_stops(self, stops: Iterable[tuple[str, str, float]]) -> StartPose:
-        """The same with ranges of joints that have stops (joint, side, coordinate): these come first. Beside a single stop there is
-        a turn of room."""
+        """A copy with the ranges between ``stops`` (joint, side, coordinate), which replace other ranges of these joints. At a
+        single stop the range is one turn."""
         limits: dict[str, list[float]] = {}
         for joint, side, at in stops:
             low, high = limits.setdefault(joint, [-math.inf, math.inf])
@@ -69,12 +72,12 @@ class StartPose:
 
 
 def _turns_about(angle: Values, about: float) -> Values:
-    """Turns that bring an angle to within half a turn of another; half a turn is counted positive."""
+    """Whole turns that bring an angle within half a turn of ``about``; a difference of half a turn comes out positive."""
     return np.floor((about + math.pi - angle) / TURN + BORDER_WIDTH)
 
 
 def _ranges_of_tables(mechanism: Mechanism) -> dict[str, AngleRange]:
-    """Ranges of the tables over coordinates of joints that loads of a mechanism have, all of a joint together, by joint."""
+    """By joint, the range of the coordinate that the tables of the mechanism's loads over it cover together."""
     ranges: dict[str, AngleRange] = {}
     for load in mechanism.loads:
         factor = getattr(load, "factor", None)
@@ -86,7 +89,7 @@ def _ranges_of_tables(mechanism: Mechanism) -> dict[str, AngleRange]:
 
 
 def start_pose(model: Model, class_angles: Real) -> StartPose:
-    """The start pose of a mechanism whose rotation classes have the angles ``class_angles`` (s, ...) there."""
+    """The start pose of a mechanism with the angles ``class_angles`` (s, ...) of its rotation classes."""
     turning = model.angles
     return StartPose(
         {link: class_angles[turning.rotation_class[k]] + turning.offset[k] for k, link in enumerate(model.links)},
@@ -95,20 +98,20 @@ def start_pose(model: Model, class_angles: Real) -> StartPose:
     )
 
 
-# Positions of the drives, what is solved there, shape of the results
+# Positions of the drives, the state solved there, shape of the results
 SolvedFrames = tuple[Sequence[Values], State, tuple[int, ...]]
-PathFunction = Callable[[Real], SolvedFrames]  # places (n, c) on the path -> what is there
+PathFunction = Callable[[Real], SolvedFrames]  # points (n, c) on the path -> solved frames there
 
-LARGEST_TURN = 1.0  # [rad] that a link may turn from one place to the next; else places between them are looked at
-FARTHEST_STEPS = 4096.0  # steps from one place to the next; a place farther off is a trial of the integrator's, not on the path
-MOST_STEPS = 4_000_000  # steps of a table from the start: 100,000 turns; a trial of the integrator's may lie anywhere
-MOST_HALVINGS = 14  # halvings of a step in which links turn farther: at a real jump no step is short enough
-PLACES_AT_ONCE = 100_000  # places looked at together
+LARGEST_TURN = 1.0  # [rad] that a link may turn from one point to the next; beyond, points are inserted between them
+FARTHEST_STEPS = 4096.0  # steps from one point to the next; a point farther off is a trial of the integrator, not on the path
+MOST_STEPS = 4_000_000  # steps of a table from the start: 100,000 turns; a trial of the integrator may lie anywhere
+MOST_HALVINGS = 14  # halvings of a step in which a link turns too far: at a true jump no step is short enough
+PLACES_AT_ONCE = 100_000  # points evaluated together
 SAMPLES_A_CYCLE = 256  # of a law's cycle, for its largest speed
 
 
 def raw_angles(model: Model, drives: Sequence[Values], state: State, shape: tuple[int, ...]) -> Real:
-    """Angles of all rotation classes (s, *shape) [rad] at solved positions; of groups with a closed form within one turn."""
+    """Angles of all rotation classes (s, *shape) [rad] at solved positions; those of groups with a closed form within one turn."""
     turning = model.angles
     out = np.zeros((len(turning.class_group), *shape))
     for group, classes in enumerate(turning.classes_of):
@@ -129,8 +132,8 @@ def raw_angles(model: Model, drives: Sequence[Values], state: State, shape: tupl
 
 
 def _steps(start: Real | float, values: Real) -> Real:
-    """Differences (..., n) from each value to the next, from ``start`` (...) on: `numpy.diff` with its prepend, at a fifth of its
-    price."""
+    """Differences (..., n) between successive values, the first to ``start`` (...): `numpy.diff` with its prepend, at a fifth of
+    the cost."""
     out = np.empty(values.shape)
     np.subtract(values[..., 1:], values[..., :-1], out=out[..., 1:])
     np.subtract(values[..., :1], np.asarray(start)[..., None], out=out[..., :1])
@@ -138,7 +141,7 @@ def _steps(start: Real | float, values: Real) -> Real:
 
 
 def _followed(raw: Real) -> Real:
-    """Angles (..., n) without whole turns from each one to the next; where there is none, the last one before."""
+    """Angles (..., n) unwrapped along the last axis; in place of a NaN stands the last known angle before it."""
     known = np.isfinite(raw)
     if not known.all():
         last = np.maximum.accumulate(np.where(known, np.arange(raw.shape[-1]), 0), axis=-1)
@@ -150,11 +153,12 @@ def _followed(raw: Real) -> Real:
 def _follow(
     place: Callable[[Real], Real], x: Real, raw: Real, steps: Real, fresh: Flags | None = None
 ) -> tuple[Real, Real, Real, Index]:
-    """Points (m, c) on the path through ``x`` (n, c), angles (s, ..., m) up to whole turns there, the same unwrapped along the path
-    from its first point, and which of the points are those of ``x`` (n,).
+    """Unwrap angles along the path through points ``x`` (n, c), with points inserted between them where needed.
 
-    ``raw`` (s, ..., n): the angles at ``x`` up to whole turns; ``place`` gives them at points that are put between, where the path
-    is longer than ``steps`` (c,) or links turn far. ``fresh`` (n,): points to which no path leads from the one before.
+    Returns all points (m, c), their angles (s, ..., m) up to whole turns, these unwrapped along the path from its first point, and
+    the numbers of ``x`` among the points (n,). ``raw`` (s, ..., n): the angles at ``x`` up to whole turns; ``place`` gives them at
+    inserted points. Points are inserted where ``x`` advances by more than ``steps`` (c,) or links turn by more than
+    ``LARGEST_TURN``. ``fresh`` (n,): points that no path connects to the one before.
     """
     own = np.arange(len(x))
     fresh = np.zeros(len(x), bool) if fresh is None else fresh
@@ -182,8 +186,9 @@ def _follow(
 class LinkAngles:
     """Unwrapped angles of the links at the frames of a motion.
 
-    ``raw``: angles of the rotation classes (s, ...) up to whole turns; ``near``: the same followed along the path there, to within
-    half a turn. ``exact``: the drives' positions are the coordinates of their joints; else these have gone on by whole turns."""
+    ``raw``: angles of the rotation classes (s, ...) up to whole turns; ``near``: these -> angles followed along the path, accurate
+    to within half a turn. ``exact``: the drives' positions are the coordinates of their joints; else these differ by whole turns.
+    """
 
     def __init__(self, model: Model, start: StartPose, raw: Callable[[], Real], near: Callable[[Real], Real], exact: bool = True):
         self.model, self.start, self.exact = model, start, exact
@@ -197,12 +202,12 @@ class LinkAngles:
         return raw if near is raw else np.asarray(raw + TURN * np.round((near - raw) / TURN))
 
     def link(self, k: int) -> Real:
-        """Angle of a link's frame in the world [rad]."""
+        """Angle of the frame of link ``k`` in the world [rad]."""
         turning = self.model.angles
         return np.asarray(self.class_angles[turning.rotation_class[k]] + turning.offset[k])
 
     def relative(self, p: int, q: int, about: AngleRange | None = None) -> Real:
-        """Angle of link ``q`` minus that of link ``p`` [rad]; ``about``: it starts nearest to this range."""
+        """Angle of link ``q`` minus that of link ``p`` [rad]; ``about``: it starts in or nearest to this range."""
         turns = self.start.turns(self.model.links[p], self.model.links[q], about)
         angle: Real = self.link(q) - self.link(p) + TURN * turns
         return angle
@@ -215,7 +220,7 @@ class LinkAngles:
 
 
 class GivenLinkAngles(LinkAngles, ABC):
-    """Angles that are not those of rotation classes, followed along a path: a subclass says what the angle of each link is."""
+    """Unwrapped angles from another source than rotation classes: a subclass gives the angle of each link."""
 
     def __init__(self, model: Model, start: StartPose, exact: bool = True):
         self.model, self.start, self.exact = model, start, exact
@@ -226,7 +231,7 @@ class GivenLinkAngles(LinkAngles, ABC):
 
 
 class UnwrappedAngles:
-    """Angles of the rotation classes of a compiled mechanism along its motion, from a place where they are known."""
+    """Angles of the rotation classes of a compiled mechanism along its motion, from the point ``at`` where they are known."""
 
     def __init__(self, model: Model, start: StartPose, at: Waypoint, exact: bool = True):
         self.model, self.start, self.at, self.exact = model, start, at, exact
@@ -235,23 +240,23 @@ class UnwrappedAngles:
         self.path = WaypointPath(at)
 
     def fresh(self, start: StartPose | None = None) -> UnwrappedAngles:
-        """The same for another motion, which leaves its own waypoints."""
+        """A copy for another motion, with waypoints of its own."""
         other = copy(self)
         other.start, other.path, other._tables = start or self.start, WaypointPath(self.at), {}
         return other
 
     def at_frames(self, frames: SolvedFrames, near: Callable[[Real], Real]) -> LinkAngles:
-        """Angles of the links at frames; ``near``: raw angles of the classes -> those near them, by `along`, `through`, `still`."""
+        """Angles of the links at frames; ``near``: raw angles of the classes -> followed angles, `along`, `through` or `still`."""
         return LinkAngles(self.model, self.start, partial(raw_angles, self.model, *frames), near, self.exact)
 
     def still(self, raw: Real) -> Real:
-        """Angles near those at the frames of a mechanism that no drive moves."""
+        """Followed angles of a mechanism without moving drives: those of the point ``at``."""
         return np.asarray(self.at.class_angles)[:, None]
 
     # -- along one parameter ------------------------------------------------------------------------------------------
     def along(self, raw: Real, parameter: Real, place: PathFunction, laws: tuple[Law, ...] = ()) -> Real:
-        """Angles near those at frames along a parameter (F,): the position of the only drive, or with ``laws`` the time.
-        ``place``: parameters (n, 1) -> the motion there."""
+        """Followed angles at frames along a parameter (F,): the position of the only drive, or with ``laws`` the time.
+        ``place``: parameters (n, 1) -> solved frames."""
         key = tuple(map(id, laws))  # the table keeps them alive
         table = self._tables.get(key)
         if table is None:
@@ -266,16 +271,16 @@ class UnwrappedAngles:
         turns = self.model.joints[self.model.joint_index[drive.joint]].coordinate == "angle"
         return _Table(self.model, float(self.at.drives[0]), class_angles, float(self.steps[0]), TURN if turns else math.inf)
 
-    # -- where forces lead several coordinates ------------------------------------------------------------------------
+    # -- several coordinates driven by forces -------------------------------------------------------------------------
     def through(self, raw: Real, drives: Sequence[Values], time: Real, place: PathFunction) -> Real:
-        """Angles near those at frames (F,) whose drives have any positions: from the waypoint before each, and from one frame to
-        the next in order of time; ``place``: times and positions of drives (n, 1 + d) -> the motion there."""
+        """Followed angles at frames (F,) with any positions of the drives: from the waypoint before each frame, and from frame to
+        frame in order of time. ``place``: times and positions of drives (n, 1 + d) -> solved frames."""
         order = np.argsort(time, kind="stable")
         x = np.column_stack([time, *drives])[order]
         points, before = self.path.before(x[:, 0])
         used, which = np.unique(before, return_inverse=True)
         known = self._known(points, used, place)
-        at = np.searchsorted(which, np.arange(len(used)))  # where each waypoint comes in
+        at = np.searchsorted(which, np.arange(len(used)))  # where each waypoint is inserted
         places = np.insert(x, at, [_row(points[k]) for k in used], axis=0)
         fresh = np.insert(np.zeros(len(x), bool), at, True)
         followed = self._followed(places, np.insert(raw[:, order], at, known, axis=-1), fresh, place)
@@ -286,12 +291,12 @@ class UnwrappedAngles:
         return out
 
     def _followed(self, x: Real, raw: Real, fresh: Flags | None, place: PathFunction) -> Real:
-        """Angles at times and positions of drives (n, 1 + d), followed from one to the next but for the ``fresh`` ones."""
+        """Angles at times and positions of drives (n, 1 + d), followed from each point to the next, except to ``fresh`` ones."""
         *_, followed, own = _follow(lambda y: raw_angles(self.model, *place(y)), x, raw, np.append(math.inf, self.steps), fresh)
         return np.asarray(followed[:, own])
 
     def _known(self, points: list[Waypoint], used: Index, place: PathFunction) -> Real:
-        """Angles (s, n) at the waypoints ``used`` (n,), those before them followed where they are not known yet."""
+        """Angles (s, n) at the waypoints ``used`` (n,); unknown ones are followed from the last known waypoint and stored."""
         last = next(k for k in range(int(used[-1]), -1, -1) if points[k].class_angles is not None)
         if last < used[-1]:
             x = np.array([_row(w) for w in points[last : used[-1] + 1]])
@@ -306,7 +311,7 @@ def _row(at: Waypoint) -> Real:
 
 
 def _time_step(laws: Sequence[Law], steps: Real) -> float:
-    """A step of time [s] in which no drive goes farther than its own step; infinite where none moves."""
+    """A step of time [s] in which no drive moves farther than its own step; infinite if none moves."""
     lengths = []
     for law, step in zip(laws, steps, strict=True):
         if not moves(law):
@@ -318,20 +323,23 @@ def _time_step(laws: Sequence[Law], steps: Real) -> float:
 
 
 class _Table:
-    """Angles of the rotation classes along one parameter, as far as they have been asked for: around ``at``, where they are known.
+    """Angles of the rotation classes along one parameter, tabulated on demand around ``at``, where they are known.
 
-    ``turn``: after so much of the parameter the mechanism may be back where it was.
+    ``turn``: interval of the parameter after which the mechanism may be back in its first position.
     """
 
     def __init__(self, model: Model, at: float, class_angles: Real, step: float, turn: float, laws: tuple[Law, ...] = ()):
         self.model, self.at, self.class_angles, self.step, self.turn, self.laws = model, at, class_angles, step, turn, laws
-        self.known = np.array([at]), class_angles[:, None]  # replaced as one: another thread may ask
-        self.ends = [False, False]  # whether it leads no farther, down and up
+        self.known = np.array([at]), class_angles[:, None]  # replaced in one assignment: other threads may read it
+        self.ends = [False, False]  # whether the table can go no farther down, up
         self.period: float | None = None
-        self.tried = 0  # turns after which it has been looked whether the mechanism is back
+        self.tried = 0  # multiples of ``turn`` already checked as a period
 
     def near(self, parameter: Real, raw: Real, place: PathFunction) -> Real:
-        """Angles (s, n) at parameters (n,), to within half a turn; frames that are a path from the start need no others."""
+        """Followed angles (s, n) at parameters (n,), to within half a turn.
+
+        Frames that form a fine enough path from the start are unwrapped directly; others are read from the table.
+        """
         x = parameter
         if np.abs(_steps(self.at, x)).max(initial=0.0) <= self.step * (1.0 + 1e-9):
             turned = _steps(self.class_angles, raw)
@@ -369,7 +377,7 @@ class _Table:
                 return
 
     def _cover(self, low: float, high: float, place: PathFunction) -> None:
-        """Know the angles from ``low`` to ``high``, as far as the mechanism can be put together on the points."""
+        """Extend the table to the range from ``low`` to ``high``, or as far as the mechanism can be assembled."""
         for up, wanted in ((1, high), (0, low)):
             sign = 1.0 if up else -1.0
             while not self.ends[up] and sign * (wanted - self.known[0][-up]) > 0.0:
@@ -396,7 +404,7 @@ class _Table:
 
 
 def along_designs(model: Model, time: Real, frames: SolvedFrames, laws: tuple[Law, ...], place: PathFunction) -> LinkAngles:
-    """Angles at times (F,) of a mechanism of which several designs move side by side; ``place``: times (n, 1) -> what is there."""
+    """Angles at times (F,) of a mechanism computed for several designs together; ``place``: times (n, 1) -> solved frames."""
 
     def raw_at(x: Real) -> Real:
         return raw_angles(model, *place(x))
@@ -412,8 +420,8 @@ def along_designs(model: Model, time: Real, frames: SolvedFrames, laws: tuple[La
 
 
 def times_of_designs(model: Model, time: Real, laws: tuple[Law, ...]) -> tuple[Real, Index]:
-    """Times (n,) from the start over those of the frames (F,), between which angles can be followed unless links turn by more than
-    `LARGEST_TURN`; and which of them are the frames (F,)."""
+    """Times (n,) from the start through those of the frames (F,), close enough to follow angles unless links turn by more than
+    `LARGEST_TURN` between them; and the numbers of the frames among them (F,)."""
     x = np.append(0.0, time)[:, None]
     places, *_, own = _follow(lambda y: np.zeros((0, len(y))), x, np.zeros((0, len(x))), _steps_of_designs(model, laws))
     return places[:, 0], own[1:]

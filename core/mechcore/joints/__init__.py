@@ -1,1 +1,1 @@
-"""Joints by families: the constraints and couplings that each makes. `registry.JOINT_KINDS` lists them."""
+"""Joints by families: the constraints and relations of each kind. `registry.JOINT_KINDS` lists the kinds."""

@@ -1,4 +1,4 @@
-"""The common forms of joints: points that coincide or slide, relations of coordinates; and the builder that collects them."""
+"""The common forms of joints: points that coincide or slide, and relations of coordinates; the builder that collects them."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class LoopJoint:
-    """One joint as the loop equations see it; plane vectors are complex numbers.
+    """A joint in the form of the loop equations; plane vectors are complex numbers.
 
-    The point ``a`` of the first link and ``b`` of the second coincide, except that where there is a ``slide`` direction the
-    other link's point lies at ``s * slide`` from the guide's, on the guide. If the joint does not ``turn``, the second link's
-    angle is the first's plus ``angle``.
+    The point ``a`` of the first link and ``b`` of the second coincide. If there is a ``slide`` direction, the point of the link
+    without the guide instead lies on the guide, at ``s * slide`` from the guide's point. If the joint does not allow rotation (not
+    ``turns``), the second link's angle is the first's plus ``angle``.
     """
 
     name: str
@@ -31,9 +31,9 @@ class LoopJoint:
     a: complex  # in the first link's frame [m]
     b: complex  # in the second link's frame [m]
     turns: bool
-    angle: float = 0.0  # [rad], where it does not turn
+    angle: float = 0.0  # [rad], if it does not turn
     slide: complex | None = None  # unit vector in the guide's frame
-    guide: Literal[0, 1] = 0
+    guide: Literal[0, 1] = 0  # which of the links carries the guide
 
     @property
     def freedoms(self) -> int:
@@ -46,7 +46,7 @@ class LoopJoint:
 
 
 def point_of(link: Link, name: str) -> complex:
-    """A named point of a link in its own frame."""
+    """A named point of a link in its own frame [m]."""
     x, y = link.points[name]
     return x + 1j * y
 
@@ -56,7 +56,7 @@ class CoordinateFunction:
     """A nonlinear term: ``function(sum of coefficient * angle + sum of coefficient * displacement + shift)``.
 
     ``function``: arguments (...) -> value, first and second derivative with respect to the argument, (3, ...), value in metres.
-    Angles of groups with a closed form are known within one turn only: the function of an angle must repeat every turn.
+    Angles of groups with a closed form are known within one turn only: a function of an angle must have the period of one turn.
     """
 
     function: Callable[[Values], Real]
@@ -66,16 +66,16 @@ class CoordinateFunction:
 
 
 ContactFunction = Callable[["Motion", Values], tuple[Plane, Plane]]
-"""(motion, multiplier) -> place [m], force on the second link per multiplier."""
+"""(motion, multiplier) -> contact position [m], force on the second link per unit of the multiplier."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Bearing:
-    """The couple that a shaft's bearings carry where the force of a relation does not lie in the plane as its torque does.
+    """The couple in a shaft's bearings, for relations whose plane contact force alone gives the wrong torque (axis in the plane).
 
-    The force on the second link acts at the contact, the opposite there on the first; beside it a couple acts on the first link,
-    the opposite on the ``carrier``. ``joints``: (revolute joint, +1 where its second link is on the side of the first link of the
-    relation) through which the couple passes from the carrier.
+    The contact force acts on the second link, its opposite on the first. In addition a couple acts on the first link, its opposite
+    on the ``carrier``. ``joints``: revolute joints through which the couple passes from the carrier, each with +1 if its second
+    link is on the side of the relation's first link, else -1.
     """
 
     carrier: str
@@ -85,10 +85,10 @@ class Bearing:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Relation:
-    """``sum of coefficient * angle + sum of coefficient * displacement + curve = constant``; no constant: taken from the start.
+    """``sum of coefficient * angle + sum of coefficient * displacement + curve = constant``; None: taken from the start position.
 
-    It is written so that its rate is the velocity of the first link at the contact minus that of the second, along the unit
-    vector that ``contact`` gives together with the contact's place: the force that it transmits is then its Lagrange multiplier.
+    It is scaled so that its rate is the velocity of the first link at the contact minus that of the second, along the vector that
+    ``contact`` returns with the contact position. The transmitted force is then its Lagrange multiplier.
     """
 
     name: str
@@ -98,14 +98,14 @@ class Relation:
     slides: tuple[tuple[str, float], ...]  # (sliding joint, coefficient)
     contact: ContactFunction
     curve: CoordinateFunction | None = None
-    constant: float | None = None  # [m], of the links' own angles and of displacements
+    constant: float | None = None  # [m], for the links' own angles and displacements
     bearing: Bearing | None = None
-    geometry: Any = None  # what else the joint knows, for those who draw or record it
+    geometry: Any = None  # the geometry of the joint, for drawing and recording
 
 
 @dataclass
 class Builder:
-    """Collects the parts while a mechanism is compiled. ``links`` grows where a joint brings links along."""
+    """Collects the parts while a mechanism is compiled. Joints may add links of their own to ``links``."""
 
     mechanism: Mechanism
     links: dict[str, Link]
@@ -119,12 +119,14 @@ class Builder:
     def axis_between(self, joint: Joint, link: str, carrier: str) -> tuple[complex, complex]:
         """The axis about which ``link`` turns on ``carrier``, in the carrier's frame and in the link's.
 
-        They may be pinned to each other, or to the same place of others (several links on one shaft, a wheel welded to its shaft).
+        They may be pinned to each other, or on the same axis to other links (several links on one shaft, a wheel welded to its
+        shaft).
         """
         return self._path_between(joint, link, carrier)[:2]
 
     def bearings_between(self, joint: Joint, link: str, carrier: str) -> tuple[tuple[str, float], ...]:
-        """The revolute joints about that axis on the path from ``carrier`` to ``link``, +1 where the second is nearer to it."""
+        """The revolute joints about that axis on the path from ``carrier`` to ``link``: name, and +1 if its second link is the one
+        nearer to ``link``, else -1."""
         return self._path_between(joint, link, carrier)[2]
 
     def _path_between(self, joint: Joint, link: str, carrier: str) -> tuple[complex, complex, tuple[tuple[str, float], ...]]:
@@ -146,7 +148,7 @@ class Builder:
         )
 
     def rigid_with(self, link: str) -> list[tuple[str, complex, complex]]:
-        """A link and all that is welded to it: name, origin and rotation of its frame in the link's."""
+        """The link and all links welded to it: name, origin and rotation of the frame in the axes of ``link``."""
         rigid = [(link, 0j, 1 + 0j)]
         for k, origin, turn in rigid:  # grows while it is walked through
             for p in self.mechanism.joints:
@@ -160,7 +162,7 @@ class Builder:
         return rigid
 
     def _axes_of(self, link: str) -> list[complex]:
-        """Where a link, with all that is welded to it, is pinned to others, in the link's frame."""
+        """The points, in the link's frame, at which a link or a link welded to it is pinned."""
         return [
             origin + turn * point_of(self.links[k], name)
             for k, origin, turn in self.rigid_with(link)
@@ -171,7 +173,8 @@ class Builder:
         ]
 
     def _on_the_same_axis(self, link: str, z: complex) -> list[tuple[str, complex, tuple[tuple[str, float], ...]]]:
-        """Where the axis through ``z`` of a link goes through the links pinned to it there, or welded to it, and the pin."""
+        """The links pinned to ``link`` at ``z``, or welded to it: name, the point of the axis in their frame, and the pin with its
+        sign (none for a weld)."""
         out: list[tuple[str, complex, tuple[tuple[str, float], ...]]] = []
         for p in self.mechanism.joints:
             if not isinstance(p, Revolute | Weld) or link not in p.links:
@@ -186,5 +189,5 @@ class Builder:
         return out
 
     def _same(self, link: str, a: complex, b: complex) -> bool:
-        """Whether two places of a link are one, up to rounding of its coordinates."""
+        """Whether two points of a link coincide up to rounding of its coordinates."""
         return abs(a - b) <= 1e-9 * max(abs(complex(*xy)) for xy in self.links[link].points.values())

@@ -1,4 +1,4 @@
-"""Cam and follower in the plane: the follower's coordinate is a function of the cam's; the force acts along their common normal."""
+"""Cam and follower in the plane: the follower's coordinate is a function of the cam's; the force acts along the common normal."""
 
 from __future__ import annotations
 
@@ -80,10 +80,10 @@ def build_cam(joint: CamJoint, builder: Builder) -> None:
         c = placed.scale * placed.side
         angles = ((joint.links[1], c), (carrier, -c))
         slides = ()
-        towards = placed.centre - pivot if joint.spatial is None else -placed.axes  # where the arm points at coordinate zero
+        towards = placed.centre - pivot if joint.spatial is None else -placed.axes  # direction of the arm at coordinate zero
         home = cmath.phase(towards / (point_of(follower, joint.point) - own))
         constant = c * home
-        if joint.spatial is not None and placed.pace:  # a turret goes on and on: the curve is what it leaves its mean pace by
+        if joint.spatial is not None and placed.pace:  # a turret never returns: the curve is the deviation from its mean speed
             step = placed.scale * placed.sense * placed.pace
             angles += ((joint.links[0], step), (carrier, -step))
             constant -= placed.scale * placed.pace * placed.phase
@@ -97,7 +97,7 @@ def build_cam(joint: CamJoint, builder: Builder) -> None:
 
 
 def _bearing(joint: CamJoint, builder: Builder, carrier: str, placed: PlacedCam | PlacedSpatial) -> Bearing | None:
-    """The bearing of the shaft of a cam whose axis lies in the plane."""
+    """The bearing of the shaft of a cam whose axis lies in the plane; None for plane cams."""
     if isinstance(placed, PlacedCam):
         return None
     return Bearing(carrier=carrier, couple=placed.couple, joints=builder.bearings_between(joint, joint.links[0], carrier))
@@ -106,15 +106,16 @@ def _bearing(joint: CamJoint, builder: Builder, carrier: str, placed: PlacedCam 
 def _along_guide(
     joint: CamJoint, builder: Builder, carrier: str, guide: Prismatic, placed: PlacedCam | PlacedSpatial
 ) -> tuple[float, float]:
-    """How the follower's height follows from the guide's coordinate s: sign * s + zero."""
+    """(sign, zero) of the follower's height ``sign * s + zero`` as a function of the guide's coordinate s."""
     at = place_on(builder, carrier, guide, point_of(builder.links[joint.links[1]], joint.point))
     _, sign = guide_in(carrier, guide)
-    # lift is along the guide's direction as the carrier sees it
+    # the lift is along the guide's direction in the carrier's axes
     return sign, float(((at - placed.centre) / placed.axes).imag)
 
 
 def _guide_of(joint: CamJoint, builder: Builder, carrier: str, guide: Prismatic | Revolute) -> tuple[complex, complex, float]:
-    """Place of the follower's point (translating: at coordinate zero) or pivot on the carrier, direction of lift, length of arm."""
+    """Position on the carrier of the follower's point at coordinate zero (translating) or of its pivot (oscillating), direction of
+    lift (0 if oscillating), length of arm (0 if translating)."""
     follower = builder.links[joint.links[1]]
     at = point_of(follower, joint.point)
     if isinstance(guide, Prismatic):
@@ -166,7 +167,7 @@ def _disc(joint: CamJoint, builder: Builder, carrier: str, guide: Prismatic | Re
     mount = axes * cmath.exp(1j * joint.sense * joint.phase)
     made = _common(joint, carrier, cam, centre, axes) | {"own": own, "mount": mount, "arm": arm, "base": base, "decides": decides}
     if second is not None:
-        flip = -1.0 if second.arm is None else 1.0  # seen upside down the lower roller is an ordinary follower
+        flip = -1.0 if second.arm is None else 1.0  # rotated by half a turn, the lower roller is an ordinary follower
         other = {"cam": second.cam(cam), "axes": axes * flip, "mount": mount * flip, "form": False, "arm": second.arm or 0.0}
         made |= {"mate": PlacedCam(**(made | other)), "second": second}
     if joint.undercut == "cut" and find_limits(cam, count=720).undercut:
@@ -188,7 +189,7 @@ def required(joint: CamJoint) -> Requirement:
 def _second_roller(
     joint: CamJoint, builder: Builder, carrier: str, guide: Prismatic | Revolute, placed: Follower, axes: complex
 ) -> SecondRoller:
-    """The second roller of a conjugate pair: it stands on the follower, fixed against the first."""
+    """The second roller of a conjugate pair, which is fixed on the follower like the first."""
     assert joint.second is not None
     name, radius = joint.second
     follower = builder.links[joint.links[1]]
@@ -217,7 +218,8 @@ def _second_roller(
 
 @lru_cache(maxsize=16)
 def _given(contour: Contour, own: complex, axes: complex, follower: Follower) -> tuple[Contour, GivenLift]:
-    """A profile of the link's axes in the theory's, and the lift that it gives; a mechanism is built several times in a run."""
+    """A profile in link axes transformed to the axes of the theory, and its lift; cached because a run builds a mechanism several
+    times."""
     profile = moved_contour(contour, -own / axes, 1.0 / axes)
     return profile, lift_of(profile, follower)
 
@@ -243,7 +245,7 @@ def _wedge(joint: CamJoint, builder: Builder, carrier: str, guide: Prismatic | R
         raise fault_of(joint, "", "a flat face slides on a wedge's highest points only.", "Give a roller or a knife.")
     place, up, arm = _guide_of(joint, builder, carrier, guide)
     direction, sign = guide_in(carrier, bed)
-    direction *= sign  # in which the cam moves as the bed's coordinate grows
+    direction *= sign  # of the cam as the bed's coordinate grows
     cam_link = builder.links[joint.links[0]]
     start = place_on(builder, carrier, bed, point_of(cam_link, bed.points[bed.links.index(joint.links[0])]))
     radius = joint.face.radius
@@ -273,14 +275,14 @@ def _wedge(joint: CamJoint, builder: Builder, carrier: str, guide: Prismatic | R
     else:
         zero = joint.base + radius
     assert joint.lift is not None
-    # the wedge of the theory moves by -x: where the cam goes the other way as the law is read, the law is mirrored
+    # the wedge of the theory moves by -x: if the cam moves in the other direction, the law is mirrored
     ahead = -float((direction / axes).real) * joint.sense
     law = levelled(joint.lift) if ahead > 0 else levelled(_mirror(joint.lift))
     cam = Cam(law.raised(zero), Follower(face_guide, joint.face), wedge=True)
     own = point_of(cam_link, bed.points[bed.links.index(joint.links[0])])
     first = bed.links.index(carrier) == 0
     turn = cmath.exp(1j * (-bed.angle if first else bed.angle))  # from the carrier's axes to the cam's
-    # the cam's point is at start + s way, a point z of the profile at centre + axes (z - x) with x = ahead (s sense + phase)
+    # the cam's point is at start + s direction, a point z of the profile at centre + axes (z - x), x = ahead (s sense + phase)
     own += turn * (centre - start - axes * ahead * joint.phase)
     return _common(joint, carrier, cam, centre, axes) | {"own": own, "mount": turn * axes, "arm": arm, "ahead": ahead}
 
@@ -305,12 +307,12 @@ def _common(joint: CamJoint, carrier: str, cam: Cam, centre: complex, axes: comp
 
 
 def _mirror(law: MotionCurve) -> MotionCurve:
-    """x -> law(-x)."""
+    """The law x -> law(-x)."""
     return MotionCurve(law.reversed().pieces, -law.end)
 
 
 def _build_inverse(joint: CamJoint, builder: Builder, carrier: str, guide: Prismatic | Revolute) -> None:
-    """The roller on the driving link, a crank or a slide, the groove on the driven link."""
+    """Inverse cam: the roller is on the driving link, a crank or a slide, and the groove is in the driven link."""
     driving = builder.links[joint.links[0]]
     if joint.point not in driving.points:
         known = ", ".join(driving.points)
@@ -348,7 +350,7 @@ def _build_inverse(joint: CamJoint, builder: Builder, carrier: str, guide: Prism
         axes, centre, hub = up / 1j, axis, 0j
         side = guide.links.index(carrier)
         turn = cmath.exp(1j * (-guide.angle if side == 0 else guide.angle))
-        # at coordinate zero the driven link's axes lie where the guide puts them
+        # position of the driven link's axes at coordinate zero
         start = place_on(builder, carrier, guide, 0j)
         origin, mount = turn * (centre - start), turn * axes
         joints = ((guide.name, -sign),)
@@ -359,7 +361,7 @@ def _build_inverse(joint: CamJoint, builder: Builder, carrier: str, guide: Prism
         if straight is None and pivot == axis:
             raise fault_of(joint, "guide", "the driven link's pivot lies on the crank's axis.", "Move it away from there.")
         axes, centre, hub, mount = 1 + 0j, pivot, axis - pivot, 1 + 0j
-        if straight is not None:  # metres per unit of the driven link's angle: to the middle of the roller's travel
+        if straight is not None:  # metres per unit of the driven link's angle: distance to the middle of the roller's travel
             arm = abs(hub + straight * 0.5 * (travel[0] + travel[1])) or 0.5 * (travel[1] - travel[0])
         angles = ((joint.links[1], -arm), (carrier, arm))
     phase = cmath.phase(tip) - cmath.phase(axes) if straight is None else 0.0

@@ -1,4 +1,4 @@
-"""Joints of surfaces: revolute, prismatic, pin in slot, weld; and those made of several: planar joint, cylinder and screw."""
+"""Lower pairs and the like: revolute, prismatic, pin in slot, weld; and joints made of several: planar joint, cylinder, screw."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def build_pinned(joint: Revolute | Weld, builder: Builder) -> None:
-    """Two points coincide; the angle is free, or fixed where they are welded."""
+    """Two points coincide; the angle is free, or fixed by a weld."""
     first, second = builder.ends(joint)
     a, b = point_of(first, joint.points[0]), point_of(second, joint.points[1])
     if isinstance(joint, Weld):
@@ -26,7 +26,7 @@ def build_pinned(joint: Revolute | Weld, builder: Builder) -> None:
 
 
 def build_guided(joint: Prismatic | PinSlot, builder: Builder) -> None:
-    """A point of one link on a straight guide of the other; the angle is fixed, or free where a pin slides in a slot."""
+    """A point of one link on a straight guide of the other; the angle is fixed, or free for a pin in a slot."""
     first, second = builder.ends(joint)
     along = complex(*joint.along)
     pin = isinstance(joint, PinSlot)
@@ -46,7 +46,7 @@ def build_guided(joint: Prismatic | PinSlot, builder: Builder) -> None:
 
 
 def build_planar(joint: Planar, builder: Builder) -> None:
-    """Two slides and a pin in a row, which leave the second link all its freedoms."""
+    """Two slides and a pin in series, which leave the second link all three degrees of freedom."""
     (first, second), (x, y) = joint.links, joint.made
     for name in (x, y):
         builder.links[name] = Link(name=name, points={})
@@ -59,7 +59,7 @@ def build_planar(joint: Planar, builder: Builder) -> None:
 
 
 def build_cylinder(joint: Cylinder, builder: Builder) -> None:
-    """Between two points: barrel and rod, pinned at their ends, sliding in each other."""
+    """A barrel and a rod between two points, pinned at their ends and sliding in each other."""
     first, second = builder.ends(joint)
     barrel, rod = f"{joint.name}.barrel", f"{joint.name}.rod"
     builder.links[barrel] = Link(name=barrel, points={"base": (0.0, 0.0)})
@@ -76,7 +76,7 @@ def build_cylinder(joint: Cylinder, builder: Builder) -> None:
 
 
 def build_screw(joint: Screw, builder: Builder) -> None:
-    """A slide, a spindle that turns in the link of the guide, and the thread, which ties the travel to the turn."""
+    """A slide, a spindle that turns in the link with the guide, and the thread, a relation between travel and rotation."""
     owner, nut = joint.links[joint.guide], joint.links[1 - joint.guide]
     spindle, slide, along = f"{joint.name}.spindle", f"{joint.name}.slide", complex(*joint.along)
     builder.links[spindle] = Link(name=spindle, points={"axis": (0.0, 0.0)})
@@ -94,7 +94,7 @@ def build_screw(joint: Screw, builder: Builder) -> None:
         return motion.joint_point(j), motion.guide(j)
 
     def couple(motion: Motion, place: Plane, force: Plane) -> Values:
-        """The torque about the axis, which the plane does not see: it holds the drive's."""
+        """The torque of the thread about the spindle's axis, which lies in the plane; it balances that of the drive."""
         return -joint.radius * (np.conj(motion.guide(motion.model.joint_index[slide])) * force).real
 
     builder.relations.append(

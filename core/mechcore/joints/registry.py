@@ -1,8 +1,8 @@
-"""The kinds of joints, in the common forms that the rest of the core works with.
+"""The kinds of joints, and their conversion to the common forms that the rest of the core works with.
 
 A lower pair is a `LoopJoint` (points that coincide or slide); gears, belts, racks, rolling and cams add a `Relation`.
-To add a joint: its spec in `mechcore.spec.mechanism`, a function in the module of its family that builds it, a line in
-`JOINT_KINDS`.
+To add a kind of joint: add its spec to `mechcore.spec.mechanism`, a function that builds it to the module of its family, and a line
+to `JOINT_KINDS`.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
-"""Parts of all cams in a mechanism: guides on the carrier, the relation, faults by their scene's names; and barrel, end and
-globoidal cams: where they lie in the plane mechanism, and the roller's path in space."""
+"""Parts common to all cams in a mechanism: guides on the carrier, the relation, faults by the names of the scene. And barrel, end
+and globoidal cams: their position in the plane mechanism, and the roller's path in space."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from mechcore.spec.mechanism import CamJoint, Link, Prismatic, Revolute, Spatial
 from mechcore.texts import as_angle, as_length
 
 _KEYS = {"base": "base", "lift": "lift", "radius": "face.radius", "second": "second"}
-"""Names of a cam's geometry for the fields of a `CamJoint`."""
+"""Last part of a path in a fault of the geometry -> key of the scene."""
 
 Terms = tuple[tuple[str, float], ...]
 
@@ -36,7 +36,8 @@ def relate(
     cam: tuple[Terms, Terms],
     bearing: Bearing | None = None,
 ) -> None:
-    """The relation of a placed cam: angles, displacements and constant of the follower, angles and displacements of the law."""
+    """Add the relation of a placed cam. ``follower``: its angles, displacements and constant; ``cam``: angles and displacements in
+    the argument of the law."""
 
     def lift(argument: Values) -> Real:
         values: Real = placed.law(argument)
@@ -67,7 +68,7 @@ def fault_of(joint: CamJoint, key: str, message: str, remedy: str) -> MechanismE
 
 
 def renamed(joint: CamJoint, fault: Fault) -> Fault:
-    """A fault of the geometry, said of the joint and what it states."""
+    """A fault of the geometry with the path of the joint and its key."""
     if fault.path.startswith("joints."):
         return fault
     key = _KEYS.get(fault.path.partition(".")[2], "")
@@ -75,7 +76,7 @@ def renamed(joint: CamJoint, fault: Fault) -> Fault:
 
 
 def guide_in(carrier: str, guide: Prismatic) -> tuple[complex, float]:
-    """Direction in which the slider moves on the carrier as the coordinate grows (carrier's axes), and the sign of along."""
+    """Direction of the guide in the carrier's axes, and the sign of the slider's motion along it as the coordinate grows."""
     along = complex(*guide.along) / abs(complex(*guide.along))
     if guide.links[guide.guide] == carrier:
         return along, 1.0
@@ -85,7 +86,7 @@ def guide_in(carrier: str, guide: Prismatic) -> tuple[complex, float]:
 
 
 def place_on(builder: Builder, carrier: str, guide: Prismatic, at: complex) -> complex:
-    """Where a place ``at`` of the sliding link lies in the carrier's axes at coordinate zero."""
+    """Position in the carrier's axes of a point ``at`` of the sliding link, at coordinate zero."""
     side = guide.links.index(carrier)
     own = point_of(builder.links[carrier], guide.points[side])
     other = point_of(builder.links[guide.links[1 - side]], guide.points[1 - side])
@@ -94,7 +95,7 @@ def place_on(builder: Builder, carrier: str, guide: Prismatic, at: complex) -> c
 
 
 def bed_of(joint: CamJoint, builder: Builder, carrier: str, what: str) -> Prismatic:
-    """The joint on which the driving link slides."""
+    """The prismatic joint on which the driving link slides. Raises `MechanismError` if there is none on the carrier."""
     bed = next((p for p in builder.mechanism.joints if p.name == joint.bed), None)
     if not isinstance(bed, Prismatic) or set(bed.links) != {joint.links[0], carrier}:
         raise fault_of(
@@ -107,7 +108,7 @@ def bed_of(joint: CamJoint, builder: Builder, carrier: str, what: str) -> Prisma
 
 
 def levelled(law: MotionCurve) -> MotionCurve:
-    """A law that goes on level before its start and after its end."""
+    """A law extended by constant pieces before its start and after its end."""
     begin, end = float(law.pieces[0].at(0.0, 0)[0]), float(law.pieces[-1].at(law.pieces[-1].length, 0)[0])
     nothing = np.zeros((0, 3))
     before, after = (Piece(law.length, np.array([value]), nothing) for value in (begin, end))
@@ -115,11 +116,11 @@ def levelled(law: MotionCurve) -> MotionCurve:
 
 
 LEAST_ROLLERS = 6  # of a turret: those between ribs are up to one and a half steps from the middle, a quarter of a turn at most
-_SQUARE = 1e-9  # how far off perpendicular or on the line counts as exact
+_SQUARE = 1e-9  # tolerance for perpendicular directions and points on a line
 
 
 def place_spatial(joint: CamJoint, builder: Builder, carrier: str, guide: Prismatic | Revolute) -> PlacedSpatial:
-    """The placed cam; raises where its parts do not lie as its kind wants them."""
+    """The placed cam. Raises `MechanismError` if its parts are not arranged as its kind requires."""
     blank = joint.spatial
     assert blank is not None and joint.lift is not None
     if not isinstance(joint.face, Roller):
@@ -200,19 +201,19 @@ def place_spatial(joint: CamJoint, builder: Builder, carrier: str, guide: Prisma
     return placed
 
 
-ON_PIN = 1e-9  # of the sizes of a link: what is nearer to the pin is at it
+ON_PIN = 1e-9  # of the size of a link: points closer to the pin are at it
 MASS_REMEDY = "Give the centre of mass at the pin; of the masses around it only the moment of inertia about the shaft counts."
 _TURNS = "turns about a shaft in the plane"
 
 
 def off_shaft(path: str, link: str, what: str, off: float, remedy: str) -> Fault:
-    """What is said of something of a cam's link that lies ``off`` its pin [m]."""
+    """The fault of an item ``what`` of a cam's link that lies ``off`` its pin [m]."""
     return Fault(path, f"'{link}' {_TURNS}, and {what} lies {as_length(off)} off its pin.", remedy)
 
 
 def check_shaft(joint: CamJoint, builder: Builder, own: complex) -> None:
-    """Raises where something on the link of a spatial cam (its pin at ``own``), or on what is welded to it, leaves the plane as the
-    shaft turns, and where a construction of plane motion is asked of it."""
+    """Raise `MechanismError` if a point, mass or force on the link of a spatial cam (its pin at ``own``), or on a link welded to
+    it, leaves the plane as the shaft turns, or if a study of plane motion names such a link."""
     on_shaft = builder.rigid_with(joint.links[0])
     faults = [fault for k, origin, turn in on_shaft for fault in _off_pin(builder.links[k], own, origin, turn)]
     links = {k for k, _, _ in on_shaft}
@@ -238,7 +239,8 @@ def check_shaft(joint: CamJoint, builder: Builder, own: complex) -> None:
 
 
 def _off_pin(link: Link, own: complex, origin: complex, turn: complex) -> Iterator[Fault]:
-    """Points and centre of mass off the pin of a link whose frame has its origin and rotation so in the cam's."""
+    """Faults of points and centre of mass off the pin at ``own``, for a link whose frame has this origin and rotation in the cam's
+    frame."""
     pin = (own - origin) / turn
     near = ON_PIN * max(abs(own), abs(origin), *(abs(complex(*at)) for at in link.points.values()))
     for point, at in link.points.items():
@@ -250,7 +252,7 @@ def _off_pin(link: Link, own: complex, origin: complex, turn: complex) -> Iterat
 
 
 def _check_turret(joint: CamJoint, blank: SpatialBlank, guide: Prismatic | Revolute, law: MotionCurve) -> None:
-    """An indexing cam moves its turret on by one roller in every turn."""
+    """Raise `MechanismError` unless the cam is an indexing cam that advances its turret by one roller per turn."""
     if blank.kind not in ("barrel", "globoid") or not isinstance(guide, Revolute):
         raise fault_of(
             joint, "profile", "a turret of rollers turns about a pivot.", "Give barrel or globoid, and guide = a revolute joint."
@@ -273,7 +275,8 @@ def _check_turret(joint: CamJoint, blank: SpatialBlank, guide: Prismatic | Revol
 def _check_room(
     joint: CamJoint, blank: SpatialBlank, mount: Barrel | BarrelArm | Globoid, r: float, arm: float, inner: float
 ) -> None:
-    """Between two rollers there is room for a rib, and those of a barrel stay over it while they are in it."""
+    """Raise `MechanismError` unless there is room for a rib between two rollers, and rollers of a barrel stay over it while they
+    engage."""
     step = 2.0 * math.pi / blank.rollers
     room = room_of_rollers(blank, arm, inner)
     if not r < room:
@@ -294,7 +297,7 @@ def _check_room(
 
 
 def _reach(joint: CamJoint, blank: SpatialBlank, arm: float) -> tuple[float, float]:
-    """The range of the roller's axis that touches: from the cam's axis, or from the pivot of a globoid's arm [m]."""
+    """The range of contact along the roller's axis [m], measured from the cam's axis, or for a globoid from the arm's pivot."""
     if blank.kind == "globoid":
         if not 0.0 < blank.depth < 2.0 * arm:
             why = f"a depth of {as_length(blank.depth)} about the end of an arm of {as_length(arm)}."

@@ -1,4 +1,4 @@
-"""Wheels: rolling on an edge, gears, pinion and rack, belts and chains. Each ties coordinates together and transmits one force."""
+"""Wheels: rolling on an edge, gears, pinion and rack, belts and chains. Each is a relation of coordinates with a contact force."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ def build_gear(joint: Gear, builder: Builder) -> None:
     def contact(motion: Motion, multiplier: Values) -> tuple[Plane, Plane]:
         k = motion.model.index[joint.carrier]
         turn = motion.rotation(k)
-        push = _sign(multiplier)  # the flank that drives presses the gears apart
+        push = _sign(multiplier)  # the driving flank presses the gears apart
         lean = 1j + np.tan(joint.pressure_angle) * push
         return motion.of_point(k, pitch), lean * outward * turn
 
@@ -149,9 +149,10 @@ def build_belt(joint: Belt, builder: Builder) -> None:
     lean = (r1 + sense * r2) / distance
 
     def contact(motion: Motion, multiplier: Values) -> tuple[Plane, Plane]:
-        """A belt only pulls: a positive multiplier is carried by one span, a negative by the other.
+        """Tangent point of the tight span on the first pulley, and the force direction. A belt only pulls: one span carries a
+        positive multiplier, the other a negative one.
 
-        The multiplier counts along the direction in which the first pulley's rim moves when it turns counter-clockwise.
+        The multiplier is positive in the direction in which the first pulley's rim moves when it turns counter-clockwise.
         """
         k = motion.model.index[joint.carrier]
         turn = motion.rotation(k)
@@ -172,5 +173,5 @@ def build_belt(joint: Belt, builder: Builder) -> None:
 
 
 def _sign(multiplier: Values) -> Real:
-    """1 where a multiplier is not negative, else -1: the flank or span that carries."""
+    """1 where a multiplier is not negative, else -1: selects the flank or span that carries."""
     return np.where(multiplier.real >= 0.0, 1.0, -1.0)

@@ -20,7 +20,7 @@ from mechcore.topology.order import block_order
 
 
 def build_model(mechanism: Mechanism) -> Model:
-    """Compile a mechanism: graph, loops, blocks. Raises `MechanismError` where the description contradicts itself."""
+    """Compile a mechanism: graph, loops, blocks. Raises `MechanismError` if the description contradicts itself."""
     check_items(mechanism)
     parts = build_joints(mechanism)
     names = (mechanism.frame, *(k for k in parts.links if k != mechanism.frame))
@@ -80,8 +80,10 @@ def build_model(mechanism: Mechanism) -> Model:
 
 
 def loop_sum(loop: Loop, turning: Angles, turn: tuple[complex, ...], least: float = 0.0) -> VectorSum:
-    """The vectors round a loop, summed up by rotation classes, zero where it closes; without those that are no longer than
-    ``least`` [m]."""
+    """The sum of the vectors round a loop, by rotation class; it is zero where the loop closes.
+
+    Vectors no longer than ``least`` [m] are dropped (slides stay).
+    """
     arms: dict[int, Any] = {}
     for k, vector in loop.links:
         arms[turning.rotation_class[k]] = arms.get(turning.rotation_class[k], 0j) + vector * turn[k]
@@ -91,7 +93,7 @@ def loop_sum(loop: Loop, turning: Angles, turn: tuple[complex, ...], least: floa
 
 
 def _size(m: Mechanism) -> float:
-    """Characteristic length: the largest extent of a moving link's points; where they have none, of the frame's; else 1."""
+    """Characteristic length [m]: the largest extent along x or y of a moving link's points; if zero, of the frame's; else 1."""
     for moving in (True, False):
         best = 0.0
         for link in m.links:
@@ -108,7 +110,7 @@ def _linear_constraint(
 ) -> LinearConstraint:
     groups: dict[int, float] = {}
     drives: dict[int, float] = {}
-    offset = 0.0  # what the links' own angles are ahead of those of their groups
+    offset = 0.0  # contribution of the constant angles between the links and their groups
     for link, c in relation.angles:
         k = index[link]
         groups[turning.group[k]] = groups.get(turning.group[k], 0.0) + c
@@ -139,7 +141,7 @@ def _nonlinear_term(
 
 
 def _check_curves(blocks: tuple[Block, ...], constraints: tuple[LinearConstraint, ...]) -> None:
-    """A curve's argument must be known where its relation is solved: a cam is driven, it is not driven by its follower."""
+    """Raise `MechanismError` if a curve's argument is unknown where its relation is solved (a cam driven by its follower)."""
     faults = []
     for block in blocks:
         for r in block.relations:
@@ -240,7 +242,7 @@ def _inner_joint(
     closing: tuple[int, ...],
     between: Mapping[frozenset[int], int],
 ) -> int:
-    """The joint by which a group is known: the one between its two unknown links, else the one that slides, else the closing."""
+    """The joint that names a block: the one between its two unknown groups, else the first that slides, else the closing joint."""
     if len(group) == 2 and frozenset(group) in between:
         return between[frozenset(group)]
     return slides[0] if slides else closing[own[0]]
@@ -249,7 +251,7 @@ def _inner_joint(
 def _free_joints(
     unmatched: list[tuple[str, int]], turning: Angles, joints: tuple[LoopJoint, ...], ends: tuple[tuple[int, int], ...]
 ) -> tuple[str, ...]:
-    """Joints next to unknowns that nothing determines, in words a user knows."""
+    """Names of the joints next to unknowns that no equation determines, for messages to the user."""
     groups = {i for what, i in unmatched if what == "angle"}
     slides = {i for what, i in unmatched if what == "slide"}
     return tuple(

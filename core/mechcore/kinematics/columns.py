@@ -1,8 +1,8 @@
-"""The columns of a block, and the linear equations that rates and forces solve with them, for all frames at once.
+"""The columns of a block (its Jacobian), and the linear equations for rates and forces made of them, for all frames at once.
 
 A block's *columns* are the derivatives of its loops' sums by its unknowns: ``i Z`` for the angle of a group whose vectors add up
-to ``Z``, the unit vector ``D`` for a sliding displacement. Velocities and accelerations solve with the columns, joint forces with
-their transpose.
+to ``Z``, the unit vector ``D`` for a sliding displacement. Velocities and accelerations are solved from the columns, joint forces
+from their transpose.
 """
 
 from __future__ import annotations
@@ -22,20 +22,27 @@ from mechcore.numerics.newton import solve_many
 
 
 class LoopVectors(NamedTuple):
-    """A loop's vectors in the world, all known: (class, Z) of the rotation classes that turn, slides included, and (joint, class,
-    D) of its guides."""
+    """A loop's vectors in world axes at known positions.
+
+    ``arms``: (class, Z) of the rotation classes that turn, displacements along guides included; ``slides``: (joint, class, D) of
+    the guides.
+    """
 
     arms: list[tuple[int, Plane]]
     slides: list[tuple[int, int, Plane]]
 
 
 class Columns(NamedTuple):
-    """``table[c][u]``: derivative of the c-th loop of a block by its u-th unknown, plain zero where it does not depend on it;
-    ``constraints[r][u]``: of its r-th relation. Where there is one loop and two unknowns (every dyad) ``direct`` and ``dual``
-    stand for the table: the two columns, both turned back by a right angle, and the dual basis, such that unknown k of ``columns @
-    x + r = 0`` is ``Im(r dual[k])``; the force that balances the generalised forces q is ``(q[0] direct[1] - q[1] direct[0])
-    inverse``,
-    where ``1 / inverse`` is their cross product."""
+    """A block's columns.
+
+    ``table[c][u]`` is the derivative of the block's c-th loop by its u-th unknown, plain zero where the loop does not depend on it;
+    ``constraints[r][u]`` is that of its r-th relation.
+
+    For a dyad (one loop, two unknowns) ``direct``, ``dual`` and ``inverse`` replace the table, which is empty. ``direct``: the two
+    columns, both turned back by a right angle; ``1 / inverse`` is their cross product. ``dual``: the dual basis; unknown k of
+    ``columns @ x + r = 0`` is ``Im(r dual[k])``. The force that balances the generalised forces q is ``(q[0] direct[1] -
+    q[1] direct[0]) inverse``.
+    """
 
     table: tuple[tuple[Plane, ...], ...]
     constraints: tuple[tuple[Values, ...], ...] = ()
@@ -76,7 +83,7 @@ def columns(model: Model, block: Block, vectors: Sequence[LoopVectors]) -> Colum
         mirrored = u.conjugate()
         inverse = 1.0 / determined((mirrored * v).imag)
         over = imaginary(inverse)
-        dual = (v * over).conjugate() if isinstance(v, np.ndarray) else -v.conjugate() * over  # a resting guide's is one number
+        dual = (v * over).conjugate() if isinstance(v, np.ndarray) else -v.conjugate() * over  # a fixed guide's v is one number
         return Columns((), direct=(u, v), dual=(dual, mirrored * over), inverse=inverse)
     unknowns = block.unknowns
     table = tuple(
@@ -86,15 +93,15 @@ def columns(model: Model, block: Block, vectors: Sequence[LoopVectors]) -> Colum
 
 
 def column(vectors: LoopVectors, unknown: Unknown, numbers: Sequence[int]) -> Plane:
-    """Derivative of a loop by an unknown that moves the vectors with these ``numbers`` (see `program.moved_by`), plain zero for
-    none."""
+    """Derivative of a loop by an unknown that moves the vectors with these ``numbers`` (see `program.moved_by`); plain zero if
+    there are none."""
     if not numbers:
         return 0j
     return vectors.slides[numbers[0]][2] if unknown[0] == "slide" else 1j * summed([vectors.arms[i][1] for i in numbers])
 
 
 def _turned_back(vectors: LoopVectors, unknown: Unknown, numbers: Sequence[int]) -> Plane:
-    """`column` turned back by a right angle: for an angle simply the sum of the vectors that it turns."""
+    """`column` turned back by a right angle: for an angle, the sum of the vectors that it turns."""
     first, *others = numbers
     if unknown[0] == "slide":
         return -1j * vectors.slides[first][2]
@@ -107,8 +114,10 @@ def _turned_back(vectors: LoopVectors, unknown: Unknown, numbers: Sequence[int])
 def constraint_coefficient(
     model: Model, relation: int, unknown: tuple[str, int], curve_values: Mapping[int, Real] | None = None
 ) -> Values:
-    """Derivative of a relation by an unknown; with ``curve_values`` that of its curve too, which unknowns of its own block never
-    have."""
+    """Derivative of a relation by an unknown.
+
+    With ``curve_values`` the derivative of its curve is included; unknowns of the relation's own block never enter its curve.
+    """
     t = model.constraints[relation]
     c: Values = dict(t.groups if unknown[0] == "angle" else t.slides).get(unknown[1], 0.0)
     if t.curve is not None and curve_values is not None and (slope := t.curve.slope(unknown)):
@@ -117,8 +126,11 @@ def constraint_coefficient(
 
 
 def rates(block: Block, cols: Columns, drift: Sequence[Plane], constraint_rhs: Sequence[Values] = ()) -> list[Values]:
-    """Unknown rates (angles, then slides) from ``columns @ rates + drift = 0``, one drift per loop (what is known makes of it
-    while the unknowns rest), and from ``constraints @ rates = constraint_rhs``."""
+    """Rates of the block's unknowns (angles, then slides) from ``columns @ rates + drift = 0`` and
+    ``constraints @ rates = constraint_rhs``.
+
+    ``drift``: for each loop, the rate of its sum that the known rates produce while those of the unknowns are zero.
+    """
     if block.kind == "relation":
         return [constraint_rhs[0] / cols.constraints[0][0]]
     if cols.dual is not None:
@@ -140,7 +152,7 @@ def transposed(block: Block, cols: Columns, q: list[Values]) -> tuple[list[Plane
     if cols.direct is not None:
         (u, v), (a, b) = cols.direct, q
         return [less(0j if nothing(a) else v * (a * cols.inverse), 0j if nothing(b) else u * (b * cols.inverse))], []
-    if len(cols.table) == 1 and len(cols.table[0]) == 1 and not cols.constraints:  # one left over: the shortest force that balances
+    if len(cols.table) == 1 and len(cols.table[0]) == 1 and not cols.constraints:  # one redundant equation: minimum-norm force
         ((c,),) = cols.table
         return [c * (q[0] / determined(c.real**2 + c.imag**2))], []
     matrix, shape = matrix_of(cols)
@@ -151,7 +163,7 @@ def transposed(block: Block, cols: Columns, q: list[Values]) -> tuple[list[Plane
 
 
 def matrix_of(cols: Columns) -> tuple[Real, tuple[int, ...]]:
-    """The columns as real matrices (..., 2 loops + relations, unknowns)."""
+    """The columns as real matrices (..., 2 loops + relations, unknowns), and their leading shape (...)."""
     if cols.direct is not None:
         shape = np.broadcast_shapes(*(np.shape(c) for c in cols.direct))
         matrix = np.empty((*shape, 2, 2))

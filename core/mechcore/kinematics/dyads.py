@@ -9,8 +9,8 @@ In the loop form there are only four, whatever the order of revolute and prismat
 `slide_slide`  ``s1 D1 + s2 D2 = C``              RPP, PRP, PPR
 ============== ================================== ==================
 
-with ``e = exp(i angle)``, |D| = |d| = 1. All arguments broadcast, frames last; where the links do not meet the answer is NaN, and
-`error_*` gives the closure error. ``mode`` (+1 or -1) is the assembly mode, an input, never guessed.
+with ``e = exp(i angle)``, |D| = |d| = 1. All arguments broadcast, frames last. Where the links do not meet, the result is NaN, and
+`error_*` gives the closure error. ``mode`` (+1 or -1) is the assembly mode: it is an input and never guessed.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ import numpy as np
 from mechcore.arrays import Complex, Flags, Plane, Real, Values, modulus
 from mechcore.numerics.frames import QUIET, determined
 
-ROUNDING = 4e-15  # links that miss each other by less than this part of their length meet: they are at a dead point
+ROUNDING = 4e-15  # relative closure error below which links count as meeting, at a dead point
 
 
 @overload
@@ -38,9 +38,9 @@ def four_areas(a: Values, b: Values, d: Values) -> Real:
     """Four times the area of triangles with sides a, b, d (...) [m] -> (...) [m^2]; NaN where they do not close.
 
     Heron's formula as a product of differences of sides, after W. Kahan, "Miscalculating Area and Angles of a Needle-like
-    Triangle": at a dead point the triangle is a needle; a relative 1e-12 short of it this keeps the digits that the sides have,
-    the cosine rule 5. (Kahan also sorts the sides; ``d`` is a computed distance here, whose own rounding is as large as what
-    sorting would save.)
+    Triangle": near a dead point the triangle is a needle. At a relative distance of 1e-12 from it this formula keeps all digits of
+    the sides, the cosine rule keeps 5. (Kahan also sorts the sides. Here ``d`` is a computed distance, whose own rounding error is
+    as large as what sorting would save.)
     """
     total, difference = a + b, modulus(a - b)
     short, spare = total - d, d - difference
@@ -56,7 +56,7 @@ def four_areas(a: Values, b: Values, d: Values) -> Real:
 
 
 def _rounded(square: Values, close: Flags | bool) -> Values:
-    """The square to take a root of: NaN where it is negative, zero where it is so by rounding only."""
+    """The radicand: NaN where it is negative, zero where it is negative by rounding only (``close``)."""
     return np.where(square < 0, np.where(close, 0.0, np.nan), square)
 
 
@@ -71,8 +71,8 @@ def leg(r: Values, y: Values) -> Real:
 
 
 def _quotient(z: Plane, by: Plane) -> Plane:
-    """z / by, without warnings where ``by`` is no plain number: of NaN, too, quotients of complex numbers give them."""
-    if type(by) is complex:  # numpy's numbers are complex, too, but of another type
+    """z / by; if ``by`` is of numpy, without its warnings, which complex quotients give even for NaN."""
+    if type(by) is complex:  # excludes numpy's complex128, a subclass
         return z / by
     with np.errstate(**QUIET):
         return z / by
@@ -85,8 +85,8 @@ def _with_mode(x: Real, mode: Values) -> Real:
 def theta_theta(a: Plane, b: Plane, c: Plane, mode: Values) -> tuple[Complex, Complex]:
     """e1, e2 of ``a e1 + b e2 = c``. mode +1: the vector ``a e1`` lies left of ``c``.
 
-    Both rotations come out with modulus 1 and the sum closes to a few rounding errors however thin the triangle is, because
-    the parts along and across ``c`` are each accurate in the relative sense.
+    Both rotations have modulus 1, and the sum closes to a few rounding errors however thin the triangle is, because the
+    components along and across ``c`` are each accurate in the relative sense.
     """
     ra, rb, d2 = modulus(a), modulus(b), (c * c.conjugate()).real
     d = np.sqrt(d2)
@@ -106,7 +106,7 @@ def theta_theta(a: Plane, b: Plane, c: Plane, mode: Values) -> tuple[Complex, Co
 
 
 def error_theta_theta(a: Plane, b: Plane, c: Plane) -> Values:
-    """By how much the links of a theta_theta group miss each other (...) [m]; 0 where they meet."""
+    """Closure error of a theta_theta group (...) [m]: the gap between its links, 0 where they meet."""
     ra, rb, d = modulus(a), modulus(b), modulus(c)
     error: Values = np.maximum(np.maximum(d - (ra + rb), modulus(ra - rb) - d), 0.0)
     return error
@@ -124,7 +124,7 @@ def theta_slide(a: Plane, along: Plane, c: Plane, mode: Values) -> tuple[Complex
 
 
 def error_theta_slide(a: Plane, along: Plane, c: Plane) -> Values:
-    """By how much the end of the link misses the guide (...) [m]."""
+    """Closure error of a theta_slide group (...) [m]: the gap between the link's end and the guide, 0 where they meet."""
     error: Values = np.maximum(modulus((c * along.conjugate()).imag) - modulus(a), 0.0)
     return error
 
@@ -138,7 +138,7 @@ def arm_slide(a: Plane, d: Plane, c: Plane, mode: Values) -> tuple[Plane, Values
 
 
 def error_arm_slide(a: Plane, d: Plane, c: Plane) -> Values:
-    """By how much the guide misses the point (...) [m]."""
+    """Closure error of an arm_slide group (...) [m]: the gap between the guide and the point, 0 where they meet."""
     error: Values = np.maximum(modulus((a * d.conjugate()).imag) - modulus(c), 0.0)
     return error
 

@@ -1,7 +1,7 @@
 """A mechanism compiled: links and joints as indices, loops, blocks in solving order. Nothing here depends on time.
 
-The unknowns are the angles of the groups of links that turn together, and the displacements of the sliding joints without a drive:
-nothing else. `Model.program` is the order of solution.
+The unknowns are the angles of the groups of links that turn together, and the displacements of the sliding joints without a
+drive. `Model.program` is the order of solution.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ from mechcore.topology.graph import Angles, Loop, Tree
 from mechcore.topology.order import SolvingOrder
 
 T = TypeVar("T")
-MOST_VECTORS = 6  # vectors of a point's sum: beyond, it is cheaper to go from link to link and share what is common
+MOST_VECTORS = 6  # in a point's sum; beyond this it is cheaper to go from link to link and share partial sums
 
 
 @dataclass(frozen=True)
 class Connection:
-    """A joint as results know it: ``links`` are its first and second."""
+    """A joint as listed in results; ``links`` are its first and second link."""
 
     name: str
     kind: str
@@ -53,7 +53,7 @@ class Model:
     constraints: tuple[LinearConstraint, ...]  # of the relations
     multi_turn: tuple[int, ...]  # groups with a closed form whose angle a relation needs beyond one turn
     blocks: tuple[Block, ...]
-    free: tuple[str, ...]  # joints around degrees of freedom without a drive
+    free: tuple[str, ...]  # joints next to degrees of freedom without a drive
     turn: tuple[complex, ...]  # of each link: rotation from its rotation class's axes to its own
     length_scale: float  # largest extent of a moving link [m]
     index: Mapping[str, int] = field(default_factory=dict)  # of links
@@ -61,13 +61,13 @@ class Model:
 
     varied: Mapping[tuple[str, str], Any] = field(default_factory=dict)  # (link, point) -> places in a sweep (designs, 1)
     varied_masses: Mapping[str, tuple[Any, Any, Any]] = field(default_factory=dict)  # link -> `masses` in a sweep (designs, 1)
-    bodies: Mapping[str, Link] = field(default_factory=dict)  # all links, those that joints bring along included
+    bodies: Mapping[str, Link] = field(default_factory=dict)  # all links, including those that joints create
 
     all_together: bool = False  # whether reactions are solved for all joints together even where blocks would do
 
     @property
     def redundant(self) -> bool:
-        """Whether constraints are left over, so that statics alone does not determine all reactions."""
+        """Whether there are redundant constraints, so that statics alone does not determine all reactions."""
         return bool(self.angles.redundant) or any(b.redundant for b in self.blocks)
 
     @cached_property
@@ -77,13 +77,13 @@ class Model:
 
     @cached_property
     def connections(self) -> tuple[Connection, ...]:
-        """Everything that transmits forces between two links: joints, and the relations that are no joint themselves."""
+        """Everything that transmits forces between two links: the joints, and the relations that are not joints too."""
         joints = [Connection(j.name, j.kind, j.links) for j in self.joints]
         return (*joints, *(Connection(r.name, r.kind, r.links) for r in self.relations if r.name not in self.joint_index))
 
     @cached_property
     def shafts(self) -> frozenset[int]:
-        """Links that turn about a shaft in the plane, not in it: those of barrel, end and globoidal cams."""
+        """Links that turn about an axis lying in the plane, not normal to it: those of barrel, end and globoidal cams."""
         turning = self.angles.rotation_class
         classes = {turning[self.index[r.links[0]]] for r in self.relations if r.bearing is not None}
         return frozenset(k for k in range(len(self.links)) if turning[k] in classes)
@@ -99,7 +99,7 @@ class Model:
         return Named("joint", {r.name: r for r in self.relations}, self.joint_index)
 
     def rotary(self, joint: str) -> bool:
-        """Whether a joint's coordinate is an angle [rad], not a displacement [m]; a relation of wheels counts as one that turns."""
+        """Whether a joint's coordinate is an angle [rad], not a displacement [m]; true for relations that are no joint (wheels)."""
         return joint not in self.joint_index or self.joints[self.joint_index[joint]].coordinate == "angle"
 
     def coordinate_scale(self, joint: str) -> float:
@@ -130,20 +130,19 @@ class Model:
 
     @cached_property
     def guides(self) -> Mapping[int, tuple[int, complex]]:
-        """Of every sliding joint the rotation class that its guide turns with, and the guide's direction in that rotation class's
-        axes."""
+        """For every sliding joint: the rotation class of its guide, and the guide's direction in the axes of that class."""
         own = {j: (self.ends[j][joint.guide], joint.slide) for j, joint in enumerate(self.joints) if joint.slide is not None}
         return {j: (self.angles.rotation_class[k], d * self.turn[k]) for j, (k, d) in own.items()}
 
     @cached_property
     def designs(self) -> tuple[int, ...]:
-        """(D,) where D designs are computed side by side, else ()."""
+        """(D,) where D designs are computed together, else ()."""
         sums = (a for loop in self.loop_sums for a in (loop.still, *(a for _, a in loop.arms)))
         return next((np.shape(a)[:-1] for a in (*self.varied.values(), *sums) if np.ndim(a) > 1), ())
 
     @cached_property
     def named_points(self) -> dict[tuple[str, str], VectorSum]:
-        """The places of all named points as sums, where these are short."""
+        """The positions of all named points as sums, without those whose sums are long (see `point_sum`)."""
         sums = {
             (link, name): self.point_sum(k, local) for k, link in enumerate(self.links) for name, local in self.points[k].items()
         }
@@ -154,7 +153,7 @@ class Model:
         return {}
 
     def once(self, work: Callable[[Model], T]) -> T:
-        """``work(self)``, done once for this model: for what later stages look up in it again and again."""
+        """``work(self)``, computed at the first call and kept, for what later stages look up repeatedly."""
         if work not in self._once:
             self._once[work] = work(self)
         done: T = self._once[work]
@@ -165,7 +164,7 @@ class Model:
         return {}
 
     def point_sum(self, k: int, local: object) -> VectorSum | None:
-        """The place of a point of link ``k``, given in link axes, as a sum; None where the path to the frame is long."""
+        """The position of a point of link ``k``, given in link axes, as a sum; None if that takes more than ``MOST_VECTORS``."""
         if not isinstance(local, complex):  # one place per design of a sweep
             return self._sum_to(k, local)
         key = k, local

@@ -20,7 +20,7 @@ from mechcore.numerics.frames import QUIET, nothing
 from mechcore.numerics.newton import newton
 
 LoopTerms: TypeAlias = tuple[Plane, list[Plane], list[Plane]]
-DETERMINED_RATIO = 1e-3  # singular values below this part of the largest leave a direction to the interpolation
+DETERMINED_RATIO = 1e-3  # relative singular value below which the interpolation, not the loops, decides a direction
 
 
 def place_all(
@@ -32,8 +32,11 @@ def place_all(
     constants: Sequence[float] = (),
     tolerance: float = DEFAULT.position,
 ) -> State:
-    """Positions for drive positions (...) each, with an assembly mode per block, Newton starts by block name, and frames at which
-    a block's positions are given. ``tolerance``: residual at which Newton's method stops, in sizes of the mechanism."""
+    """Positions for drive positions (...) each, with an assembly mode per block and Newton starts by block name.
+
+    ``interpolants``: by block, positions given at some frames. ``tolerance``: residual at which Newton's method stops, in units of
+    the mechanism's size.
+    """
     state = initial_state(model, drives, constants, starts, tolerance)
     for i, (block, mode) in enumerate(zip(model.blocks, modes, strict=True)):
         place_block(model, block, state, mode, None if starts is None else starts.get(block.name))
@@ -45,22 +48,25 @@ def place_all(
 def place_block(
     model: Model, block: Block, state: State, mode: Values, start: Real | None = None, terms: LoopTerms | None = None
 ) -> None:
-    """Solve a block's positions into ``state``, NaN where it is out of reach. ``start``: unknowns (..., n) to start Newton from
-    (general blocks only); ``terms``: its `loop_terms`, where they are known (blocks of one loop only)."""
+    """Solve a block's positions into ``state``; NaN where its links do not meet.
+
+    ``start``: unknowns (..., n) from which Newton's method starts (general blocks only). ``terms``: the block's `loop_terms`, if
+    already computed (blocks of one loop only).
+    """
     if block.kind == "general":
         with np.errstate(**QUIET):
             _place_general(model, block, state, start)
     elif block.kind == "relation":
         _place_relation(model, block, state)
     elif block.kind == "check":
-        for r in block.relations:  # what its curve is there
+        for r in block.relations:  # stores the values of its curve in ``state``
             relation_sum(model, r, state)
     else:
         _place_loop(model, block, state, mode, terms or loop_terms(model, block, state))
 
 
 def _place_loop(model: Model, block: Block, state: State, mode: Values, terms: LoopTerms) -> None:
-    """A block of one loop by its closed form."""
+    """Solve a block of one loop by its closed form."""
     target, arms, guides = terms
     solved: Sequence[Plane | Values]  # rotations of its angles, then displacements
     if block.kind == "theta_theta":
@@ -84,8 +90,11 @@ def _place_loop(model: Model, block: Block, state: State, mode: Values, terms: L
 
 
 def loop_terms(model: Model, block: Block, state: State, number: int = 0) -> LoopTerms:
-    """The sum that the unknown vectors of a block's loop have to make; its vectors along each unknown angle, in axes that turn with
-    it; the directions of its unknown slides, in such axes where an unknown angle turns them, else in the world's."""
+    """The terms of the equation of a block's ``number``-th loop: target, arms, guides.
+
+    Target: the sum that the unknown vectors must have. Arms: for each unknown angle the vector that it turns, in axes that turn
+    with it. Guides: the directions of the unknown slides, in such axes where an unknown angle turns them, else in world axes.
+    """
     loop = model.program.loop_equations[block.loops[number]]
     rot, delta, slide = state.rot, state.delta, state.slide
     arms = [value(arm, delta, slide) if arm.arms or arm.slides else arm.still for arm in loop.arms]
@@ -105,7 +114,7 @@ def _place_relation(model: Model, block: Block, state: State) -> None:
 
 
 def _place_general(model: Model, block: Block, state: State, start: object) -> None:
-    """Newton on all loops of the block; lengths in units of the mechanism's size."""
+    """Newton's method on all loops and relations of the block; lengths in units of the mechanism's size."""
     size = model.length_scale
     n_angles = len(block.angles)
     residual = equations(model, block, state)
@@ -127,8 +136,10 @@ def _turn(model: Model, state: State, group: int, e: Plane | Values) -> None:
 
 
 def equations(model: Model, block: Block, state: State, frames: Index | None = None) -> Callable[[Real], tuple[Real, Real]]:
-    """A block's loops and relations as a function of its unknowns (..., n), slides in units of the size: what is left of them
-    (..., m), lengths in units of the mechanism's size, and the derivatives (..., m, n). ``frames``: at these only."""
+    """A block's loops and relations as a function of its unknowns (..., n): residuals (..., m) and their Jacobian (..., m, n).
+
+    All lengths, slides included, are in units of the mechanism's size. ``frames``: at these only.
+    """
     n_angles = len(block.angles)
     loops, linear = block_equations(model, block, state, frames)
 
@@ -165,8 +176,11 @@ def equations(model: Model, block: Block, state: State, frames: Index | None = N
 
 
 class OpenLoop(NamedTuple):
-    """A loop of a block for Newton's method: its ``rest`` while all unknowns are zero, the vectors that unknowns turn (number,
-    vector), and the guides along which unknowns slide (number, that of the angle that turns it or -1, direction)."""
+    """A loop of a block for Newton's method.
+
+    ``rest``: the known part of its sum. ``turned``: (number of an unknown angle, vector that it turns). ``slid``: (number of an
+    unknown slide, number of the unknown angle that turns its guide or -1, direction of the guide).
+    """
 
     rest: Plane
     turned: list[tuple[int, Plane]]
@@ -174,7 +188,7 @@ class OpenLoop(NamedTuple):
 
 
 class OpenRelation(NamedTuple):
-    """A relation of a block: its ``rest`` while all unknowns are zero, and their coefficients (number, coefficient)."""
+    """A relation of a block: ``rest``, the known part of its sum, and the ``unknowns`` (number, coefficient)."""
 
     rest: Values
     unknowns: list[tuple[int, float]]
@@ -183,7 +197,7 @@ class OpenRelation(NamedTuple):
 def block_equations(
     model: Model, block: Block, state: State, frames: Index | None = None
 ) -> tuple[list[OpenLoop], list[OpenRelation]]:
-    """A block's loops and relations with what is known before it, lengths in units of the mechanism's size, see `equations`."""
+    """A block's loops and relations with all known terms evaluated, lengths in units of the mechanism's size, see `equations`."""
     size = model.length_scale
 
     def at(value: Any, unit: float = size) -> Any:
@@ -205,7 +219,10 @@ def block_equations(
 
 
 def apply(model: Model, block: Block, state: State, interpolant: Interpolant, *, onto: bool = False) -> None:
-    """Put a patch's positions into ``state``; ``onto`` the loops, as far as these determine them."""
+    """Put an interpolant's positions into ``state``.
+
+    ``onto``: first project them onto the loops by one Gauss-Newton step, in the directions that these determine.
+    """
     values = interpolant.values
     if onto and len(interpolant.frames):
         scale = np.concatenate([np.ones(len(block.angles)), np.full(len(block.slides), model.length_scale)])
@@ -232,8 +249,11 @@ def apply(model: Model, block: Block, state: State, interpolant: Interpolant, *,
 
 
 def dead_point_margin(model: Model, block: Block, state: State, terms: LoopTerms | None = None) -> list[Values]:
-    """How far a group with two modes is from where they meet: smooth functions (squares of lengths, relative) that touch 0.
-    ``terms``: its `loop_terms`, where they are known."""
+    """Distance of a dyad from the dead points at which its two assembly modes meet: smooth functions that are 0 there.
+
+    They are relative differences of squared lengths, two for a theta_theta group (stretched, folded), else one. ``terms``: the
+    block's `loop_terms`, if already computed.
+    """
     target, arms, guides = terms or loop_terms(model, block, state)
     if block.kind == "theta_theta":
         ra, rb, d = np.abs(arms[0]), np.abs(arms[1]), np.abs(target)
@@ -247,8 +267,10 @@ def dead_point_margin(model: Model, block: Block, state: State, terms: LoopTerms
 
 
 def group_closure_error(model: Model, block: Block, state: State) -> Values:
-    """By how much the links of a block with a closed form miss each other [m] (...), 0 where they meet; needs the earlier blocks in
-    ``state``."""
+    """Closure error of a block with a closed form (...) [m]: the gap between its links, 0 where they meet.
+
+    ``state`` must hold the earlier blocks.
+    """
     target, arms, guides = loop_terms(model, block, state)
     if block.kind == "theta_theta":
         return dyads.error_theta_theta(arms[0], arms[1], target)
@@ -260,5 +282,5 @@ def group_closure_error(model: Model, block: Block, state: State) -> Values:
 
 
 def span(model: Model, block: Block, state: State) -> float:
-    """Distance of a group's outer pins [m], which its two links have to bridge."""
+    """Largest distance of a group's outer pins [m], which its two links have to bridge."""
     return float(np.max(np.abs(loop_terms(model, block, state)[0])))

@@ -3,10 +3,10 @@
 Plane vectors are complex numbers. Every set of links that turns together (a *rotation class*, see `graph.Angles`) has one rotation
 ``E = exp(i angle)``. Each vector of a mechanism, round a loop or to a point, is a `VectorSum` over rotation classes and sliding
 joints; its derivatives are the same sum over the derivatives of E and of s E. A program runs forwards for positions, velocities and
-accelerations; `mechcore.forces.equilibrium` has the way back, from the last block to the drives.
+accelerations; `mechcore.forces.equilibrium` runs it backwards for forces, from the last block to the drives.
 
-Everything is indices, numbers and kinds of steps, so that numpy is one executor among others: only the nonlinear term of a relation
-(the law of a cam) is a function.
+A program consists of indices, numbers and kinds of steps, so that executors other than numpy can run it. Only the nonlinear term of
+a relation (the law of a cam) is a function.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ class VectorSum(NamedTuple):
 
 @dataclass(frozen=True)
 class NonlinearTerm:
-    """The nonlinear term of a relation, its argument summed up as in `LinearConstraint`, ``shift`` included."""
+    """The nonlinear term of a relation: ``function`` of a linear sum as in `LinearConstraint` plus ``shift``."""
 
     function: Callable[[Any], Any]
     groups: tuple[tuple[int, float], ...]
@@ -54,7 +54,7 @@ class NonlinearTerm:
     shift: float
 
     def argument(self, drives: Sequence[Any], group: Callable[[int], Any], slides: Mapping[int, Any], start: float = 0.0) -> Any:
-        """The argument beyond ``start``, of coordinates or of their rates: of drives, angles of groups and slides."""
+        """``start`` plus the sum of coefficients times coordinates, or times their rates: of drives, groups and slides."""
         total: Any = start
         for d, c in self.drives:
             total = total + c * drives[d]
@@ -71,11 +71,11 @@ class NonlinearTerm:
 
 @dataclass(frozen=True)
 class LinearConstraint:
-    """A relation between coordinates, summed up: ``sum of groups, drives, slides times coefficients + curve = constant``."""
+    """A relation between coordinates: ``sum of coefficients times groups, drives and slides + curve = constant``."""
 
     name: str
     groups: tuple[tuple[int, float], ...]  # unknown groups [m per rad]
-    drives: tuple[tuple[int, float], ...]  # turning drives inside groups
+    drives: tuple[tuple[int, float], ...]  # rotary drives inside groups
     slides: tuple[tuple[int, float], ...]  # sliding joints
     curve: NonlinearTerm | None = None
     constant: float | None = None  # None: taken from the start
@@ -89,7 +89,7 @@ class LinearConstraint:
 
 
 class DrivenRotation(NamedTuple):
-    """A step: drives turn a rotation class against its group, by the sum of sign times position."""
+    """A step: drives turn a rotation class relative to its group, by the sum of sign times position."""
 
     rotation_class: int
     drives: tuple[tuple[int, int], ...]  # (drive, sign)
@@ -104,19 +104,19 @@ class DrivenSlide(NamedTuple):
 
 @dataclass(frozen=True)
 class Block:
-    """A step: a smallest set of loops and unknowns that are solved together, an Assur group, or one loop's check.
+    """A step: a smallest set of loops and unknowns that are solved together (an Assur group), or the check of one loop or relation.
 
     ``kind`` says how: ``theta_theta`` (RRR), ``theta_slide`` (RRP), ``arm_slide`` (RPR), ``slide_slide`` (RPP, PRP) are closed
-    forms; ``angle`` and ``slide`` are redundant loops with one unknown, ``check`` one with none, which only have to close;
-    ``relation`` is one relation with one unknown; ``general`` is Newton.
+    forms; ``angle`` and ``slide`` are a loop with one unknown and a redundant equation; ``check`` is a loop or relation without
+    unknowns, which must close; ``relation`` is one relation with one unknown; ``general`` is solved by Newton's method.
     """
 
     kind: str
     loops: tuple[int, ...]  # numbers of its loops
     angles: tuple[int, ...]  # unknown groups
     slides: tuple[int, ...]  # unknown sliding joints
-    name: str  # the joint by which users know the group
-    redundant: int = 0  # equations that are left over
+    name: str  # of a joint, by which users identify the group
+    redundant: int = 0  # number of redundant equations
     relations: tuple[int, ...] = ()  # numbers of its constraints
 
     @cached_property
@@ -131,7 +131,7 @@ class Block:
 
 
 class UnknownSlide(NamedTuple):
-    """A displacement that a block solves, on a guide with direction d in the axes of its rotation class."""
+    """A displacement that a block solves, along a guide with this ``direction`` in the axes of its rotation class."""
 
     joint: int
     carrier: int  # number of the block's angle that turns the guide; -1 where the guide is known
@@ -142,10 +142,13 @@ class UnknownSlide(NamedTuple):
 class LoopEquation(NamedTuple):
     """A loop as its block solves it.
 
-    For positions the vectors of the unknowns add up to a ``target``: ``arms`` are the vectors that each unknown angle of the block
-    turns, in axes that turn with it. For rates the loop's vectors in the world are known: ``vectors`` are those that turn, each
-    (class, A, numbers of the ``guides`` whose displacements belong to it), ``guides`` all slides (joint, class, d); ``columns``
-    says which of them each unknown moves, ``known_vectors`` and ``known_guides`` which have rates that are known beforehand."""
+    For positions, the vectors of the unknowns add up to ``target``: ``arms`` are the vectors that each unknown angle of the block
+    turns, in axes that turn with it; ``slides`` are the unknown slides.
+
+    For rates, the loop's vectors in world axes are known. ``vectors`` are those that turn: (class, A, numbers of the ``guides``
+    whose displacements belong to it). ``guides`` are all slides: (joint, class, d). ``columns`` gives the numbers of those that
+    each unknown moves; ``known_vectors`` and ``known_guides`` those with rates that are known before the block is solved.
+    """
 
     target: VectorSum
     arms: tuple[VectorSum, ...]
@@ -158,7 +161,7 @@ class LoopEquation(NamedTuple):
 
 
 class Program(NamedTuple):
-    """All that positions and rates of a mechanism follow from: steps in the order in which they are taken, and their tables."""
+    """The computation of a mechanism's positions and rates: steps in their order, and the tables they use."""
 
     driven_rotations: tuple[DrivenRotation, ...]
     driven_slides: tuple[DrivenSlide, ...]
@@ -166,7 +169,7 @@ class Program(NamedTuple):
     loop_equations: tuple[LoopEquation, ...]  # by the numbers in `Block.loops`
     constraints: tuple[LinearConstraint, ...]  # by the numbers in `Block.relations`
     classes_of: tuple[tuple[int, ...], ...]  # the rotation classes that each group turns
-    shorter: tuple[int, ...]  # of each rotation class an earlier one with the same drives but the last; -1: none
+    shorter: tuple[int, ...]  # for each rotation class an earlier one whose drives are the same without the last; -1: none
 
 
 def compile_program(
@@ -176,10 +179,10 @@ def compile_program(
     angles: Angles,
     driven_slides: Sequence[DrivenSlide],
 ) -> Program:
-    """The program of a mechanism whose loops are closed ``sums``, sorted into blocks in solving order."""
+    """The program of a mechanism from the ``sums`` of its loops and its ``blocks`` in solving order."""
     block_of = {c: b for b in blocks for c in b.loops}
     known: dict[tuple[tuple[int, int], ...], int] = {}
-    shorter: list[int] = []  # along a chain of drives each rotation class has one more than the last
+    shorter: list[int] = []  # along a chain of drives each rotation class has one drive more than the one before
     for s, drives in enumerate(angles.class_drives):
         shorter.append(known.get(drives[:-1], -1))
         if drives:
@@ -232,8 +235,8 @@ def _turning(total: VectorSum) -> list[int]:
 
 
 def moved_by(total: VectorSum, angles: Angles) -> dict[Unknown, tuple[int, ...]]:
-    """The unknowns that move a loop: each with the numbers of the `vectors` that it turns, or of that of the `guides` along which
-    it slides."""
+    """The unknowns that move a loop: unknown -> numbers of the `vectors` that it turns, or the number of the one of the `guides`
+    along which it slides."""
     moved: dict[Unknown, tuple[int, ...]] = {("slide", j): (n,) for n, (j, _, _) in enumerate(total.slides)}
     for n, s in enumerate(_turning(total)):
         unknown: Unknown = ("angle", angles.class_group[s])
@@ -242,6 +245,6 @@ def moved_by(total: VectorSum, angles: Angles) -> dict[Unknown, tuple[int, ...]]
 
 
 def vector_sum(arms: Mapping[int, Any], slides: Sequence[tuple[int, int, complex]]) -> VectorSum:
-    """A sum of vectors by rotation classes, of which that of the frame rests."""
+    """A `VectorSum` from vectors by rotation class; that of the frame's class is its ``still``, zero vectors are dropped."""
     turning = tuple((s, a) for s, a in arms.items() if s != FRAME and np.any(a != 0))
     return VectorSum(arms.get(FRAME, 0j), turning, tuple(slides))

@@ -1,7 +1,7 @@
-"""Velocities and accelerations on top of positions.
+"""Velocities and accelerations at known positions.
 
-Once positions are known everything is linear: each block solves its columns for the rates of its unknowns, once with the
-velocities of what is known, once more with centripetal, Coriolis and known accelerations (method of the contour graph).
+Once positions are known, the equations are linear: each block solves its columns for the rates of its unknowns, first with the
+known velocities, then with centripetal, Coriolis and known accelerations (method of the contour graph).
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from mechcore.numerics.frames import imaginary, lazy, nothing, purely_imaginary,
 
 
 class RateReplacement(Protocol):
-    """Something that puts rates of its own in place of a block's, such as a `Interpolant`."""
+    """Replaces the solved rates of a block at some frames, as an `Interpolant` does."""
 
     def into(self, rates: list[Any], derivative: int) -> None: ...
 
@@ -26,12 +26,12 @@ Interpolants = Mapping[int, Sequence[RateReplacement]]
 
 
 class Rates:
-    """First rates of all rotation classes [rad/s] and of all sliding joints [m/s]; second rates where the first are known
-    ``before``.
+    """First rates of all rotation classes [rad/s] and sliding joints [m/s]; second rates if the first are given as ``before``.
 
-    ``factor``: derivative of each rotation class's rotation E over E, i omega or i alpha - omega^2. Until the block of a rotation
-    class is solved, what is known beforehand: what drives add to it, and the centripetal part. Plain zeros stand for what does not
-    change; where a block is singular its rates are not determined: NaN."""
+    ``factor``: derivative of each rotation class's rotation E divided by E, i omega or i alpha - omega^2. Until the block of a
+    rotation class is solved, it holds the known part only: what drives contribute, and the centripetal part. A rate that is always
+    zero is a plain zero, not an array. Where a block is singular, its rates are undetermined: NaN.
+    """
 
     def __init__(
         self, model: Model, drives: Sequence[Values], curve_values: Mapping[int, Real] | None = None, before: Rates | None = None
@@ -52,14 +52,14 @@ class Rates:
         self.group: dict[int, Values] = {}
 
     def settle(self, model: Model, block: Block, solved: Sequence[Values]) -> None:
-        """Take over a block's solved rates."""
+        """Store a block's solved rates."""
         for group, rate in zip(block.angles, solved, strict=False):
             self._settle_group(model, group, rate, imaginary(rate))
         for j, rate in zip(block.slides, solved[len(block.angles) :], strict=True):
             self.slide[j] = rate
 
     def solve_dyad(self, model: Model, block: Block, cols: Columns, drift: Plane) -> None:
-        """`columns.rates` of a dyad, taken over; i times the rate of an angle is had by clearing the real parts of a product."""
+        """Solve a dyad's rates like `columns.rates`, and store them; i times an angle's rate is a product without its real part."""
         dual: Any = cols.dual
         for group, d in zip(block.angles, dual, strict=False):
             turn = drift * d
@@ -76,7 +76,7 @@ class Rates:
             self.factor[s] = self.factor[s] + turn if known or driven[s] else turn
 
     def drift(self, loop: LoopEquation, vectors: LoopVectors) -> Plane:
-        """Rates of a loop's sum while the rates of its unknowns are zero."""
+        """Rate of a loop's sum while the rates of its block's unknowns are zero."""
         (arms, slides), factor, before = vectors, self.factor, self.before
         if before is None:
             terms = [factor[arms[i][0]] * arms[i][1] for i in loop.known_vectors]
@@ -90,7 +90,7 @@ class Rates:
         return summed(terms)
 
     def constraint_drift(self, model: Model, block: Block) -> list[Values]:
-        """Right-hand sides of a block's relations: what the known rates in them leave to the unknown ones."""
+        """Right-hand sides of a block's relations: minus their rates while those of the block's unknowns are zero."""
         out = []
         for r in block.relations:
             t = model.constraints[r]
@@ -134,7 +134,7 @@ class SolvedRates(Rates):
 
     @lazy
     def factor(self) -> list[Plane]:
-        """Derivatives of the rotations over these, worked out when first asked for."""
+        """As in `Rates`, computed at the first access."""
         turns = list(map(imaginary, self.angular))
         return turns if self.before is None else [turn - w * w for turn, w in zip(turns, self.before.angular, strict=True)]
 
@@ -166,7 +166,7 @@ def accelerations(
 def _solved(
     model: Model, vectors: Sequence[LoopVectors], cols: Sequence[Columns], unknown: Rates, interpolants: Interpolants | None
 ) -> Rates:
-    """Rates filled in block by block, those frames replaced at which a patch gives them."""
+    """The rates, solved block by block, and replaced at the frames of the ``interpolants``."""
     loops = model.program.loop_equations
     for k, (block, c) in enumerate(zip(model.blocks, cols, strict=True)):
         if block.kind == "check":

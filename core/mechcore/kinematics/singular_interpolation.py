@@ -1,9 +1,9 @@
 """Positions and rates next to an instant at which a group's equations are singular.
 
-The motion itself is smooth there; only its equations are ill conditioned. Positions and rates come from the branch on both sides,
-by a polynomial through nodes that are far enough away to be exact. How far the nodes reach is each change's own ``step``: a group
-that runs fast has its nodes near, or the polynomial could not follow it. Groups are worked through in solving order, because the
-nodes of a later group may lie where an earlier one is singular.
+The motion itself is smooth there; only its equations are ill conditioned. Positions and rates are interpolated along the branch on
+both sides, by a polynomial fitted at nodes that are far enough away to be accurate. The spacing of the nodes is the ``step`` of
+each singular point: a group that moves fast has its nodes close, otherwise the polynomial could not follow it. Groups are treated
+in solving order, because the nodes of a later group may lie where an earlier one is singular.
 """
 
 from __future__ import annotations
@@ -36,28 +36,29 @@ NEAR_STEPS = 4.0  # frames closer than this many steps are interpolated: acceler
 FAR_STEPS = 22
 FIT_NODES = (
     np.concatenate([np.arange(-FAR_STEPS, -7), np.arange(8, FAR_STEPS + 1)]) / FAR_STEPS
-)  # where the branch is solved for that, over FAR steps
-FIT_DEGREE = 11  # of the polynomial fitted to them: more nodes than coefficients, because their rounding errors average out
+)  # where the branch is solved for the fit, in units of FAR_STEPS steps
+FIT_DEGREE = 11  # of the polynomial fitted to them: fewer coefficients than nodes, so that rounding errors average out
 FIT = np.linalg.pinv(chebyshev.chebvander(FIT_NODES, FIT_DEGREE))
-FRACTIONS = 256  # of the way between samples, in which it is told where an instant is: its curve does not depend on that
-FIT_TAIL = 1e-12  # last terms of that polynomial: below, what it leaves out is rounding
+FRACTIONS = 256  # of a sample interval, to which an instant is rounded: the fitted curve does not depend on that
+FIT_TAIL = 1e-12  # largest last coefficient of that polynomial at which its truncation error is rounding
 
 
 def unknowns_of(model: Model, block: Block, state: State, at: Index) -> Real:
-    """A block's positions (n, unknowns) at the places ``at``: angles without jumps [rad], then slides [m]."""
+    """A block's positions (n, unknowns) at the frames ``at``: unwrapped angles [rad], then slides [m]."""
     rotations = np.array([group_rotation(model, state, g, at) for g in block.angles])
     angles = np.arctan2(rotations.imag, rotations.real)
     turns = np.rint((angles[..., 1:] - angles[..., :-1]) * (1.0 / TURN))
-    if turns.any():  # as `np.unwrap`, which takes four times as long for few angles
+    if turns.any():  # like `np.unwrap`, which takes four times as long for few angles
         angles[:, 1:] -= TURN * np.cumsum(turns, axis=1)
     return np.array([*angles, *(np.asarray(state.slide[j])[at] for j in block.slides)]).T if block.slides else angles.T
 
 
 def smooth(model: Model, block: Block, state: State, time: Real, instant: float, step: float) -> tuple[float, Interpolant | None]:
-    """The curve of a block's positions next to an instant, through its samples on both sides of it.
+    """Interpolate a block's positions next to an instant from its samples on both sides.
 
-    Returns how large the polynomial's last terms still are (angles [rad], slides over the size), and the patch of the samples
-    that are too near; None where the samples end.
+    Returns the size of the polynomial's last coefficients (angles [rad], slides over the mechanism's size), and the interpolant for
+    the samples that are too near the instant (its rates hold positions and are not meant to be used); 0 and None if the samples do
+    not extend far enough. ``time``: equidistant.
     """
     apart = float(time[1] - time[0])
     place = (instant - float(time[0])) / apart
@@ -75,9 +76,12 @@ def smooth(model: Model, block: Block, state: State, time: Real, instant: float,
 
 @lru_cache(64)
 def _samples(fraction: int, width: int) -> tuple[Index, Index, Real, Real]:
-    """Samples beside an instant, counted from the one before it, of which the branch is taken (n,) and which are too near (m,), and
-    the polynomial's terms (m, k) there and its coefficients (k, n) by values at the first ones. ``fraction`` of the way to the next
-    sample at which the instant is; a step of so many samples."""
+    """Samples next to an instant, counted from the last one before it, and the matrices of the fit through them.
+
+    Returns the samples of the fit (n,), those too near the instant (m,), the polynomial's terms at the latter (m, k), and the
+    matrix (k, n) from values at the former to coefficients. ``fraction``: position of the instant in its sample interval, in units
+    of 1 / ``FRACTIONS``; ``width``: samples per step.
+    """
     at, reach = fraction / FRACTIONS, width * FAR_STEPS
     samples = np.arange(math.ceil(at - reach), math.floor(at + reach) + 1)
     away = (samples - at) / reach
@@ -87,19 +91,20 @@ def _samples(fraction: int, width: int) -> tuple[Index, Index, Real, Real]:
 
 
 def tail_of(values: Real) -> float:
-    """How large the last terms still are of the polynomials through values (nodes, unknowns)."""
+    """Size of the last coefficients of the polynomials fitted to values (nodes, unknowns)."""
     with np.errstate(**QUIET):
         return float(np.abs((FIT @ values)[-2:]).max(initial=0.0))
 
 
 @dataclass
 class _Through:
-    """A change as the nodes see it: ``own`` are its nodes, ``near`` those (of others) at which its group is ill conditioned."""
+    """The fit at a singular point ``change``, by numbers of nodes: ``own`` are its nodes, ``near`` those of other points at which
+    its group is ill conditioned."""
 
     change: SingularPoint
     own: Index
     near: Index
-    away: Real  # of the near ones, in units of the window
+    away: Real  # of the near ones, distance from the singular point in units of the half window
     curves: list[Real] = field(default_factory=list)  # coefficients of positions, first and second rates (terms, unknowns)
 
     def fit(self, values: Real) -> Real:
@@ -108,7 +113,7 @@ class _Through:
         return chebyshev.chebvander(self.away, FIT_DEGREE) @ self.curves[-1]
 
     def into(self, rates: list[Any], derivative: int) -> None:
-        """Fit the rates that a block has been solved for, and replace them where they are ill conditioned."""
+        """Fit the solved rates of a block, and replace them where they are ill conditioned."""
         width = max((np.size(r) for r in rates), default=1)
         for u, r in enumerate(rates):
             rates[u] = np.array(np.broadcast_to(r, width))
@@ -126,8 +131,11 @@ def make_interpolants(
     constants: Sequence[float] = (),
     starts: Callable[[Real], Mapping[str, Real]] | None = None,
 ) -> dict[int, list[Interpolant]]:
-    """Interpolations for the frames next to a change, by block. ``scale``: how fast the frames run against the law (1, 0 where
-    they follow it): first and second derivative of law time by time. ``starts``: law times -> Newton starts."""
+    """Interpolants for the frames next to singular points, by block.
+
+    ``time``: law time of the frames. ``scale``: its first and second derivative by real time (1, 0 where frames follow the law).
+    ``starts``: law times -> Newton starts.
+    """
     asked = [c for c in singular_points.points if _frames_near(singular_points, c, time).any()]
     if not asked:
         return {}
@@ -168,7 +176,7 @@ def _nodes(c: SingularPoint) -> Real:
 
 
 def _nodes_of(singular_points: SingularPoints, asked: Sequence[SingularPoint]) -> tuple[Real, list[SingularPoint]]:
-    """Nodes of the singular points that are asked for, and of those that these nodes come near, and so on."""
+    """Nodes of the singular points ``asked``, of those near which such nodes lie, and so on; and all these points."""
     needed = list(asked)
     fresh, nodes = needed, np.zeros(0)
     while fresh:

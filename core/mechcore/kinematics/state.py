@@ -1,4 +1,4 @@
-"""Where a mechanism is: rotations and displacements, filled in step by step."""
+"""Positions of a mechanism: rotations and displacements, filled in step by step."""
 
 from __future__ import annotations
 
@@ -20,8 +20,9 @@ from mechcore.records import dataclass
 class State:
     """Rotations of all rotation classes and displacements of all sliding joints, filled in block by block.
 
-    ``delta``: rotation of each rotation class against its group (from drives); ``rot``: rotation of each rotation class, None while
-    unknown. ``newton`` says, by block name, how Newton ended where it was used."""
+    ``delta``: rotation of each rotation class relative to its group (from drives); ``rot``: rotation of each rotation class, None
+    while unknown; ``newton``: by name of the general blocks, the result of Newton's method.
+    """
 
     drives: Sequence[Values]
     delta: list[Plane]
@@ -30,8 +31,8 @@ class State:
     newton: dict[str, Newton] = field(default_factory=dict)
     constants: Sequence[float] = ()  # of the relations
     angle: dict[int, Values] = field(default_factory=dict)  # angles beyond one turn, of groups that relations need
-    near: Mapping[str, Values] = field(default_factory=dict)  # rough angles "angle <group>" that decide the turn
-    tolerance: float = DEFAULT.position  # residual at which Newton's method stops, in sizes of the mechanism
+    near: Mapping[str, Values] = field(default_factory=dict)  # approximate angles "angle <group>" that select the turn
+    tolerance: float = DEFAULT.position  # residual at which Newton's method stops, in units of the mechanism's size
     curve_values: dict[int, Real] = field(default_factory=dict)  # relation -> value and two derivatives of its curve (3, ...)
 
     def copy(self) -> State:
@@ -48,8 +49,11 @@ class State:
 
 @dataclass(frozen=True)
 class Newton:
-    """Unknowns (..., n) of a general block (angles [rad], then slides [m]), what is left of the loops [m], and the size of
-    the first correction (relative), a measure of the quality of the start."""
+    """Result of Newton's method for a general block.
+
+    ``x``: unknowns (..., n) (angles [rad], then slides [m]); ``residual`` of the loops [m]; ``first``: size of the first correction
+    (relative), a measure of the quality of the start.
+    """
 
     x: Real
     residual: Real
@@ -69,7 +73,7 @@ class Interpolant:
     second: Real
 
     def into(self, rates: list[Any], derivative: int) -> None:
-        """Put the patch's first or second rates in place of a block's solved ones."""
+        """Replace a block's solved first or second rates by the interpolated ones at ``frames``."""
         given = self.first if derivative == 1 else self.second
         for u in range(len(rates)):
             rates[u] = np.array(rates[u])
@@ -83,9 +87,10 @@ def initial_state(
     near: Mapping[str, Values] | None = None,
     tolerance: float = DEFAULT.position,
 ) -> State:
-    """State with everything that the drives' positions alone decide: rotation classes of the frame's group, driven slides.
+    """State with all that the drives' positions alone determine: rotation classes of the frame's group, driven slides.
 
-    ``constants`` of the relations; ``near``: rough angles "angle <group>" that decide the turn where relations need it.
+    ``constants`` of the relations; ``near``: approximate angles "angle <group>" that select the turn where relations need it;
+    ``tolerance``: residual at which Newton's method stops, in units of the mechanism's size.
     """
     program = model.program
     turned: dict[tuple[int, int], Plane] = {}
@@ -107,7 +112,7 @@ def initial_state(
 
 
 def value(total: VectorSum, rot: Sequence[Plane], slide: Mapping[int, Values]) -> Plane:
-    """A sum of vectors, with the rotations of its rotation classes and the displacements along its guides."""
+    """The value of a sum of vectors for rotations ``rot`` of the rotation classes and displacements ``slide`` along the guides."""
     still, arms, slides = total
     terms = [a * rot[s] for s, a in arms]
     if slides:
@@ -151,7 +156,7 @@ def curve_argument(model: Model, curve: NonlinearTerm, state: State) -> Values:
 
 
 def group_rotation(model: Model, state: State, group: int, at: Index | None = None) -> Plane:
-    """A group's rotation, at some frames ``at`` or all."""
+    """A group's rotation, at the frames ``at`` or at all."""
     rotation_class = model.angles.classes_of[group][0]
     rot, delta = state.rot[rotation_class], state.delta[rotation_class]
     if at is not None:
@@ -168,7 +173,7 @@ def wrapped_angle(model: Model, state: State, group: int) -> Values:
 
 
 def real_angle(model: Model, state: State, group: int) -> Values:
-    """A group's angle beyond one turn; the rough angle in ``state.near`` says which turn, where a closed form does not."""
+    """A group's angle beyond one turn [rad]; for a closed form, the approximate angle in ``state.near`` selects the turn."""
     if group not in state.angle:
         angle = wrapped_angle(model, state, group)
         near = state.near.get(f"angle {group}")

@@ -1,1 +1,1 @@
-"""A motion over frames and what is read from it: events, extremes, reach, structure, kinematic metrics."""
+"""A motion over frames and what is derived from it: events, extremes, reach, structure, kinematic metrics."""

@@ -2,11 +2,11 @@
 all links, and reactions where constraints are redundant.
 
 Every joint, relation and drive gives its equations in the velocities (x, y, angle) of its two links, and all are solved together.
-That is the usual account of multibody dynamics, and a check of the other way. Lengths are in units of the mechanism's size.
+This is the usual formulation of multibody dynamics; it checks the solution by groups. Lengths are in units of the mechanism's size.
 
-Equilibrium under redundant constraints has many solutions, and the shortest one stands for them: all joint forces and couples at
-once, link by link (Newton-Euler), by the pseudo-inverse; couples count in units of force by the mechanism's size. Which joints are
-indeterminate follows from the null space: they can be stressed against each other with no load.
+Equilibrium under redundant constraints has many solutions. The minimum-norm solution is taken: all joint forces and couples
+together, link by link (Newton-Euler), by the pseudo-inverse; couples are in units of force times the mechanism's size. The null
+space shows which joints are indeterminate: they can be stressed against each other without load.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ from mechcore.numerics.tape_functions import without_slope
 from mechcore.records import dataclass
 
 EquationRow = dict[int, Any]
-"""Coefficients by the numbers of coordinates, three of each link: numbers, or arrays over frames."""
+"""Coefficients by the numbers of coordinates, three for each link: numbers, or arrays over frames."""
 
-MOST_OPERATIONS = 200_000_000  # operations for the frames at which rates are checked: seconds
-DENSE_UNKNOWNS = 150  # unknowns up to which all frames are solved by full matrices, together
-SPARSE_OPERATIONS = 4_000  # operations for an unknown of a sparse matrix
-RANK_RATIO = 1e-12  # of the least singular value to the largest
+MOST_OPERATIONS = 200_000_000  # for all frames at which rates are checked: takes seconds
+DENSE_UNKNOWNS = 150  # unknowns up to which all frames are solved together by full matrices
+SPARSE_OPERATIONS = 4_000  # per unknown of a sparse matrix
+RANK_RATIO = 1e-12  # of the smallest singular value to the largest
 
 
 class JointEquations:
@@ -45,7 +45,7 @@ class JointEquations:
         return np.broadcast_to(values, self.motion.frames)[self.frames]
 
     def joint(self, j: int) -> Iterator[EquationRow]:
-        """Equations of a joint: two of its point, or one across its guide; one more where it does not turn."""
+        """Equations of a joint: two for its point, or one across its guide; one more if it does not turn."""
         joint, (p, q) = self.model.joints[j], self.model.ends[j]
         x, y = self._point(j, {p: 1.0, q: -1.0})
         if joint.slide is None:
@@ -79,7 +79,7 @@ class JointEquations:
         return self.sum(angles, slides)
 
     def sum(self, angles: Any, slides: Any) -> EquationRow:
-        """A sum of angular rates (link, factor [m]) and rates of slides (joint, factor)."""
+        """The row of a sum of angular rates (link, factor [m]) and rates of slides (joint, factor)."""
         row: EquationRow = {}
         for link, c in angles:
             k = 3 * self.model.index[link] + 2
@@ -95,7 +95,7 @@ class JointEquations:
         return (p, q) if self.model.joints[j].guide == 0 else (q, p)
 
     def _point(self, j: int, signs: Mapping[int, float]) -> tuple[EquationRow, EquationRow]:
-        """Velocity of the joint's point as a point of links, added up with signs."""
+        """Rows of the x and y velocity of the joint's point as a point of each link, summed with ``signs`` (link -> sign)."""
         x: EquationRow = {}
         y: EquationRow = {}
         for k, sign in signs.items():
@@ -105,14 +105,15 @@ class JointEquations:
         return x, y
 
     def arm(self, j: int, k: int) -> Any:
-        """From the origin of a link to the joint's point, where it is at the moment [m]."""
+        """Vector from the origin of link ``k`` to its point of joint ``j`` at the frames [m]."""
         return self.at(self.motion.arm(k, j, self.model.ends[j].index(k)))
 
 
 def rates_at_once(motion: Motion, frames: slice) -> tuple[Real, Real, int]:
     """Velocities and accelerations (frames, links, 3) [m/s, rad/s; m/s^2, rad/s^2] of moving links, and the number of equations.
 
-    At singular positions, where they do not decide all rates, the shortest ones; of more unknowns than ``DENSE_UNKNOWNS`` NaN.
+    At singular positions, where the equations do not determine all rates, these are the minimum-norm rates, or NaN if there are
+    more unknowns than ``DENSE_UNKNOWNS``.
     """
     rows, model = JointEquations(motion, frames), motion.model
     scale, size = model.length_scale, 3 * len(model.links)
@@ -144,7 +145,7 @@ def rates_at_once(motion: Motion, frames: slice) -> tuple[Real, Real, int]:
 
 
 Solve = Callable[[Real], Real]
-"""Right sides (frames, equations) to the rates (frames, unknowns) of moving links."""
+"""Right-hand sides (frames, equations) -> rates (frames, unknowns) of moving links."""
 
 
 def _full(table: Sequence[EquationRow], count: int, size: int) -> Solve:
@@ -157,8 +158,8 @@ def _full(table: Sequence[EquationRow], count: int, size: int) -> Solve:
 
 
 def _sparse(table: Sequence[EquationRow], count: int, size: int) -> Solve:
-    """Least squares frame by frame, as one square system with the residuals (Bjorck 1967): more equations than unknowns are as
-    welcome as equally many."""
+    """Least squares frame by frame, as one square system augmented by the residuals (Bjorck 1967), for as many equations as
+    unknowns or more."""
     from scipy.sparse import coo_array
     from scipy.sparse.linalg import splu
 
@@ -184,14 +185,15 @@ def _sparse(table: Sequence[EquationRow], count: int, size: int) -> Solve:
 
 
 def _quadratic(rows: JointEquations, first: Real, equations: int) -> Real:
-    """Centripetal and Coriolis terms, those of bends of curves too, of the equations of accelerations (frames, equations)."""
+    """Right-hand sides of the acceleration equations that are quadratic in the rates (frames, equations): centripetal and Coriolis
+    terms, and those of the second derivatives of curves."""
     model, scale = rows.model, rows.model.length_scale
     right = np.zeros((len(first), equations))
     turn = first[:, 2::3]
     rate = {j: _times(rows.slide(j), first) for j, joint in enumerate(model.joints) if joint.slide is not None}
 
     def drawn_in(j: int, plus: int, minus: int) -> Any:
-        """Centripetal acceleration of the joint's point on one link more than on the other, in units of the size."""
+        """Centripetal acceleration of the joint's point on link ``plus`` minus that on link ``minus``, in units of the size."""
         a, b = (turn[:, k] ** 2 * rows.arm(j, k) for k in (plus, minus))
         return (a - b) / scale
 
@@ -234,8 +236,8 @@ def _times(row: EquationRow, rates: Real) -> Real:
 
 @dataclass(frozen=True)
 class Agreement:
-    """How far the rates by groups are from those by all equations at once: largest differences, as parts of the largest velocity
-    and of the largest acceleration, over ``frames`` that are not singular. None where all are."""
+    """Largest differences between the rates by groups and those by all equations at once, relative to the largest velocity and
+    acceleration, over the ``frames`` frames that are not singular; None if all are singular."""
 
     equations: int
     unknowns: int
@@ -245,8 +247,8 @@ class Agreement:
 
 
 def agreement(motion: Motion, most: int = MOST_OPERATIONS) -> Agreement:
-    """The rates of a motion checked by all equations at once, at as many frames, evenly, as ``most`` operations allow, at least
-    one."""
+    """Compare the rates of a motion with those by all equations at once, at evenly spaced frames, as many as ``most`` operations
+    allow, at least one."""
     model = motion.model
     unknowns = 3 * len(model.links) - 3
     each = unknowns**3 if unknowns <= DENSE_UNKNOWNS else SPARSE_OPERATIONS * unknowns
@@ -264,21 +266,22 @@ def agreement(motion: Motion, most: int = MOST_OPERATIONS) -> Agreement:
     return Agreement(equations, unknowns, differences[0], differences[1], int(regular.sum()))
 
 
-INDEPENDENT_RATIO = 1e-10  # singular values below this part of the largest are zero
-LEAST_SHARE = 1e-9  # of an unknown in a combination of unit length that balances by itself
-ZERO_UNKNOWN = 1e-12  # unknowns that stay below this part of the largest in all frames are zero
+INDEPENDENT_RATIO = 1e-10  # singular values below this fraction of the largest are zero
+LEAST_SHARE = 1e-9  # of an unknown in a combination of unit length in the null space
+ZERO_UNKNOWN = 1e-12  # unknowns that stay below this fraction of the largest in all frames are zero
 
 
 def least_norm(
     motion: Motion, force: Sequence[Plane], moment: Sequence[Values], flanks: Mapping[int, Values] | None = None
 ) -> tuple[list[tuple[Plane, Values]], dict[str, tuple[Plane, Plane]], dict[int, Values]]:
-    """Transmitted force and couple on the second link of every joint, place and force of every relation, its multiplier.
+    """Minimum-norm reactions: transmitted force and couple on the second link of every joint, contact position and force of every
+    relation, and its multiplier.
 
-    ``force`` and ``moment`` (about each link's origin) are what loads put on the links, (F,) or with axes before the frames'.
-    ``flanks``: multipliers whose signs say which flank or span of each relation carries; else it is the one that the load asks for.
+    ``force`` and ``moment`` (about each link's origin) are the loads on the links, (F,) or with axes before that of the frames.
+    ``flanks``: multipliers whose signs select the flank or span of each relation that carries; by default the loads decide.
     """
     model = motion.model
-    if flanks is None and model.relations:  # the multiplier does the same work on either flank: its sign comes first
+    if flanks is None and model.relations:  # the multiplier does the same work on either flank: find its sign first
         first = least_norm(motion, force, moment, dict.fromkeys(range(len(model.relations)), 1.0))
         if all(np.all(m >= 0.0) for m in first[2].values()):
             return first
@@ -307,18 +310,18 @@ def least_norm(
 
 
 def _balanced(matrix: Real, rhs: Real) -> Real:
-    """The shortest unknowns (..., n) that balance loads (..., m), NaN where none do."""
+    """The minimum-norm unknowns (..., n) that balance loads (..., m); NaN where there is no equilibrium."""
     x = (np.linalg.pinv(matrix, rcond=INDEPENDENT_RATIO) @ rhs[..., None])[..., 0]
     left = np.abs((matrix @ x[..., None])[..., 0] - rhs).max(axis=-1)
     size = np.abs(rhs).max(initial=0.0) or 1.0
-    x = np.where((left < 1e-7 * size)[..., None], x, np.nan)  # at a singular position the loads may have no equilibrium at all
+    x = np.where((left < 1e-7 * size)[..., None], x, np.nan)  # as is possible at a singular position
     largest = np.fmax.reduce(np.abs(x), axis=-2, initial=0.0)  # of each unknown over the run
     idle = largest <= ZERO_UNKNOWN * np.fmax.reduce(largest, axis=-1, initial=0.0)[..., None]
-    return np.where(idle[..., None, :] & np.isfinite(x), 0.0, x)  # or links that carry nothing would balance to rounding of others
+    return np.where(idle[..., None, :] & np.isfinite(x), 0.0, x)  # otherwise unloaded links would carry rounding errors of others
 
 
 def _traced(matrix: Any, rhs: Any) -> Any:
-    """The same with the slopes of those that statics determines; those of the others are NaN."""
+    """As `_balanced`, with derivatives of the unknowns that statics determines; those of the others are NaN."""
     plain = value_of(matrix)
     x = _balanced(plain, value_of(rhs))
     left: Any = np.sum(matrix * x[..., None, :], axis=-1) - rhs
@@ -332,16 +335,16 @@ def _traced(matrix: Any, rhs: Any) -> Any:
 
 
 def undetermined(matrix: Real) -> Flags:
-    """Which unknowns (n,) of the equilibria (F, m, n) statics does not determine, at some frame at least."""
+    """Which unknowns (n,) of the equilibria (F, m, n) statics does not determine at one frame or more."""
     _, s, vt = np.linalg.svd(matrix)
     independent = np.zeros(vt.shape[:-1], bool)
     independent[..., : s.shape[-1]] = s > INDEPENDENT_RATIO * s[..., :1]
-    free = np.where(independent[..., None], 0.0, np.abs(vt))  # combinations that balance by themselves
+    free = np.where(independent[..., None], 0.0, np.abs(vt))  # the null space: combinations that need no load
     return np.asarray(free.reshape(-1, vt.shape[-1]).max(axis=0, initial=0.0) > LEAST_SHARE)
 
 
 def indeterminate(motion: Motion) -> tuple[str, ...]:
-    """Joints whose reactions statics does not determine, at the run's best conditioned frame."""
+    """Names of the joints whose reactions statics does not determine, at the run's best conditioned frame."""
     model = motion.model
     matrix, labels = equilibrium_matrix(motion, {})
     frame = int(np.argmin(np.where(np.isfinite(motion.condition), motion.condition, np.inf)))
@@ -351,14 +354,14 @@ def indeterminate(motion: Motion) -> tuple[str, ...]:
 
 
 Cells = dict[tuple[int, int], Values]
-"""The cells of a large matrix that are not empty, by row and column."""
+"""The non-zero entries of a large matrix, by row and column."""
 
 
 def equilibrium_matrix(motion: Motion, flanks: Mapping[int, Values]) -> tuple[Real, list[tuple[str, int, Plane]]]:
-    """Matrix (F, 3 links, unknowns) of the equilibrium of all links, moments over the size, and its unknowns."""
+    """Matrix (F, 3 links, unknowns) of the equilibrium of all links, moments divided by the size, and labels of its unknowns."""
     entries, labels = equilibrium_cells(motion, flanks)
     rows = 3 * (len(motion.model.links) - 1)
-    filled = stacked([*entries.values(), 0.0], (motion.frames,))  # most cells of a large matrix are empty: the last value
+    filled = stacked([*entries.values(), 0.0], (motion.frames,))  # most entries of a large matrix are empty: the last value
     cells = np.full((rows, len(labels)), len(entries))
     for k, cell in enumerate(entries):
         cells[cell] = k
@@ -366,7 +369,8 @@ def equilibrium_matrix(motion: Motion, flanks: Mapping[int, Values]) -> tuple[Re
 
 
 def equilibrium_cells(motion: Motion, flanks: Mapping[int, Values]) -> tuple[Cells, list[tuple[str, int, Plane]]]:
-    """The cells of the matrix of the equilibrium of all links, moments over the size, and its unknowns."""
+    """The entries of `equilibrium_matrix`, and the labels of its unknowns: ("force", joint, direction), ("couple", joint, 0) or
+    ("tie", relation, 0)."""
     model = motion.model
     labels: list[tuple[str, int, Plane]] = []
     for j, joint in enumerate(model.joints):

@@ -1,4 +1,4 @@
-"""A mechanism ready to run, and its motion as far as it can be assembled."""
+"""A mechanism ready to run, and its motion where it can be assembled."""
 
 from __future__ import annotations
 
@@ -33,26 +33,26 @@ DriveValues = list[tuple[Real, Real | float, Real | float]]  # position, speed, 
 
 @dataclass(frozen=True, eq=False)
 class Compiled:
-    """A mechanism ready to run: its model and how it is put together at the start of its drives."""
+    """A mechanism ready to run: its model and its assembly at the start of its drives."""
 
     model: Model
     assembly: Assembly
     start: tuple[float, ...]  # drive positions for which the assembly was made
-    angles: UnwrappedAngles  # of its links, as far as they have been asked for
+    angles: UnwrappedAngles  # of its links, computed on demand
     singular_points: SingularPoints | None = None  # where assembly modes meet along the drives' laws
-    paths: list[BranchPath] = field(default_factory=list)  # that have been followed, for further frames on them
+    paths: list[BranchPath] = field(default_factory=list)  # already followed, kept for further frames on them
     accuracy: Accuracy = DEFAULT
     executor: Executor = "numpy"  # of the program of steps
     kept: dict[Callable[[Compiled], Any], Any] = field(default_factory=dict, init=False, repr=False)  # see `once`
 
     @cached_property
     def near(self) -> float:
-        """Positions of the drives below this [rad or m] are within reach of a run, whatever they start from."""
+        """Bound of drive positions [rad or m] below which no drive can have travelled too far from its start for a run."""
         return TURN * MOST_TURNS * min(1.0, self.model.length_scale) - max((abs(q) for q in self.start), default=0.0)
 
     @cached_property
     def followed(self) -> bool:
-        """Whether groups have to be followed along a path; with gears a turn of the drive need not bring all back."""
+        """Whether groups must be followed along a path; with gears a turn of the drive need not return all links to their start."""
         return bool(self.assembly.starts) or (bool(self.model.relations) and any(b.kind in TWO_MODES for b in self.model.blocks))
 
     @property
@@ -60,7 +60,7 @@ class Compiled:
         return self.model.mechanism
 
     def once(self, work: Callable[[Compiled], T]) -> T:
-        """``work(self)``, done once for this object, as `Model.once`; ``kept`` has what has been done."""
+        """``work(self)``, computed at the first call and stored in ``kept``, like `Model.once`."""
         if work not in self.kept:
             self.kept[work] = work(self)
         result: T = self.kept[work]
@@ -70,10 +70,10 @@ class Compiled:
 def drive_values(
     mechanism: Mechanism, time: Real, given: Mapping[str, tuple[ArrayLike, ArrayLike, ArrayLike]] | None = None
 ) -> DriveValues:
-    """Where the drives are at times (F,) by their laws, or as ``given`` by the names of their joints."""
+    """Positions, speeds and accelerations of the drives at times (F,) by their laws, or as ``given`` by names of joints."""
     values: DriveValues = []
     for d in mechanism.drives:
-        if given is None and isinstance(d.law, ConstantSpeed):  # rates that do not change cost nothing as single numbers
+        if given is None and isinstance(d.law, ConstantSpeed):  # constant rates stay single numbers
             turned = d.law.speed * time
             values.append((turned + d.law.start if d.law.start else turned, float(d.law.speed), 0.0))
             continue
@@ -93,7 +93,7 @@ def follow(
 
 
 class PlacedMotion(NamedTuple):
-    """A motion; where groups are followed, their path and the frames' ``parameter`` on it; the singular points that are known."""
+    """A motion; if groups are followed, their path and the ``parameter`` of the frames on it; the known singular points."""
 
     motion: Motion
     path: BranchPath | None
@@ -102,7 +102,7 @@ class PlacedMotion(NamedTuple):
 
 
 def place(compiled: Compiled, time: Real, values: DriveValues, *, given: bool) -> PlacedMotion:
-    """The motion at times (F,) [s] and values of the drives; ``given``: other ones than their laws'."""
+    """The motion at times (F,) [s] and values of the drives; ``given``: these are not those of the laws."""
     model = compiled.model
     positions = [v[0] for v in values]
     constants = compiled.assembly.constants
@@ -155,8 +155,8 @@ def _beyond(known: SingularPoints | None, span: float) -> bool:
 
 
 def _angles(compiled: Compiled, positions: Sequence[Values], time: Real, raw: Real, *, in_time: bool) -> Real:
-    """Angles of the rotation classes near ``raw`` ones at positions of the drives; ``in_time``: the laws lead there, and the angles
-    follow from the time alone."""
+    """Followed angles of the rotation classes for ``raw`` ones at positions of the drives; ``in_time``: the drives follow their
+    laws, so the angles depend on time alone."""
     drives, unwrapped = compiled.mechanism.drives, compiled.angles
 
     def placed(time: Real, given: Real | None = None) -> SolvedFrames:
@@ -173,7 +173,7 @@ def _angles(compiled: Compiled, positions: Sequence[Values], time: Real, raw: Re
 
 
 def _path(compiled: Compiled, time: Real, positions: Sequence[Real], *, given: bool) -> BranchPath:
-    """The path that the frames need: one that has been followed already, if it covers them."""
+    """The path that the frames need: a kept one if it covers them, else a new one."""
     for path in compiled.paths:
         if not (path.by_time and given):
             wanted = time if path.by_time else positions[0]
@@ -188,8 +188,10 @@ def _path(compiled: Compiled, time: Real, positions: Sequence[Real], *, given: b
 
 
 def reached(compiled: Compiled, q: Real) -> Flags:
-    """Whether a motion goes as far as positions (n,) of the only drive, which have been solved: beyond the limits of groups that
-    are followed Newton's method may have found other branches. True everywhere where none are followed."""
+    """Whether the followed branch reaches positions (n,) of the only drive, which have been solved.
+
+    Beyond a limit of a continued group Newton's method may have found another branch. All True if no path covers the positions.
+    """
     for path in compiled.paths:
         if not path.by_time and path.covers(q):
             return path.reached(q)
@@ -197,16 +199,16 @@ def reached(compiled: Compiled, q: Real) -> Flags:
 
 
 def _own_starts(path: BranchPath, law_time: Real) -> dict[str, Real]:
-    """Newton starts at times of the laws that lead along a path."""
+    """Newton starts on a path at law times (F,)."""
     return path.starts(law_time if path.by_time else law_time + path.start)
 
 
 def _law_time(
     compiled: Compiled, singular_points: SingularPoints, time: Real, values: DriveValues, *, given: bool
 ) -> tuple[Real | None, tuple[Real | float, Real | float]]:
-    """Where the frames are on the path along which singular points are known, and its first two derivatives by time.
+    """The frames' law time, along which the singular points are given, and its first two derivatives by time.
 
-    None where the frames' drive positions are given and that path is the laws' time.
+    It is the travel of the only drive, or time; None if it is time and the frames' drive positions are ``given``.
     """
     if singular_points.by_drive:
         q, v, a = values[0]

@@ -1,4 +1,4 @@
-"""Many designs of a mechanism by a compiled program: what a sweep collects from motions, written out in C."""
+"""Many designs of a mechanism by a compiled program: what a sweep collects from motions, generated as C code."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ from mechcore.motion.motion import Motion
 from mechcore.records import NumberPlace
 from mechcore.spec.mechanism import Mechanism, braked
 
-FRAMES_TO_LOAD = 200_000  # frames of all designs from which on a program that is kept from before pays for being written and loaded
-FRAMES_TO_COMPILE = 3_000_000  # from which on compiling it pays: 0.3 s and half a millisecond a line, for 0.6 ns a line and frame
-FRAMES_TO_COMPILE_FRICTION = 20_000  # from which on both pay where numpy solves designs one by one: with dry friction, 10 ms each
+FRAMES_TO_LOAD = 200_000  # frames of all designs from which generating a program and loading it from the cache pays
+FRAMES_TO_COMPILE = 3_000_000  # from which compiling it pays: 0.3 s and half a millisecond per line, for 0.6 ns per line and frame
+FRAMES_TO_COMPILE_FRICTION = 20_000  # from which both pay if numpy solves designs one by one: with dry friction, 10 ms each
 Collect = Callable[[Motion], Mapping[str, Real]]
 Weights = tuple[Real, Complex, Real]  # masses (D, 1), centres of mass, moments of inertia
 VariedModel = Callable[[Compiled, Mapping[Any, Any], Mapping[str, Any], Mapping[NumberPlace, Any]], Model]
@@ -36,29 +36,31 @@ VariedModel = Callable[[Compiled, Mapping[Any, Any], Mapping[str, Any], Mapping[
 
 @dataclass(frozen=True, eq=False)
 class DrivenDesigns:
-    """The drives of designs side by side: the ``pace`` (D, 1) at which each goes through the laws of the mechanism, None where all
-    keep to their times; and the drives, by their numbers, that have a position at the start and a constant speed (D, 1) of their
-    own."""
+    """The drives of several designs computed together.
+
+    ``pace`` (D, 1): factor on the speed at which each design runs through the laws of the mechanism; None: 1 for all. ``own``:
+    drives (by number) that have a start position and a constant speed (D, 1) for each design.
+    """
 
     mechanism: Mechanism
     pace: Real | None
     own: Mapping[int, tuple[Real, Real]]
 
     def some(self, which: Flags) -> DrivenDesigns:
-        """Those of some designs (D,)."""
+        """The drives of the designs ``which`` (D,)."""
         own = {d: (q[which], v[which]) for d, (q, v) in self.own.items()}
         return replace(self, pace=None if self.pace is None else self.pace[which], own=own)
 
     @property
     def laws(self) -> tuple[Law, ...]:
-        """A law for each drive, as fast as the fastest of the designs over the times of the compiled one."""
+        """A law for each drive, as fast as in the fastest design, over the times of the compiled design."""
         laws: list[Law] = [drive.law for drive in self.mechanism.drives]
         for d, (_, v) in self.own.items():
             laws[d] = ConstantSpeed(0.0, float(np.max(np.abs(v if self.pace is None else v / self.pace), initial=0.0)))
         return tuple(laws)
 
     def values(self, time: Real) -> DriveValues:
-        """Positions, speeds and accelerations of all drives at times (n,) of the compiled design, (n,) or (D, n)."""
+        """Positions, speeds and accelerations, (n,) or (D, n), of all drives at times (n,) of the compiled design."""
         values = drive_values(self.mechanism, time)
         if self.pace is not None:
             values = [(q, v * self.pace, a * self.pace**2) for q, v, a in values]
@@ -68,11 +70,11 @@ class DrivenDesigns:
 
 
 class DesignProgram:
-    """A program of values collected from the motions of designs in which some numbers vary. Raises `Untraceable` where C does not
-    have it.
+    """A program for values collected from the motions of designs in which some numbers vary. Raises `Untraceable` if these values
+    cannot be computed in C.
 
-    ``varied`` makes the model of numbers that vary, those of the ``points``, ``masses`` and ``loads``; the drives ``own`` (by
-    number) have starts and speeds of their own, and where they are ``paced`` designs differ in how fast they go through their laws.
+    ``varied`` makes the model from the numbers that vary, those of ``points``, ``masses`` and ``loads``. The drives ``own`` (by
+    number) have a start and a speed for each design. ``paced``: designs differ in the speed at which they run through their laws.
     """
 
     def __init__(
@@ -113,7 +115,7 @@ class DesignProgram:
         first = kernel.beside("peaks")
         for x in self._peaks:
             first.put(first.carried(partial(_larger, x)))
-        self._first = first if self._peaks else None  # goes over the frames before, for the peaks that the program is given
+        self._first = first if self._peaks else None  # runs over the frames first, for the peaks that the program needs
         self.lines = kernel.lines + (first.lines if self._peaks else 0)
         if self.lines > MOST_LINES:
             raise Untraceable(f"the program would have {self.lines:,} lines")
@@ -145,7 +147,7 @@ class DesignProgram:
         return motion
 
     def _peak(self, x: Any) -> Any:
-        """The largest size of a number over the frames of each design, which the program is given."""
+        """The largest absolute value of a number over the frames of each design, an input of the program."""
         if not isinstance(x, Symbol):
             return abs(x)
         self._peaks.append(x)
@@ -153,11 +155,11 @@ class DesignProgram:
 
     @property
     def rows(self) -> int:
-        """How many numbers a design has at a frame."""
+        """Number of values of a design at a frame."""
         return self._kernel.rows
 
     def load(self) -> DesignProgram:
-        """The program ready to run. Raises `MechanismError` where it cannot be compiled."""
+        """Compile and load the program; returns it. Raises `MechanismError` if it cannot be compiled."""
         loaded = library(self.source)
         for kernel in (self._kernel, self._first) if self._first else (self._kernel,):
             kernel.load(loaded)
@@ -171,8 +173,8 @@ class DesignProgram:
         time: Real,
         driven: DrivenDesigns,
     ) -> tuple[dict[str, Real], Flags, Flags]:
-        """Values of designs at times (F,), each (D, F, ...); which of them (D,) go together at all frames; and of which
-        angles may be wrong, as links turn too far from one time to the next."""
+        """Values of designs at times (F,), each (D, F, ...); which designs (D,) can be assembled at all frames; and for which (D,)
+        angles may be wrong because links turn too far from one time to the next."""
         model, own = self._compiled.model, np.arange(len(time))
         if self._follows:
             time, own = times_of_designs(model, time, driven.laws)
@@ -214,9 +216,9 @@ def design_program(
     collect: Collect,
     count: int,
 ) -> DesignProgram | str:
-    """The program for so many designs at times (F,), as the mechanism's executor says; or why numpy computes them.
+    """The program for ``count`` designs at times (F,) if the executor of ``compiled`` uses one; else the reason why numpy is used.
 
-    Raises `MechanismError` where C is asked for and cannot be compiled.
+    Raises `MechanismError` if the executor is C and the program cannot be compiled.
     """
     if compiled.executor == "numpy":
         return "as asked for"
@@ -244,7 +246,7 @@ def design_program(
 
 
 def _larger(x: Symbol, before: Symbol) -> Any:
-    """The larger of a number's size, if it is one, and what was largest before."""
+    """The larger of a number's absolute value, if finite, and the largest one before."""
     return np.where(np.isfinite(x), np.maximum(before, abs(x)), before)
 
 
@@ -253,7 +255,7 @@ def _known(_: Compiled) -> dict[Any, DesignProgram | str]:
 
 
 def _operands(value: object) -> tuple[list[Any], int | None]:
-    """The numbers of a result, and how many there are side by side; None of a single one."""
+    """The numbers of a result, and its width; None for a single number."""
     if isinstance(value, SymbolRows):
         return list(value.columns), len(value.columns)
     if isinstance(value, Symbol):
@@ -263,11 +265,11 @@ def _operands(value: object) -> tuple[list[Any], int | None]:
 
 
 class _Followed(GivenLinkAngles):
-    """Angles of links on symbols: each design carries them from one time to the next."""
+    """Unwrapped angles of links as symbols: each design carries them from one time to the next."""
 
     def __init__(self, compiled: Compiled, model: Model, kernel: Kernel, state: State, own: Collection[int]):
         self._kernel, self._state, self._own = kernel, state, own
-        self.steps: list[Any] = []  # by which angles went on from the time before
+        self.steps: list[Any] = []  # by which angles changed from the time before
         self._groups: dict[int, tuple[Any, Any]] = {}
         start = replace(compiled.angles.start, angles=_Starts(self))
         super().__init__(model, start)
@@ -276,7 +278,7 @@ class _Followed(GivenLinkAngles):
         return self.both(k)[0]
 
     def both(self, k: int) -> tuple[Any, Any]:
-        """Angle of a link, and that at the start."""
+        """Angle of a link, and its angle at the start."""
         turning = self.model.angles
         rotation_class, offset = turning.rotation_class[k], turning.offset[k]
         now, start = self._of_group(turning.class_group[rotation_class])
@@ -300,7 +302,7 @@ class _Followed(GivenLinkAngles):
                 angle = raw + TURN * np.rint((near - raw) / TURN)
                 last.append(angle)
                 self.steps.append(abs(angle - near))
-                return np.where(angle * angle >= 0.0, angle, near)  # none where it cannot be put together
+                return np.where(angle * angle >= 0.0, angle, near)  # ``angle`` is NaN where it cannot be assembled
 
             self._kernel.carried(known)
             self._groups[group] = last[0], start

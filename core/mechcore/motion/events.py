@@ -20,14 +20,14 @@ from mechcore.records import dataclass
 from mechcore.spec.mechanism import Mechanism
 from mechcore.texts import Text, UnitSystem, as_angle, as_coordinate, as_length
 
-MOST_SOLVED = 100_000  # limit positions times links that are solved for again
-MOST_REPORTED = 12  # different limit positions of a joint; of more, as machines have them that draw, the outermost two
-MOST_BOUNDARIES = 10_000  # of the zones of a drive's law in a run
+MOST_SOLVED = 100_000  # limit positions times links, up to which limit positions are solved exactly
+MOST_REPORTED = 12  # distinct limit positions of a joint; if there are more, as in drawing machines, the outermost two are reported
+MOST_BOUNDARIES = 10_000  # zone boundaries of a drive's law in a run
 POOR_TRANSMISSION = 30.0
-"""Transmission angle [degrees] below which a linkage runs badly (textbooks say 30 to 45)."""
+"""Transmission angle [degrees] below which a linkage transmits poorly (textbooks: 30 to 45)."""
 
 SPLINE_OVERSHOOT = 0.05
-"""Part of a table's range by which a spline may pass the two rows around it: ten rows a cycle of a sine make it 0.02."""
+"""Fraction of a table's range by which a spline may overshoot the two rows around it (sine with ten rows per cycle: 0.02)."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class Event:
     level: Literal["INFO", "WARN"]
     item: str
     text: str
-    value: float = float("nan")  # of what is named, in SI units, where it is a number
+    value: float = float("nan")  # of the quantity named in the text, in SI units, if there is one
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "text", Text.of(self.text))
@@ -56,7 +56,8 @@ def find_events(motion: Motion) -> list[Event]:
 
 
 def overshoots(mechanism: Mechanism) -> Iterator[Event]:
-    """Splines of loads and drives that leave the range of the two rows between which they are, and how far."""
+    """An event for each spline of a load or drive that overshoots the range of two neighbouring rows, with the size of the
+    overshoot."""
     factors = [(load.name, getattr(load, "factor", None)) for load in mechanism.loads]
     tables: list[tuple[str, Any]] = [(name, factor.function) for name, factor in factors if factor is not None]
     for name, table in [*tables, *((drive.joint, drive.law) for drive in mechanism.drives)]:
@@ -71,8 +72,8 @@ def overshoots(mechanism: Mechanism) -> Iterator[Event]:
 def turning_points(time: Real, speed: Real, acceleration: Real) -> Real:
     """Times (n,) at which a speed (F,) passes through zero and changes its sign.
 
-    Between two frames the speed is the cubic with the given accelerations as slopes; its root is found by bisection of the
-    sign change, for all crossings at once. After a rest of more than one frame a return is not a turning point.
+    Between two frames the speed is the Hermite cubic with the given accelerations as slopes; its root is found by bisection, for
+    all crossings at once. A reversal after a rest of more than one frame is not a turning point.
     """
     largest = np.abs(speed).max(initial=0.0)
     moving = np.flatnonzero(np.abs(speed) > REST * largest)
@@ -88,7 +89,7 @@ def turning_points(time: Real, speed: Real, acceleration: Real) -> Real:
         u = 0.5 * (low + high)
         same = np.sign(_cubic(u, speed[i], h * acceleration[i], speed[j], h * acceleration[j])) == np.sign(speed[i])
         low, high = np.where(same, u, low), np.where(same, high, u)
-    return np.where(j - i == 2, time[i + 1], time[i] + 0.5 * (low + high) * h)  # a frame between at rest is where it turns
+    return np.where(j - i == 2, time[i + 1], time[i] + 0.5 * (low + high) * h)  # a single frame at rest is the turning point
 
 
 def _cubic(u: Real, v0: Real, d0: Real, v1: Real, d1: Real) -> Real:
@@ -98,7 +99,7 @@ def _cubic(u: Real, v0: Real, d0: Real, v1: Real, d1: Real) -> Real:
 
 
 def _at(motion: Motion, rows: Real, t: float) -> float:
-    """About where a coordinate is between frames, from the nearest frame's value, speed and acceleration (F, 3)."""
+    """Estimate of a coordinate between frames by Taylor's formula from the nearest frame's value, speed and acceleration (F, 3)."""
     k = int(np.argmin(np.abs(motion.time - t)))
     d = t - motion.time[k]
     return float(rows[k, 0] + d * (rows[k, 1] + 0.5 * d * rows[k, 2]))
@@ -112,12 +113,12 @@ def _words(motion: Motion, joint: str, value: float) -> str:
 
 
 def _placed(words: str, motion: Motion, t: float) -> str:
-    """An event at a time in words, with the positions of the drives then, if there are any."""
+    """The text of an event with the positions of the drives at its time, if there are drives."""
     return ", ".join(filter(None, (words, at_drive(motion, t))))
 
 
 def at_drive(motion: Motion, t: float) -> str:
-    """Where the drives are at a time, in words."""
+    """The positions of the drives at a time, as text."""
     places = []
     for d in motion.mechanism.drives:
         by_laws = motion.again is not None  # by the laws, which are exact between frames too
@@ -127,11 +128,11 @@ def at_drive(motion: Motion, t: float) -> str:
 
 
 def limit_positions(motion: Motion) -> Iterator[tuple[str, Real, Real]]:
-    """Undriven joints at the frame that move, each with the times [s] of its limit positions, where the link turns back while the
-    drives go on, and its coordinates there [rad or m].
+    """Moving undriven joints at the frame link: name, times [s] of its limit positions, and its coordinates there [rad or m].
 
-    Where laws lead the motion it is solved again there, for all joints together; of large mechanisms the quintic between two frames
-    tells where they are, which has the rates of both.
+    At a limit position the link turns back while the drives do not. If the drives follow laws, the motion is solved again there,
+    for all joints together; for large mechanisms the quintic Hermite polynomial between two frames gives the coordinates. Otherwise
+    they are estimated from the nearest frame.
     """
     driven = {d.joint for d in motion.mechanism.drives}
     stops: list[Any] = [turning_points(motion.time, q[1], q[2]) for q in motion.drives]
@@ -146,7 +147,7 @@ def limit_positions(motion: Motion) -> Iterator[tuple[str, Real, Real]]:
             continue
         times = turning_points(motion.time, rows[:, 1], rows[:, 2])
         turned = np.abs(reversals - times[:, None]) < near
-        if _one_moves(motion):  # between two frames in which the drive turns, too, nothing else can
+        if _one_moves(motion):  # between two frames in which the only drive reverses, no other joint has a limit of its own
             turned |= np.searchsorted(motion.time, times)[:, None] == np.searchsorted(motion.time, reversals)
         times_of[joint.name] = times[~turned.any(axis=1)]
     every = np.concatenate([np.zeros(0), *times_of.values()])
@@ -171,7 +172,7 @@ def limit_positions(motion: Motion) -> Iterator[tuple[str, Real, Real]]:
 
 
 def _one_moves(motion: Motion) -> bool:
-    """Whether a single drive moves, all others standing still."""
+    """Whether exactly one drive moves."""
     return sum(moves(d.law) for d in motion.mechanism.drives) == 1
 
 
@@ -187,7 +188,7 @@ def _limits(motion: Motion) -> Iterator[Event]:
     for joint, times, values in limit_positions(motion):
         rows = motion.coordinate(joint)
         moving = np.flatnonzero(np.abs(rows[:, 1]) > REST * np.abs(rows[:, 1]).max(initial=0.0))
-        just_before = times - 1e-7 * np.ptp(motion.time)  # at the joint of two laws there is no acceleration to decide by
+        just_before = times - 1e-7 * np.ptp(motion.time)  # the acceleration may jump where two laws meet
         ends = rows[moving[np.searchsorted(motion.time[moving], just_before) - 1], 1] > 0.0
         reported, count = list(range(len(times))), ""
         if len(times) > MOST_REPORTED and len(np.unique(np.round(values / np.ptp(rows[:, 0]), 6))) > MOST_REPORTED:
@@ -199,7 +200,7 @@ def _limits(motion: Motion) -> Iterator[Event]:
 
 
 def _still(motion: Motion, joint: str, rows: Real) -> float:
-    """A speed that is rounding noise: that of a coordinate (F, 3) that moves by 1e-9 of its scale over the run."""
+    """The speed below which a coordinate (F, 3) counts as at rest: it moves by no more than ``REST`` of its scale over the run."""
     least = 1.0 if motion.model.rotary(joint) else motion.model.length_scale
     scale = max(least, float(np.abs(rows[:, 0]).max(initial=0.0)))
     return REST * scale / max(float(np.ptp(motion.time)), 1e-300)
@@ -223,7 +224,7 @@ def _drive_events(motion: Motion) -> Iterator[Event]:
             if end < motion.frames - 1 and (end > start or start == 0):
                 yield Event(float(motion.time[end]), "INFO", drive.joint, f"drive starts at {_words(motion, drive.joint, q[end])}")
         if not np.array_equal(drive.law(motion.time)[0], rows[:, 0]):
-            continue  # the motion was made with other drive values than the law's
+            continue  # the motion has other drive values than those of the law
         if not moves(drive.law):
             continue
         breaks = np.asarray(drive.law.breaks, float)
@@ -235,13 +236,13 @@ def _drive_events(motion: Motion) -> Iterator[Event]:
         cycles = np.arange(int(count))
         edges = np.array([motion.time[k] for rest in rests for k in rest])
         step = (last - first) / max(motion.frames - 1, 1)
-        shock = getattr(drive.law, "shock", lambda _: "")  # laws by pieces know what jumps there
+        shock = getattr(drive.law, "shock", lambda _: "")  # piecewise laws know which derivative jumps there
         for t in np.unique(cycles[:, None] * drive.law.duration + np.append(0.0, breaks)):
             if not first < t < last:
                 continue
             what = shock(float(t))
             between = not len(breaks) or np.all(np.abs(np.mod(t, drive.law.duration) - breaks) > 1e-9 * drive.law.duration)
-            told = between or np.any(np.abs(edges - t) <= step * (1.0 + 1e-9))  # as the end of a cycle, a start or a stop
+            told = between or np.any(np.abs(edges - t) <= step * (1.0 + 1e-9))  # as a start or a stop, or just the end of a cycle
             if what or not told:
                 where = _words(motion, drive.joint, float(drive.law(t)[0]))
                 words = f"zone boundary of the drive's law at {where}" + (f": {what}" if what else "")
@@ -259,7 +260,7 @@ def _singular(motion: Motion) -> Iterator[Event]:
 
 
 def _changes(motion: Motion) -> Iterator[Event]:
-    """Where assembly modes meet and the motion goes through."""
+    """Singular points at which two assembly modes meet and that the motion passes."""
     for change in motion.singular_points:
         if change.dead:
             text = f"dead point of the drive: the group at {change.name} goes through its limit"
@@ -269,7 +270,7 @@ def _changes(motion: Motion) -> Iterator[Event]:
 
 
 def _extremes(motion: Motion) -> Iterator[Event]:
-    """Where the metrics that a scene asks for become extreme, between frames too."""
+    """Extremes of the metrics that the mechanism requests, between frames too."""
     asked = motion.mechanism.metrics
     if "transmission_angle" in asked:
         for joint in transmission_angles(motion):
@@ -290,7 +291,7 @@ def _extremes(motion: Motion) -> Iterator[Event]:
 
 
 def _ratios(motion: Motion, asked: Sequence[str]) -> Iterator[Event]:
-    """Extremes of velocity ratios, and of the mechanical advantage, which is the reciprocal of those at the frame."""
+    """Extremes of velocity ratios, and of mechanical advantages, the reciprocals of the ratios of joints at the frame link."""
     first = motion.mechanism.drives[0].joint
     at_frame = {c.name for c in motion.model.connections if motion.mechanism.frame in c.links and c.name != first}
     dead = np.array([c.time for c in motion.singular_points if c.dead])
@@ -317,10 +318,10 @@ def _ratios(motion: Motion, asked: Sequence[str]) -> Iterator[Event]:
 
 
 def _toggles(motion: Motion, joint: str) -> Iterator[Event]:
-    """Where the mechanical advantage of a joint grows without bound: its velocity ratio passes through zero."""
+    """Instants at which the mechanical advantage of a joint is unbounded: its velocity ratio passes through zero."""
 
     def rows(m: Motion) -> Real:
-        """The ratio and its rate in time: the second derivative by the drive times the drive's speed."""
+        """The ratio and its derivative by time: the second derivative by the drive's coordinate times the drive's speed."""
         unit = per_unit_drive_speed(m).coordinate(joint)
         return np.stack([unit[:, 1], unit[:, 2] * m.drives[0][1]], axis=-1)
 
@@ -335,7 +336,8 @@ def _transmission_angle(joint: str, m: Motion) -> Real:
 
 
 def _squared_cosine(joint: str, m: Motion) -> Real:
-    """Largest where the angle is farthest from a right one, and smooth, other than the angle, where links lie in one line."""
+    """Squared cosine of the transmission angle: largest where the angle is farthest from 90 degrees, and, unlike the angle, smooth
+    where the links are collinear."""
     return np.asarray(np.cos(transmission_angles(m)[joint]) ** 2)
 
 
@@ -359,7 +361,7 @@ def _there(motion: Motion, quantity: Callable[[Motion], Real], t: float) -> floa
 
 
 def _indeterminate(motion: Motion) -> Iterator[Event]:
-    """Redundant constraints, where forces are asked for."""
+    """An event for redundant constraints, if forces are computed."""
     if motion.model.redundant and (motion.mechanism.effects or motion.mechanism.loads):
         names = ", ".join(indeterminate(motion.parts[0][1]))
         text = f"indeterminate reactions at {names}: constraints are redundant, the smallest reactions that balance are given"
@@ -374,10 +376,10 @@ def runs(flags: Flags) -> list[tuple[int, int]]:
 
 @dataclass(frozen=True)
 class Stroke:
-    """Where the coordinate of an output goes over a run [rad or m].
+    """The range of an output's coordinate over a run [rad or m].
 
-    ``time_ratio``: the slower of the strokes to and fro over the quicker one, of a motion that repeats and goes once from one limit
-    position to the other and back; NaN of others. Source: R. L. Norton, Design of Machinery, "quick-return".
+    ``time_ratio``: time of the slower stroke over that of the quicker one, for a motion that repeats and moves once per cycle from
+    one limit position to the other and back; else NaN. Source: R. L. Norton, Design of Machinery, "quick-return".
     """
 
     joint: str
@@ -393,7 +395,7 @@ class Stroke:
 
 
 def strokes(motion: Motion, cycles: int = 1) -> list[Stroke]:
-    """The strokes of all undriven joints at the frame that move, over a run of so many ``cycles``."""
+    """The strokes of all moving undriven joints at the frame link, over a run of ``cycles`` cycles."""
     return [_stroke(motion, joint, times, values, cycles) for joint, times, values in limit_positions(motion)]
 
 

@@ -1,10 +1,10 @@
 """Kinematic metrics: instant centres, transmission angles, velocity ratios, mechanical advantage, Grashof type, curvature.
 
-All of them are about geometry, not speed: they use the motion per unit of a drive's coordinate, so that they exist while the drive
-stands still. Ratios are those of the first drive while all others rest. Instant centres and curvatures are those of the motion as
-it is: where several drives move, or forces decide several freedoms, they exist while something moves. Everything is vectorised over
-the frames. `largest_maximum` and `zeros` find where a quantity becomes extreme or zero between the frames, by solving the mechanism
-again at times close to it.
+All of them describe geometry, not speed: they use the motion per unit of a drive's coordinate, so that they exist while the drive
+is at rest. Ratios are those of the first drive while all others are at rest. Instant centres and curvatures are those of the actual
+motion: where several drives move, or forces drive several freedoms, they exist while something moves. Everything is vectorised over
+the frames. `largest_maximum` and `zeros` locate extremes and zeros of a quantity between the frames, by solving the mechanism again
+at times close to them.
 """
 
 from __future__ import annotations
@@ -31,19 +31,19 @@ from mechcore.records import dataclass
 T = TypeVar("T")
 CHANGE_POINT = 1e-12  # of the perimeter: below, a Grashof margin is rounding
 
-# of searches for extremes
+# for the search for extremes
 Metric = Callable[[Motion], Real]  # motion -> a smooth quantity (F,)
 WINDOW_NODES = -np.cos(
     np.pi * np.arange(9) / 8
-)  # Chebyshev points: the polynomial through them follows a smooth quantity to many digits
+)  # Chebyshev points: the polynomial through them approximates a smooth quantity to many digits
 FIT = np.linalg.inv(chebyshev.chebvander(WINDOW_NODES, 8))
-SEARCH_ROUNDS = 2  # the second one in a window that is narrower by
+SEARCH_ROUNDS = 2  # each in a window that is narrower than the one before by NARROWING
 NARROWING = 8.0
-MOST_MAXIMA = 4  # local maxima of the frames that are looked at
+MOST_MAXIMA = 4  # largest local maxima of the frames that are refined
 
 
 def over_parts(compute: Callable[..., T]) -> Callable[..., T]:
-    """Answers of a motion, of each of its parts where it has several."""
+    """Decorator: compute a result of a motion part by part and join the results frame by frame."""
 
     @wraps(compute)
     def joined(motion: Motion, *args: object) -> T:
@@ -53,22 +53,25 @@ def over_parts(compute: Callable[..., T]) -> Callable[..., T]:
 
 
 def per_unit_drive_speed(motion: Motion, lead: int = 0, sense: Real | float = 1.0) -> Motion:
-    """The same positions moved by one drive, the first, at unit speed in a ``sense`` (F,), all others at rest, without
-    acceleration."""
+    """The same positions moved by drive number ``lead`` alone, at unit speed in a ``sense`` (F,) without acceleration; all others
+    are at rest."""
     zero = np.zeros(motion.frames)
     drives = [(d[0], zero + (sense if i == lead else 0.0), zero) for i, d in enumerate(motion.drives)]
     beside = [value_of(d[1]) != 0.0 for i, d in enumerate(motion.drives) if i != lead]
-    pace = motion.drives[lead][1] * sense  # next to change points the rates of the whole motion are known
+    pace = motion.drives[lead][1] * sense  # next to change points only the rates of the whole motion are known
     return _at_pace(motion, drives, np.where(np.any(beside, axis=0), np.nan, pace), motion.drives[lead][2] * sense)
 
 
 def along_motion(motion: Motion) -> Motion:
-    """The same positions moved as the mechanism goes through them, whatever its pace: by the one drive that moves at unit speed,
-    while it stands still too; where several move, by all of them in step, NaN at rest. What forces move goes forwards."""
+    """The same positions passed as in the motion itself, but at unit speed.
+
+    If one drive moves, it has unit speed, even while it is at rest. If several move, the norm of their speeds (angles in rad,
+    displacements in units of the mechanism's size) is 1; at rest they are NaN. A motion driven by forces keeps its sense.
+    """
     moving = [i for i, d in enumerate(motion.mechanism.drives) if moves(d.law)]
     if len(moving) < 2:
         lead = moving[0] if moving else 0
-        free = isinstance(motion.mechanism.drives[lead].law, Free)  # parts of its motion may have other coordinates
+        free = isinstance(motion.mechanism.drives[lead].law, Free)  # parts of its motion may be driven by other coordinates
         return per_unit_drive_speed(motion, lead, np.where(value_of(motion.drives[lead][1]) < 0.0, -1.0, 1.0) if free else 1.0)
     units = [1.0 if motion.model.rotary(d.joint) else motion.model.length_scale for d in motion.mechanism.drives]
     rates = [(v / unit, a / unit) for (_, v, a), unit in zip(motion.drives, units, strict=True)]
@@ -81,11 +84,12 @@ def along_motion(motion: Motion) -> Motion:
 
 
 def _at_pace(motion: Motion, drives: Sequence[tuple[Real, Real, Real]], pace: Real, change: Real) -> Motion:
-    """A motion with other rates of its drives: derivatives by what goes on at a ``pace`` (F,) in time, with its own ``change``."""
+    """A motion with other rates ``drives``: derivatives by a parameter whose first and second derivatives by time are ``pace`` and
+    ``change`` (F,)."""
     interpolants: dict[int, list[Interpolant]] = {}
     with np.errstate(divide="ignore", invalid="ignore"):
         for block, given in (motion.interpolants or {}).items():
-            for interpolant in given:  # frames next to a change point: from rates in time to derivatives
+            for interpolant in given:  # frames next to a change point: from rates in time to derivatives by the parameter
                 v, a = (np.broadcast_to(x, motion.frames)[interpolant.frames, None] for x in (pace, change))
                 first = interpolant.first / v
                 interpolants.setdefault(block, []).append(
@@ -95,7 +99,7 @@ def _at_pace(motion: Motion, drives: Sequence[tuple[Real, Real, Real]], pace: Re
 
 
 def metric_items(metric: str, m: Model) -> list[Any]:
-    """Subjects of an answer: names of joints or blocks, or pairs of links; known before it is computed."""
+    """Items that a metric is computed for: names of joints or blocks, pairs of links, or traced points; known beforehand."""
     match metric:
         case "transmission_angle":
             return [block.name for block in m.blocks if block.kind == "theta_theta"]
@@ -112,21 +116,21 @@ def metric_items(metric: str, m: Model) -> list[Any]:
 
 
 def pairs_in_plane(m: Model) -> list[tuple[int, int]]:
-    """Every two links that move in the plane; not those that turn about a shaft in it."""
+    """All pairs of links that move in the plane; without those that turn about a shaft lying in it."""
     return list(combinations([k for k in range(len(m.links)) if k not in m.shafts], 2))
 
 
 @over_parts
 def relative_turns(motion: Motion) -> dict[tuple[str, str], tuple[Real, Complex]]:
-    """Of every two links in the plane, `along_motion`: how much faster the first turns (F,), 0 where that is
-    rounding, and the velocity (F,) of the second relative to the first at the world's origin. Their quotient is the instant
-    centre."""
+    """Relative motion of every pair of links in the plane, at the rates of `along_motion`: the angular velocity (F,) of the first
+    minus that of the second, 0 where that is rounding, and the velocity (F,) of the second relative to the first at the world's
+    origin. The latter divided by i times the former is the instant centre."""
     unit = along_motion(motion)
     m, n = motion.model, motion.frames
     rates: Rates = unit.speeds
     turns = [np.broadcast_to(rates.angular[m.angles.rotation_class[k]], (n,)) for k in range(len(m.links))]
     still = [np.broadcast_to(v - 1j * w * o, (n,)) for v, w, o in zip(unit.origin_velocities, turns, unit.origins, strict=True)]
-    # of each frame: at a dead point of the drive rates are unbounded
+    # by frame: at a dead point of the drive rates are unbounded
     least = 1e-12 * np.fmax.reduce([np.abs(value_of(w)) for w in turns])
     out = {}
     for a, b in pairs_in_plane(m):
@@ -136,8 +140,11 @@ def relative_turns(motion: Motion) -> dict[tuple[str, str], tuple[Real, Complex]
 
 
 def instant_centres(motion: Motion) -> dict[tuple[str, str], Real]:
-    """Instant centre (F, 2) [m] of every two links in the plane, where their velocities agree; infinite where they do not turn
-    relative to each other, in the direction in which it lies. n (n - 1) / 2 of them."""
+    """Instant centre (F, 2) [m] of every pair of links in the plane, the point at which their velocities agree.
+
+    There are n (n - 1) / 2 pairs. Where two links do not turn relative to each other, it is infinite, with the signs of its
+    direction.
+    """
     out = {}
     for pair, (turn, shift) in relative_turns(motion).items():
         parallel = value_of(turn) == 0.0
@@ -149,8 +156,10 @@ def instant_centres(motion: Motion) -> dict[tuple[str, str], Real]:
 
 
 def transmission_angles(motion: Motion) -> dict[str, Real]:
-    """Angle (F,) [rad], 0 to pi, between the two links of every RRR group, at the pin that joins them; best at pi/2. NaN where
-    another joint leads a motion under forces, so that the mechanism has other groups."""
+    """Angle (F,) [rad], 0 to pi, between the two links of every RRR group at the pin that joins them; best at pi/2.
+
+    NaN where a motion under forces uses another joint as its coordinate, so that the mechanism has other groups.
+    """
     names = metric_items("transmission_angle", motion.model)
     return motion.over_parts(partial(_transmission_angles, names=names))
 
@@ -183,9 +192,9 @@ def velocity_ratios(motion: Motion) -> dict[str, Real]:
 
 
 def mechanical_advantage(motion: Motion) -> dict[str, Real]:
-    """Output torque or force per input torque or force of an ideal mechanism (F,), for every joint joined to the frame.
+    """Output torque or force per input torque or force of an ideal mechanism (F,), for every joint at the frame link.
 
-    By the power balance it is the reciprocal of the velocity ratio; infinite where the output stands still (dead point, toggle).
+    By the power balance it is the reciprocal of the velocity ratio; infinite where the output is at rest (dead point, toggle).
     """
     ratios = velocity_ratios(motion)
     with np.errstate(divide="ignore"):
@@ -194,9 +203,10 @@ def mechanical_advantage(motion: Motion) -> dict[str, Real]:
 
 @over_parts
 def curvature(motion: Motion, link: str, point: str) -> Real:
-    """Signed curvature (F,) [1/m] of the path of a point: positive where it bends to the left; NaN where the point stands still.
+    """Signed curvature (F,) [1/m] of the path of a point: positive where it bends to the left; NaN where the point is at rest.
 
-    (x' y'' - y' x'') / (x'^2 + y'^2)^(3/2), `along_motion`: with one drive left is seen as its coordinate grows.
+    (x' y'' - y' x'') / (x'^2 + y'^2)^(3/2), with the rates of `along_motion`: with one drive the path is traversed in the sense in
+    which the drive's coordinate grows.
     """
     unit = along_motion(motion)
     v, a = unit.point(link, point, 1), unit.point(link, point, 2)
@@ -209,7 +219,7 @@ def curvature(motion: Motion, link: str, point: str) -> Real:
 class GrashofLoop:
     """A four-bar loop: its joints, its links (crank, coupler, rocker, frame) with their lengths [m], its margin and its type.
 
-    ``margin``: p + q - s - l [m]; positive where the shortest link can turn fully (Grashof), 0 at a change-point linkage.
+    ``margin``: p + q - s - l [m]; positive if the shortest link can turn fully (Grashof), 0 for a change-point linkage.
     """
 
     joints: tuple[str, ...]
@@ -220,7 +230,7 @@ class GrashofLoop:
 
 
 def grashof(model: Model) -> tuple[GrashofLoop, ...]:
-    """Every four-bar loop (four links, four revolute joints) among the loops."""
+    """The four-bar loops (four links, four revolute joints) among the model's loops."""
     out = []
     at: dict[int, set[int]] = {}
     for j, e in enumerate(model.ends):
@@ -273,10 +283,10 @@ def grashof_type(crank: float, coupler: float, rocker: float, frame: float) -> s
 
 
 def largest_maximum(motion: Motion, metric: Metric) -> tuple[float, float]:
-    """Time [s] and value of the largest maximum of a run, to about 1e-9 of the distance of the frames; NaN where there is none.
+    """Time [s] and value of the largest maximum of a run, to about 1e-9 of the interval between frames; NaN if there is none.
 
-    Between frames only a motion that laws lead can be solved again; else, and where the quantity is not finite next to the
-    maximum, it is that of the frames.
+    Only a motion that follows laws can be solved again between frames. For others, and where the quantity is not finite next to the
+    maximum, the result is the largest value at the frames.
     """
     values = np.asarray(metric(motion), float)
     if not np.isfinite(values).any():
@@ -305,7 +315,7 @@ def largest_maximum(motion: Motion, metric: Metric) -> tuple[float, float]:
 
 
 def _highest(values: Real) -> float:
-    """Where on [-1, 1] the polynomial through values at the nodes is highest; NaN where these are not finite."""
+    """The point of [-1, 1] at which the polynomial through values at the nodes is highest; NaN if a value is not finite."""
     if not np.isfinite(values).all():
         return np.nan
     coefficients = FIT @ values
@@ -316,7 +326,7 @@ def _highest(values: Real) -> float:
 
 
 def _again(motion: Motion, metric: Metric, times: Real) -> Real:
-    """A quantity at other times (...)."""
+    """A quantity at other times (...) [s]."""
     assert motion.again is not None
     flat = np.ravel(times)
     order = np.argsort(flat, kind="stable")

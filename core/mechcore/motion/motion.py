@@ -1,4 +1,4 @@
-"""How a mechanism moves: positions, and on request velocities, accelerations, poses, points, joint coordinates, health."""
+"""The motion of a mechanism: positions, and on request velocities, accelerations, poses, points, joint coordinates, residuals."""
 
 from __future__ import annotations
 
@@ -30,15 +30,14 @@ COMPLEX = np.dtype(complex)
 
 
 class Motion:
-    """The motion of a mechanism at a set of frames; what is not asked for is not computed.
+    """The motion of a mechanism at a set of frames; results are computed on demand.
 
-    ``time`` (F,) [s]; ``drives`` holds position, speed and acceleration (F,) of each drive; a rate that does not change may be
-    given as one number. Results have a leading frame axis.
-    Links, joints and points go by their names; ``link.point`` names a point of a link.
+    ``time`` (F,) [s]; ``drives`` holds position, speed and acceleration (F,) of each drive; a constant rate may be given as one
+    number. Results have a leading frame axis. Links, joints and points are identified by name.
     """
 
     peak: Callable[[Any], Any] | None = None
-    """The largest size of numbers over all frames, where a program is given it, as it sees one frame at a time."""
+    """Function for the largest absolute value over all frames, set where a program, which sees one frame at a time, is given it."""
 
     def __init__(
         self,
@@ -55,17 +54,17 @@ class Motion:
     ):
         self.model = model
         self.time = time
-        self._drives = drives  # rates that do not change are single numbers
+        self._drives = drives  # constant rates may be single numbers
         self.state = state
         self.angles = angles  # of the links, continuous from the start pose
-        self.states: dict[str, Real] = {}  # of effects that integrate over the time of a motion under forces
+        self.states: dict[str, Real] = {}  # of effects with states, integrated over time in a motion under forces
         self.interpolants = interpolants
-        self.again = again  # the same motion at other times, where laws lead it
+        self.again = again  # times -> the same motion there, if it follows laws
         self.accuracy = accuracy
         self._program = None if by_c is None else by_c[0]  # compiled, in place of numpy
         self._placed_origins = None if by_c is None else by_c[1]
         self.singular_points = tuple(singular_points)  # change points and dead points that the run passes
-        # worked out once when first needed
+        # computed at the first access
         self._arms: dict[tuple[int, int, int], Plane] = {}
         self._slid: dict[tuple[int, int], Plane] = {}
         self._offsets: dict[tuple[int, complex], Plane] = {}
@@ -76,18 +75,18 @@ class Motion:
 
     @property
     def parts(self) -> Sequence[tuple[Index, Motion]]:
-        """The frames and the motion of every part: one, but where charts or phases change in a motion under forces."""
+        """The frames and the motion of every part: one part, except where charts or phases change in a motion under forces."""
         return ((np.arange(self.frames), self),)
 
     def over_parts(self, compute: Callable[..., T], *values: object) -> T:
-        """``compute(part, *values)``, values (F, ...) being those of the part's frames, put together frame by frame.
+        """``compute(part, *values)`` for every part, with the values (F, ...) at its frames; results joined frame by frame.
 
         The result is an array (F, ...), or a dictionary or a dataclass of such.
         """
         return compute(self, *values)
 
     def forget(self) -> None:
-        """Give up what was worked out on the way to results and takes memory; whoever asks for it works it out again."""
+        """Release the memory of intermediate results; they are computed again when needed."""
         for _, part in self.parts:
             for name in ("columns", "loop_vectors", "_turned_once", "_turned_twice"):
                 part.__dict__.pop(name, None)
@@ -97,7 +96,7 @@ class Motion:
 
     @property
     def compiled(self) -> bool:
-        """Whether a program in C computes it."""
+        """Whether a program in C computes its rates."""
         return self._program is not None and self.accuracy.differentiation == "exact"
 
     @property
@@ -115,7 +114,7 @@ class Motion:
 
     @lazy
     def shape(self) -> tuple[int, ...]:
-        """(F,), or (D, F) where D designs are computed side by side (see `sweep`)."""
+        """(F,), or (D, F) where D designs are computed together (see `sweep`)."""
         return (*self.model.designs, len(self.time))
 
     # -- results by name ----------------------------------------------------------------------------------------------
@@ -140,10 +139,10 @@ class Motion:
         if total is not None:
             z = self.summed(total, derivative)
             if type(z) is ndarray and z.dtype is COMPLEX and z.shape == self.shape:
-                return ndarray((*z.shape, 2), float, z)  # the same numbers, in a quarter of a view's time
+                return ndarray((*z.shape, 2), float, z)  # the same numbers as a view, in a quarter of its time
             return self._rows(z)
         k = self.model.index[link]
-        self.turned(derivative)  # there is such an order
+        self.turned(derivative)  # raises for an invalid order
         return self._rows(self.of_point(k, self.model.points[k][point], derivative))
 
     def centre_of_mass(self, link: str, derivative: int = 0) -> Real:
@@ -153,9 +152,9 @@ class Motion:
         return self._rows(self.of_point(k, self.model.masses[k][1], derivative))
 
     def coordinate(self, joint: str) -> Real:
-        """Relative coordinate of a joint and its first two derivatives (F, 3): angle [rad], or displacement [m] where it slides.
+        """Relative coordinate of a joint and its first two derivatives (F, 3): angle [rad], or displacement [m] if it slides.
 
-        Of a gear, belt or rack joint: angle of its second link minus that of its first.
+        For a gear, belt or rack joint: angle of its second link minus that of its first.
         """
         model = self.model
         j = model.joint_index.get(joint)
@@ -169,7 +168,8 @@ class Motion:
         return np.stack([np.broadcast_to(x, self.shape) for x in values], axis=-1)
 
     def relative_angle(self, first: str, second: str, joint: str) -> Real:
-        """Angle of the second link minus that of the first, as the coordinate of a joint, and its first two derivatives (F, 3)."""
+        """Angle of the second link minus that of the first [rad], as the coordinate of ``joint``, and its first two derivatives
+        (F, 3)."""
         p, q = self.model.index[first], self.model.index[second]
         a, b = self.model.angles.rotation_class[p], self.model.angles.rotation_class[q]
         rates = (r.angular[b] - r.angular[a] for r in (self.speeds, self.accelerations))
@@ -177,7 +177,7 @@ class Motion:
         return np.stack([np.broadcast_to(x, self.shape) for x in values], axis=-1)
 
     def joint_position(self, joint: str) -> Real:
-        """Where a joint is in the world (F, 2) [m]: its pin, the sliding link's point, or the contact of a gear, rack or belt."""
+        """Position of a joint (F, 2) [m]: its pin, the sliding link's point, or the contact point of a gear, rack or belt."""
         if joint not in self.model.joint_index:
             relation = self.model.relation_of[joint]
             return self._rows(relation.contact(self, 1.0)[0])
@@ -223,7 +223,7 @@ class Motion:
 
     # -- plane vectors as complex numbers, links and joints as indices ------------------------------------------------
     def rotation(self, k: int) -> Plane:
-        """exp(i angle) of a link's frame."""
+        """Rotation exp(i angle) of a link's frame."""
         turn = self.model.turn[k]
         rot: Plane = self.state.rot[self.model.angles.rotation_class[k]]
         return rot if turn == 1 else turn * rot
@@ -264,7 +264,7 @@ class Motion:
         return self._slid[key]
 
     def offset(self, k: int, local: Plane, derivative: int = 0) -> Plane:
-        """A vector fixed in link ``k`` in the world, or its first or second derivative."""
+        """A vector ``local`` fixed in link ``k``, in world axes, or its first or second derivative."""
         if derivative == 0 and isinstance(local, complex):
             vector = self._offsets.get((k, local))
             if vector is None:
@@ -280,7 +280,8 @@ class Motion:
         return self.angles.link(k)
 
     def group_angle(self, group: int) -> Real:
-        """Angle of a group of links that turn together (F,) [rad], without what drives turn within it, from the start pose on."""
+        """Angle of a group of links that turn together (F,) [rad], without rotations by drives inside it, continuous from the start
+        pose."""
         turning = self.model.angles
         rotation_class = turning.classes_of[group][0]
         driven = sum(sign * self.drives[d][0] for d, sign in turning.class_drives[rotation_class])
@@ -343,7 +344,7 @@ class Motion:
         return self.summed(total, derivative)
 
     def summed(self, total: VectorSum, derivative: int) -> Plane:
-        """A sum of vectors in the world, or its first or second derivative; a new array where it is one."""
+        """The value of a sum of vectors in world axes, or its first or second derivative; if an array, a new one."""
         still, arms, slides = total
         turned = self.turned(derivative)
         if len(arms) == 1 and not slides:
@@ -356,13 +357,13 @@ class Motion:
         return moving if derivative else added(moving, still)
 
     def joint_point(self, j: int, derivative: int = 0) -> Plane:
-        """Where a joint is: on the link that does not carry the guide."""
+        """Position of a joint, or its derivative: of its point on the link that does not carry the guide."""
         joint, ends = self.model.joints[j], self.model.ends[j]
         side = 1 if joint.slide is not None and joint.guide == 0 else 0
         return self.of_point(ends[side], joint.b if side else joint.a, derivative)
 
     def _rows(self, z: Plane, angle: Values | None = None) -> Real:
-        """Plane vectors, and an angle where given, as rows of numbers of their own."""
+        """Plane vectors, and an angle if given, as new rows of real numbers (F, 2 or 3)."""
         if angle is not None:
             return plane_rows(self.shape, z, angle)
         if not isinstance(z, PLAIN):
@@ -370,7 +371,7 @@ class Motion:
         own = np.broadcast_to(np.asarray(z, complex), self.shape).copy()
         return ndarray((*self.shape, 2), float, own)
 
-    # -- health -------------------------------------------------------------------------------------------------------
+    # -- residuals and conditioning -----------------------------------------------------------------------------------
     @cached_property
     def closure(self) -> Real:
         """Largest loop residual of each frame (F,) [m]."""
@@ -418,10 +419,10 @@ class Motion:
 
 
 def _numerical_rates(motion: Motion, derivative: int) -> Rates:
-    """First or second rates of all groups and slides from positions at the frames, not from equations; drives keep their own.
+    """First or second rates of all groups and slides, by numerical differentiation of positions; drives keep their own rates.
 
-    There to be compared with: the exact rates cost less than what these miss. "differences" differentiates the polynomials through
-    the nearest frames; "graphical" is the drawn method of the lecture: positions read off with the resolution of the drawing, the
+    They serve for comparison only; exact rates are better and cheap. "differences" differentiates the polynomials through the
+    nearest frames. "graphical" is the graphical method of the lecture: positions read off with the resolution of the drawing, the
     slopes of chords averaged, their change as acceleration.
     """
     model, accuracy = motion.model, motion.accuracy

@@ -1,9 +1,8 @@
-"""Where a mechanism can be assembled: the reachable range of its drive; elsewhere the closure
-error of a group.
+"""Where a mechanism can be assembled: the reachable range of its drive; elsewhere the closure error of a group.
 
-The closure error is the least distance by which one joint of the group has to stay open while all its others are closed: so much
-longer or shorter one link next to it has to be. Dyads have closed forms for it; in any other group each joint is opened in turn and
-the distance minimised by the method of Levenberg and Marquardt from many starts.
+The closure error is the least distance by which one joint of the group stays open while all its others are closed: one link next to
+it must be longer or shorter by this length. Dyads have closed forms for it. In any other group each joint is opened in turn, and
+the distance is minimised by the method of Levenberg and Marquardt from many starts.
 """
 
 from __future__ import annotations
@@ -32,24 +31,24 @@ from mechcore.numerics.newton import Residual, least_squares
 from mechcore.records import dataclass
 from mechcore.spec.mechanism import Cylinder
 
-REACH_SAMPLES = 1441  # positions of the first drive at which its reach is looked for
-POSITION_SAMPLES, MOST_SAMPLES = 361, 2001  # of the first drive's positions, and of times
+REACH_SAMPLES = 1441  # samples of the first drive's position for its reachable ranges
+POSITION_SAMPLES, MOST_SAMPLES = 361, 2001  # samples of the first drive's position, and of time
 MOST_HALVINGS = 40
-SLOT_SLACK = 1e-9  # of the mechanism's size: rounding may carry a pin so far beyond an end of its slot
-RANGE_INSET = 1e-6  # of an end: so far within a range is proposed, for it is shown with seven digits
+SLOT_SLACK = 1e-9  # of the mechanism's size: largest overrun of a slot's end that counts as rounding
+RANGE_INSET = 1e-6  # relative: a proposed range is narrower by this at each end, because it is shown with seven digits
 
 
 def reachable_ranges(compiled: Compiled) -> list[tuple[float, float]]:
-    """Ranges of the first drive's position (rad or m) in which every group can be put together, the others held at their start.
+    """Ranges of the first drive's position [rad or m] in which every group can be assembled, with other drives held at their start.
 
-    A rotary drive is looked at over one turn about its start, a sliding one within five sizes of the mechanism. Ends are located
-    to 1e-10 of that range. Groups that have to be followed, see `branches.paths`, are followed from the start, so only the range
-    around it is known.
+    A rotary drive is examined over one turn about its start, a sliding one within five sizes of the mechanism. Ends are located
+    to 1e-10 of that range. If groups must be followed (see `branches.paths`), only the range around the start is found. The range
+    that contains the start comes first.
     """
     ranges = _ranges(compiled)
     joints = compiled.mechanism.joints
     if any(isinstance(joint, Cylinder) and joint.name == compiled.mechanism.drives[0].joint for joint in joints):
-        return [(max(low, 0.0), high) for low, high in ranges if high > 0.0]  # the distance of two points
+        return [(max(low, 0.0), high) for low, high in ranges if high > 0.0]  # its coordinate is the distance of two points
     return ranges
 
 
@@ -65,7 +64,7 @@ def _ranges(compiled: Compiled) -> list[tuple[float, float]]:
         low, high = path.continuation.ends
         low = max([low, *(end for _, end, _ in path.unreachable if end < q0)])
         high = min([high, *(start for start, _, _ in path.unreachable if start > q0)])
-        if rotary and low <= q0 - full and high >= q0 + full:  # with a limit on one side it comes back to another mode after a turn
+        if rotary and low <= q0 - full and high >= q0 + full:  # with a limit on one side a turn leads to another mode
             low, high = q0 - half, q0 + half
         if not model.mechanism.ends:
             return [(low, high)]
@@ -109,16 +108,18 @@ def _ranges(compiled: Compiled) -> list[tuple[float, float]]:
         if inside:
             out.append((float(a), float(b)))
         inside = not inside
-    if rotary and not compiled.followed and len(out) > 1 and out[0][0] == low and out[-1][1] == high:  # they meet behind the start
+    if rotary and not compiled.followed and len(out) > 1 and out[0][0] == low and out[-1][1] == high:  # both meet half a turn away
         (_, end), (begin, _) = out[0], out.pop()
         out[0] = (begin, end + TURN) if begin <= q0 else (begin - TURN, end)
     return sorted(out, key=lambda r: not r[0] <= q0 <= r[1])
 
 
 def range_beside(compiled: Compiled, time: Real) -> tuple[float, float] | None:
-    """The range of the first drive's position (rad or m) about its start in which every group can be put together wherever the
-    laws of the other drives take these at times of a run, from the first of ``time`` to the last; None where there is none, or
-    where groups have to be followed."""
+    """The range of the first drive's position [rad or m] about its start in which every group can be assembled at all positions
+    that the laws of the other drives give from the first of ``time`` to the last.
+
+    None if there is none, or if groups must be followed.
+    """
     model = compiled.model
     if compiled.followed:
         return None
@@ -156,7 +157,7 @@ def range_beside(compiled: Compiled, time: Real) -> tuple[float, float] | None:
 
 
 def _least(rows: Real) -> Real:
-    """Least values of smooth functions sampled evenly, (..., t) -> (...), between the samples too: of the parabola there."""
+    """Least values of smooth functions sampled evenly, (..., t) -> (...), including minima of parabolas between the samples."""
     before, here, after = rows[..., :-2], rows[..., 1:-1], rows[..., 2:]
     slope, curvature = 0.5 * (after - before), after - 2.0 * here + before
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -166,8 +167,8 @@ def _least(rows: Real) -> Real:
 
 @dataclass(frozen=True)
 class SlotOverrun:
-    """A pin or slider beyond an end of its slot or guide: the joint, that end's coordinate [m], how far it goes beyond [m], at
-    which frames (F,), and when it is farthest [s], which may be between two frames."""
+    """A pin or slider beyond an end of its slot or guide: the joint, the coordinate of that end [m], the largest overrun [m], the
+    frames beyond (F,), and the time of the largest overrun [s], which may lie between two frames."""
 
     joint: str
     end: float
@@ -177,7 +178,8 @@ class SlotOverrun:
 
 
 def _excesses(motion: Motion) -> Iterator[tuple[str, float, Any]]:
-    """Joint, end and a function of motions: how far its pin is beyond that end (F,) [m], negative within the slot."""
+    """For each end of a slot: joint, coordinate of the end [m], and the function motion -> overrun of that end (F,) [m], negative
+    within the slot."""
     model = motion.model
     for name, ends in motion.mechanism.ends.items():
         j = model.joint_index[name]
@@ -191,7 +193,7 @@ def _excesses(motion: Motion) -> Iterator[tuple[str, float, Any]]:
 
 
 def room_in_slots(model: Model, state: State) -> list[Values]:
-    """How far pins and sliders are from their ends [m] (...), negative beyond, by end."""
+    """For each end of a slot or guide, the distance of its pin or slider from it [m] (...), negative beyond."""
     joints = [(state.slide[model.joint_index[name]], ends) for name, ends in model.mechanism.ends.items()]
     return [room for slide, (low, high) in joints for room in (slide - low, high - slide)]
 
@@ -206,7 +208,7 @@ def within_slots(motion: Motion) -> Flags:
 
 
 def slot_overruns(motion: Motion) -> list[SlotOverrun]:
-    """Where a motion carries pins and sliders beyond their ends, between its frames too."""
+    """The overruns of pins and sliders beyond their ends in a motion, those between frames included."""
     slack, beyond_ends = SLOT_SLACK * motion.model.length_scale, []
     for joint, end, excess in _excesses(motion):
         values = excess(motion)
@@ -214,22 +216,24 @@ def slot_overruns(motion: Motion) -> list[SlotOverrun]:
         farthest = int(np.argmax(np.where(np.isfinite(values), values, -np.inf)))
         time, beyond = float(motion.time[farthest]), float(values.flat[farthest])
         step = float(np.max(np.abs(np.diff(values)), initial=0.0))
-        if not outside.any() and beyond > -step:  # perhaps between two frames
+        if not outside.any() and beyond > -step:  # there may be an overrun between two frames
             time, beyond = largest_maximum(motion, excess)
         if beyond > slack:
             beyond_ends.append(SlotOverrun(joint, end, beyond, outside, time))
     return beyond_ends
 
 
-MOST_FRAMES = 25  # at which groups without a closed form are looked at, and again next to the worst of them
+MOST_FRAMES = 25  # at which groups without a closed form are examined, and again next to the worst of these
 START_COUNT = 32
 MOST_ITERATIONS = 60
-CLOSED_WEIGHT = 1e3  # of the closed joints against the open one: their closure errors stay below 1e-6 of its
+CLOSED_WEIGHT = 1e3  # of the closed joints relative to the open one: their closure errors stay below 1e-6 of its error
 
 
 def greatest_closure_error(assembly: Assembly, block: Block, motion: Motion, failed: Flags) -> float:
-    """By how much the links of a block miss each other at ``failed`` frames (F,) at the most [m]; 0 where they would meet, infinite
-    where more than one joint has to stay open."""
+    """Largest closure error of a block at ``failed`` frames (F,) [m]: the gap between its links.
+
+    0 if they would meet at all of them, infinite if more than one joint must stay open at one of them.
+    """
 
     def errors(at: Motion) -> Real:
         return np.broadcast_to(group_closure_error(at.model, block, at.state), at.frames)
@@ -250,7 +254,7 @@ def greatest_closure_error(assembly: Assembly, block: Block, motion: Motion, fai
 
 
 def _least_closure_errors(model: Model, assembly: Assembly, block: Block, drives: Sequence[Real]) -> Real:
-    """`least_closure_error` (F,) at drives (F, 1), 0 where the groups before it cannot be assembled."""
+    """`least_closure_error` (F,) at positions of the drives (F, 1); 0 where earlier groups cannot be assembled."""
     state = initial_state(model, drives, assembly.constants, assembly.starts)
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         for b, mode in zip(model.blocks, assembly.modes, strict=True):
@@ -261,8 +265,8 @@ def _least_closure_errors(model: Model, assembly: Assembly, block: Block, drives
 
 
 def least_closure_error(model: Model, block: Block, state: State) -> Real:
-    """By how much the links of a general block miss each other [m] (F,), 0 where they meet; infinite where more than one joint has
-    to stay open. Needs the earlier blocks in ``state``, at drives (F, 1)."""
+    """Closure error of a general block (F,) [m]: the gap between its links, 0 where they meet, infinite where more than one joint
+    must stay open. ``state`` must hold the earlier blocks, at positions of the drives (F, 1)."""
     rng = np.random.default_rng(1)
     closing = equations(model, block, state)
     n, k = len(block.angles), len(block.slides)
@@ -278,7 +282,8 @@ def least_closure_error(model: Model, block: Block, state: State) -> Real:
 
 
 def _openings(model: Model, block: Block) -> list[Index]:
-    """For each joint of a block's loops: how the distance of its two points enters them (loops,), +1, -1 or 0."""
+    """For each joint of a block's loops: the sign with which the distance of its two points enters each loop (loops,), +1, -1 or
+    0. Joints with equal or opposite signs are listed once."""
     depth = [0] * len(model.links)
     for link in model.tree.order:
         depth[link] = depth[model.tree.parent[link]] + 1
@@ -296,7 +301,8 @@ def _openings(model: Model, block: Block) -> list[Index]:
 
 
 def _opened(equations: Residual, signs: Index, x: Real) -> tuple[Real, Real]:
-    """Equations (..., m) and derivatives (..., m, n) with those of the open joint first, the others weighted."""
+    """Residuals (..., m) and derivatives (..., m, n) of a block with one open joint: those of the open joint first, the others
+    weighted."""
     r, jacobian = equations(x)
     loops = len(signs)
     first = int(np.flatnonzero(signs)[0])
@@ -311,8 +317,8 @@ def _opened(equations: Residual, signs: Index, x: Real) -> tuple[Real, Real]:
 
 
 def _minimised(function: Residual, x: Real) -> Real:
-    """Length (...) of the first two of the values (..., m) of a function where their sum of squares is least, from starts
-    (..., n); infinite where the others are not closed there."""
+    """Norm (...) of the first two of the residuals (..., m) at least squares, from starts (..., n); infinite where the other
+    residuals do not vanish."""
     r = least_squares(function, x, iterations=MOST_ITERATIONS)
     open_ = np.hypot(r[..., 0], r[..., 1])
     left = np.abs(r[..., 2:]).max(axis=-1, initial=0.0) / CLOSED_WEIGHT

@@ -1,4 +1,4 @@
-"""From a mechanism to its motion: compiling, solving, and clear words where it cannot be assembled or go on."""
+"""From a mechanism to its motion: compiling, solving, and messages where it cannot be assembled or cannot continue."""
 
 from __future__ import annotations
 
@@ -36,14 +36,14 @@ from mechcore.spec.mechanism import Mechanism, PinSlot, Prismatic
 from mechcore.texts import Text, as_coordinate, as_length
 from mechcore.topology.checks import missing_joint
 
-MOST_CYCLES = 1e9  # of a drive in a run: beyond, times of 16 digits are known to less than a millionth of a cycle
+MOST_CYCLES = 1e9  # of a drive in a run: beyond, times of 16 digits resolve a cycle to no better than a millionth
 
 
 def compile_mechanism(mechanism: Mechanism, accuracy: Accuracy = DEFAULT, executor: Executor = "numpy") -> Compiled:
-    """Compile and assemble a mechanism; ``accuracy``: the settings of all that is solved with it, ``executor``: what runs its
-    steps.
+    """Compile and assemble a mechanism.
 
-    Raises `MechanismError` with every fault that can be seen, and where C is asked for and there is no compiler.
+    ``accuracy``: settings for all computations with it; ``executor``: what runs the steps of its program. Raises `MechanismError`
+    with every fault found, and if the executor is C and there is no compiler.
     """
     if executor == "c":
         required_compiler()
@@ -74,8 +74,11 @@ def compile_mechanism(mechanism: Mechanism, accuracy: Accuracy = DEFAULT, execut
 
 
 def _assembled(model: Model, start: tuple[float, ...], accuracy: Accuracy) -> Assembly:
-    """How a mechanism is put together at the start. Where its sketch is drawn at other positions of the drives, it is put together
-    there and followed to the start; a rough sketch of the start need not be one that can be assembled."""
+    """Assemble a mechanism at the start.
+
+    If its sketch shows other positions of the drives, the mechanism is assembled there and followed to the start. A sketch of the
+    start position may be approximate; it need not close the loops.
+    """
     drawn = sketched_drives(model, start)
     if drawn is None:
         return assemble(model, start)
@@ -101,15 +104,15 @@ def _assembled(model: Model, start: tuple[float, ...], accuracy: Accuracy) -> As
 
 
 def _in_other_sense(model: Model, drawn: Sequence[float], start: Sequence[float]) -> list[tuple[float, ...]]:
-    """The start a turn on, so that the only drive comes to it from the other side, where that drive turns."""
+    """The start position one turn away, so that a single rotary drive reaches it in the other sense; empty for other drives."""
     if len(start) != 1 or not model.rotary(model.mechanism.drives[0].joint):
         return []
     return [(start[0] - float(np.copysign(TURN, start[0] - drawn[0])),)]
 
 
 def default_times(mechanism: Mechanism, frames: int = 360, cycles: float = 1.0) -> Real:
-    """Frame times (frames + 1,) [s], uniform over whole cycles, see `Mechanism.cycle`; both ends included. One frame where a cycle
-    takes no time: statics."""
+    """Frame times (frames + 1,) [s], uniform over ``cycles`` cycles (see `Mechanism.cycle`), both ends included; one frame if the
+    cycle is 0 (statics)."""
     if mechanism.cycle == 0.0:
         return np.zeros(1)
     return np.linspace(0.0, cycles * mechanism.cycle, frames + 1)
@@ -124,8 +127,9 @@ def solve_motion(
 ) -> Motion:
     """Motion at times (F,) [s].
 
-    ``drives`` replaces the laws by given positions, speeds and accelerations (F,) of driven joints. Where the mechanism cannot be
-    assembled, ``strict`` raises `MechanismError` naming the joint, the range and the gap; else those frames are NaN.
+    ``drives`` replaces the laws by given positions, speeds and accelerations (F,) of driven joints. If the mechanism cannot be
+    assembled at some frames, ``strict`` raises `MechanismError` that names the joint, the range and the closure error; else those
+    frames are NaN.
     """
     if not strict:
         return follow(compiled, time, drives)
@@ -155,7 +159,7 @@ def solve_motion(
 
 
 def _check_places_in_cycles(mechanism: Mechanism, last: float) -> None:
-    """Refuse times up to ``last`` [s] of which the digits do not say where in the cycle of a drive they are."""
+    """Raise `MechanismError` if times up to ``last`` [s] have too few digits to resolve the cycle of a drive."""
     for drive in mechanism.drives:
         cycle = drive.law.duration
         if last > MOST_CYCLES * cycle and moves(drive.law):
@@ -170,7 +174,7 @@ def _check_places_in_cycles(mechanism: Mechanism, last: float) -> None:
 
 
 def _check_statics(motion: Motion) -> None:
-    """Refuse a structure under forces that its joints and drives do not hold."""
+    """Raise `MechanismError` for a structure under forces that its joints and drives do not hold."""
     worst = float(motion.condition[0])
     if rank_mobility(motion) if not motion.mechanism.drives else not worst <= SINGULAR:
         why = f"nothing moves, but its joints do not hold it here against every load (condition number {worst:.2g})."
@@ -178,7 +182,7 @@ def _check_statics(motion: Motion) -> None:
 
 
 def _check_direction(compiled: Compiled, positions: Sequence[Real]) -> None:
-    """Drives that go on for so many turns that nobody would wait for all the change points and angles that they pass."""
+    """Raise `MechanismError` if a drive travels so far that following all change points and angles would take too long."""
     near = compiled.near
     for q in positions:
         if not (-near < q.item(0) < near and -near < q.item(-1) < near):
@@ -202,7 +206,7 @@ def _check_direction(compiled: Compiled, positions: Sequence[Real]) -> None:
 
 
 def _check_reachable(compiled: Compiled, singular_points: SingularPoints, time: Real) -> None:
-    """No stretch between the frames, however short, may be one that cannot be assembled."""
+    """Raise `MechanismError` if the mechanism cannot be assembled in an interval between the frames, however short."""
     for unreachable in singular_points.unreachable_within(float(np.min(time)), float(np.max(time))):
         motion = follow(compiled, np.linspace(unreachable.start, unreachable.end, 101))
         faults = _faults(compiled, motion, None, None, time)
@@ -211,7 +215,7 @@ def _check_reachable(compiled: Compiled, singular_points: SingularPoints, time: 
 
 
 def _check_reachable_on(compiled: Compiled, path: BranchPath, time: Real, parameter: Real) -> None:
-    """No stretch of a path between the frames, however short, may be one that cannot be assembled."""
+    """Raise `MechanismError` if the mechanism cannot be assembled in an interval of its path between the frames, however short."""
     low, high = float(np.min(parameter)), float(np.max(parameter))
     if not path.by_time:
         low, high, _ = travel_of(compiled.mechanism.drives[0].law, float(np.min(time)), float(np.max(time)))
@@ -233,14 +237,14 @@ def _check_reachable_on(compiled: Compiled, path: BranchPath, time: Real, parame
 
 
 def _faults(compiled: Compiled, motion: Motion, path: BranchPath | None, parameter: Real | None, time: Real) -> list[Fault]:
-    """Causes that keep frames of a run over ``time`` from being assembled: per range of the drive the first
-    group in solving order that fails."""
+    """Faults for frames of a run over ``time`` that cannot be assembled: for each frame the first group in solving order that
+    fails."""
     model = compiled.model
     faults: list[Fault] = []
     failed = np.zeros(motion.frames, bool)
     followed = set() if path is None else {b.name for b in path.model.blocks if b.kind == "general"}
     for block in model.blocks:
-        if block.redundant or motion.interpolants:  # where a branch was interpolated, too, the loops have to close
+        if block.redundant or motion.interpolants:  # loops must close where a branch was interpolated, too
             error = np.zeros(motion.frames)
             for c in block.loops:
                 error = np.maximum(error, np.abs(motion.closure_error(c)))
@@ -261,10 +265,13 @@ def _faults(compiled: Compiled, motion: Motion, path: BranchPath | None, paramet
 
 
 def _all_placed(model: Model, motion: Motion) -> bool:
-    """Whether every group is assembled in every frame; a quick look (sums are NaN if any frame is), `_faults` says where not."""
+    """Whether every group is known to be assembled in every frame.
+
+    A quick check (a sum is NaN if a frame is) that is False if a group needs more checks; `_faults` finds the frames that fail.
+    """
     for block in model.blocks:
         if block.redundant or block.kind == "general":
-            return False  # these have more to check than that they are there
+            return False  # these need more checks
         x = motion.state.rot[model.angles.classes_of[block.angles[0]][0]] if block.angles else motion.state.slide[block.slides[0]]
         if not cmath.isfinite(np.add.reduce(x, axis=None)):
             return False
@@ -281,8 +288,8 @@ def _placed(model: Model, block: Block, motion: Motion) -> Flags:
 
 
 def _out_of_reach(compiled: Compiled, block: Block, motion: Motion, bad: Flags, error: float, time: Real, *, loose: bool) -> Fault:
-    """Words for a group that cannot be put together at some frames of a run over ``time``, its links missing each other by
-    ``error`` [m] at the most."""
+    """The fault of a group that cannot be assembled at frames ``bad`` of a run over ``time``, with its largest closure error
+    ``error`` [m]; ``loose``: it has more than one degree of freedom where its path stopped."""
     model = compiled.model
     remedy = "Change the length of one of its links by more than that"
     reach = [] if block.redundant else _reach(compiled)
@@ -314,7 +321,7 @@ def _out_of_reach(compiled: Compiled, block: Block, motion: Motion, bad: Flags, 
 
 
 def _in_other_mode(compiled: Compiled, block: Block, time: Real) -> str:
-    """The rest of a remedy: an assembly mode of another group in which a run over ``time`` can be assembled, if there is one."""
+    """The end of a remedy: an assembly mode of another group in which a run over ``time`` can be assembled; "" if there is none."""
     for other, remedy in other_modes(compiled.mechanism, beside=block.name):
         try:
             driven = compile_mechanism(other, compiled.accuracy)
@@ -327,12 +334,12 @@ def _in_other_mode(compiled: Compiled, block: Block, time: Real) -> str:
 
 
 def _out_of_slot(compiled: Compiled, motion: Motion, overrun: SlotOverrun) -> Fault:
-    """Words for a pin or slider that would leave its slot, guide or cylinder."""
+    """The fault of a pin or slider that would leave its slot, guide or cylinder."""
     joint = next(joint for joint in compiled.mechanism.joints if joint.name == overrun.joint)
     what = {PinSlot: "the pin leaves its slot", Prismatic: "the slider leaves its guide"}.get(type(joint), "it leaves its stroke")
     longer = {PinSlot: "the slot", Prismatic: "the guide"}.get(type(joint), "it")
     reach = _reach(compiled)
-    frames = _ranges(motion, overrun.frames, reach)  # none where it is between two of them
+    frames = _ranges(motion, overrun.frames, reach)  # empty if the overrun is between two frames
     where = frames if overrun.frames.any() else f" ({at_drive(motion, overrun.time)})"
     far = f"up to {as_length(overrun.beyond)} beyond the end at {as_length(overrun.end)}"
     words = f"{what}{where}: it would go {far}."
@@ -341,20 +348,20 @@ def _out_of_slot(compiled: Compiled, motion: Motion, overrun: SlotOverrun) -> Fa
 
 
 def _reach(compiled: Compiled) -> list[tuple[float, float]]:
-    """The ranges that the only drive can reach; none beside others, or where the mechanism fits together in single positions."""
+    """The reachable ranges of the only drive; empty if there are several drives, or if only single positions can be assembled."""
     return reachable_ranges(compiled) if len(compiled.mechanism.drives) == 1 else []
 
 
 def _ranges(motion: Motion, bad: Flags, reach: Sequence[tuple[float, float]]) -> str:
-    """Positions of the first drive at frames (F,), in words, up to the ends of its ``reach`` next to these; none of a structure
-    without drives."""
+    """Text of the ranges of the first drive's position at frames ``bad`` (F,), extended to ends of its ``reach`` next to them; ""
+    for a structure without drives."""
     if not motion.mechanism.drives:
         return ""
     turns = motion.model.rotary(motion.mechanism.drives[0].joint)
     edges = np.ravel(reach)
 
     def edge(good: int, wrong: int) -> list[float]:
-        """The end of the reach between two frames."""
+        """The end of the reach between two frames, if there is one."""
         if not (len(edges) and 0 <= good < len(q)):
             return []
         middle, half = 0.5 * (q[good] + q[wrong]), 0.5 * abs(q[good] - q[wrong])
@@ -374,8 +381,11 @@ def _ranges(motion: Motion, bad: Flags, reach: Sequence[tuple[float, float]]) ->
 
 
 def _within_reach(compiled: Compiled, motion: Motion, bad: Flags, time: Real, reach: Sequence[tuple[float, float]]) -> str:
-    """The rest of a remedy: the range of the drive around its start in which a run over ``time`` can be assembled, where ``reach``
-    has one; beside other drives perhaps the time until which it can, before the first of the frames ``bad``."""
+    """The end of a remedy: the first of ``reach``, in which the only drive can be kept.
+
+    With several drives it is the range of the first one in which a run over ``time`` can be assembled, or else the time at which
+    the motion could end, before the first of the frames ``bad``. "" if there is none.
+    """
     if not compiled.mechanism.drives:
         return ""
     drives = compiled.mechanism.drives

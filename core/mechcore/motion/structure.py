@@ -1,4 +1,4 @@
-"""Structure of a mechanism: mobility, structural groups (Assur), loops and their equations. Answers for people, from the model."""
+"""Structure of a mechanism: mobility, structural groups (Assur), loops and their equations, derived from the model for display."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from mechcore.motion.at_once import JointEquations
 from mechcore.motion.motion import Motion
 from mechcore.records import dataclass
 
-MOST_TOGETHER = 300  # links that hang together, of whose constraints the rank is found: its price grows with the third power
+MOST_TOGETHER = 300  # connected links up to which the rank of their constraints is computed: its cost grows with the third power
 ROMAN = ("", "I", "II", "III", "IV", "V", "VI", "VII", "VIII")
 
 
@@ -36,8 +36,11 @@ class Group:
 
 
 def gruebler(model: Model) -> tuple[int, int, int, int]:
-    """Planar mobility by Gruebler-Kutzbach: n moving links, p5 joints with one freedom, p4 with two, W = 3n - 2 p5 - p4."""
-    rolling = {r.name for r in model.relations} & set(model.joint_index)  # a slot and a relation: together one freedom
+    """Planar mobility by Gruebler-Kutzbach: n moving links, p5 joints with one degree of freedom, p4 with two, mobility W.
+
+    W = 3n - 2 p5 - p4, minus 3 for each weld.
+    """
+    rolling = {r.name for r in model.relations} & set(model.joint_index)  # a slot and a relation: one degree of freedom
     n = len(model.links) - 1
     p5 = sum(1 for j in model.joints if j.freedoms == 1) + len(rolling)
     p4 = sum(1 for j in model.joints if j.freedoms == 2) + len(model.relations) - 2 * len(rolling)
@@ -46,11 +49,12 @@ def gruebler(model: Model) -> tuple[int, int, int, int]:
 
 
 def rank_mobility(motion: Motion, frame: int = 0, *, tolerance: float = 1e-9) -> int:
-    """Freedoms that the constraints of all joints, drives left out, really leave at a frame: 3n minus the numerical rank.
+    """Actual mobility at a frame, without drives: 3n minus the numerical rank of the constraints of all joints.
 
-    Differs from `gruebler` where constraints are redundant. Constraints in absolute coordinates (x, y, angle of every link) with
-    lengths in units of the mechanism's size, rank from the singular values, part by part. Links that hang on one joint have its
-    freedoms: they are counted without their constraints, so that long chains cost nothing. Large parts are judged by their groups.
+    It differs from `gruebler` if constraints are redundant. The constraints are in absolute coordinates (x, y, angle of every link)
+    with lengths in units of the mechanism's size; the rank comes from the singular values, part by part. A link attached by one
+    joint only has the degrees of freedom of that joint and is counted without its constraints, so that long chains cost nothing.
+    With parts larger than ``MOST_TOGETHER``, a regular, non-redundant mechanism has as many degrees of freedom as drives.
     """
     model = motion.model
     leaves = _leaf_links(model)
@@ -65,14 +69,14 @@ def rank_mobility(motion: Motion, frame: int = 0, *, tolerance: float = 1e-9) ->
     parts = _parts(rows, kept)
     large = max(map(len, parts.values()), default=0) > MOST_TOGETHER
     if large and not model.redundant and float(np.broadcast_to(motion.condition, motion.frames)[frame]) <= SINGULAR:
-        return len(model.mechanism.drives)  # with them every group is determined: as many freedoms are there without
+        return len(model.mechanism.drives)  # the drives determine every group: one degree of freedom for each
     values = [np.linalg.svd(matrix, compute_uv=False) for matrix in _matrices(rows, parts)]
     s = np.concatenate([np.zeros(0), *values])
     return freedoms + 3 * len(kept) - int((s > tolerance * s.max(initial=0.0)).sum())
 
 
 def _parts(rows: Sequence[Mapping[int, float]], kept: Sequence[int]) -> dict[int, list[int]]:
-    """Links that constraints bind to each other, not by the frame only, by the first of them."""
+    """Parts of the mechanism: links connected by constraints other than through the frame, by one link of each part."""
     first = {k: k for k in kept}
 
     def root(k: int) -> int:
@@ -91,7 +95,7 @@ def _parts(rows: Sequence[Mapping[int, float]], kept: Sequence[int]) -> dict[int
 
 
 def _matrices(rows: Sequence[Mapping[int, float]], parts: Mapping[int, Sequence[int]]) -> Iterator[Real]:
-    """The constraints of each part by the coordinates of its links."""
+    """The matrix of the constraints of each part, by the coordinates of its links."""
     owner = {k: part for part, links in parts.items() for k in links}
     own: dict[int, list[Mapping[int, float]]] = {}
     for row in rows:
@@ -109,7 +113,7 @@ def _matrices(rows: Sequence[Mapping[int, float]], parts: Mapping[int, Sequence[
 
 
 def _leaf_links(model: Model) -> dict[int, int]:
-    """Links that hang on one joint alone, when those that hang on them are taken away, by the numbers of these joints."""
+    """Links attached by one joint only, once such links beyond them are removed: number of the joint -> link."""
     bound = {0} | {model.index[link] for r in model.relations for link, _ in (*r.angles, *(r.curve.angles if r.curve else ()))}
     slides = [j for t in model.constraints for j, _ in (*t.slides, *(t.curve.slides if t.curve else ()))]
     bound |= {k for j in slides for k in model.ends[j]}
@@ -133,9 +137,9 @@ def _leaf_links(model: Model) -> dict[int, int]:
 
 
 def groups(model: Model) -> tuple[Group, ...]:
-    """Structural groups in an order in which they can be solved: driven links first, then Assur groups.
+    """Structural groups in solving order: driven links first, then Assur groups.
 
-    A group is a smallest set of links that its joints, among themselves and to what is solved already, determine: 3n constraints.
+    A group is a smallest set of n links with 3n constraints by joints among themselves and to links already solved.
     """
     last = len(model.order.blocks)
     rank = [0] * len(model.links)
@@ -160,7 +164,7 @@ def groups(model: Model) -> tuple[Group, ...]:
     followed = {angle for b in model.blocks if b.kind == "general" for angle in b.angles}
     coupled = {link: "geared" if r.curve is None else "with a higher pair" for r in model.relations for link in r.links}
     solved, out = {0}, []
-    links = [(n, k) for k, n in place.items()]  # heaps: what has to be looked at again, for its neighbourhood has changed
+    links = [(n, k) for k, n in place.items()]  # heaps: candidates to check again because a neighbour has been solved
     pairs = [i for i, (e, _) in enumerate(constraints) if len(set(e)) == 2]
 
     def count(own: set[int]) -> int:
@@ -221,7 +225,7 @@ def _group(model: Model, own: Sequence[int], followed: set[int], coupled: Mappin
 
 
 def _class_of(model: Model, own: Sequence[int], inner: Sequence[int], joints: Sequence[int]) -> str:
-    """Class after Assur and Artobolevsky: II for dyads, III where a link carries three joints, k for an inner loop of k."""
+    """Class after Assur and Artobolevsky: II for dyads, III if a link carries three joints, k for an inner loop of k links."""
     if len(own) <= 2:
         return "II" if len(own) == 2 else "I"
     near: dict[int, list[int]] = {k: [] for k in own}
@@ -247,23 +251,23 @@ def _class_of(model: Model, own: Sequence[int], inner: Sequence[int], joints: Se
 
 
 def loop_joints(model: Model) -> tuple[tuple[str, ...], ...]:
-    """The joints of each independent loop, in order round the loop, from the tree's side to the closing joint."""
+    """The names of the joints of each independent loop, in order round the loop, starting at the body nearest to the frame."""
     return tuple(tuple(model.joints[j].name for j, _, _ in loop_steps(model, loop.closing)) for loop in model.loops)
 
 
 def redundant_joints(model: Model) -> tuple[str, ...]:
-    """Joints at which constraints are left over: their reactions are not determined by statics alone."""
+    """Names of the joints with redundant constraints: statics alone does not determine their reactions."""
     names = [model.joints[j].name for j in model.angles.redundant]
     names += [b.name for b in model.blocks if b.redundant]
     return tuple(dict.fromkeys(names))
 
 
 def loop_equations(motion: Motion, frame: int = 0) -> list[str]:
-    """Lines of text: the legend, then for every loop its velocity and acceleration equations, with numbers at a frame, and the
-    equation of every gear, rack, belt, rolling or cam joint: the bodies move alike along the line of contact.
+    """Lines of text: the legend, then the velocity and acceleration equations of every loop, with numbers at a frame, and those of
+    every gear, rack, belt, rolling or cam joint: the bodies have the same velocity along the line of contact.
 
-    As the contour-graph method writes them in the plane. Round a loop 0-1-...-n-0, with the joint A_i joining body i-1 to body i,
-    r_i its place, w_ij = w_i - w_j::
+    They follow the contour-graph method in the plane. Round a loop 0-1-...-n-0, with joint A_i between body i-1 and body i, r_i its
+    position, w_ij = w_i - w_j::
 
         sum w_(i,i-1) = 0                                         sum e_(i,i-1) = 0
         sum ( y_i w_(i,i-1), -x_i w_(i,i-1)) + sum v_i = 0        the same with e and relative accelerations
@@ -302,7 +306,7 @@ def loop_equations(motion: Motion, frame: int = 0) -> list[str]:
                 y2.append(term(-z.real, f"e_{q},{p}"))
             if joint.slide is not None:
                 d = complex(np.broadcast_to(motion.guide(j), motion.frames)[frame])
-                # relative velocity of body q's point at the joint against body p's, in the direction in which the coordinate grows
+                # velocity of body q's point at the joint relative to body p's, in the direction in which the coordinate grows
                 d = d if model.ends[j][joint.guide] == p else -d
                 carrier = model.ends[j][joint.guide]
                 first.append(along(d.real, f"v_{joint.name}"))
@@ -333,7 +337,7 @@ def _term(coefficient: float, symbols: str, least: float) -> str:
 
 
 def _tied(motion: Motion, relation: Relation, number: int, frame: int) -> tuple[str, str]:
-    """The rates of a relation between coordinates: what its terms sum up to."""
+    """The left-hand sides of a relation's velocity and acceleration equations, as text."""
     index = motion.model.index
 
     def rates(angles: Sequence[tuple[str, float]], slides: Sequence[tuple[str, float]]) -> dict[str, float]:

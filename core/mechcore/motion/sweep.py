@@ -1,4 +1,4 @@
-"""Many designs of one mechanism side by side: a design axis in front of the frame axis, through the same code."""
+"""Many designs of one mechanism computed together, by the same code with a design axis before the frame axis."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ from mechcore.records import NumberPlace, dataclass, with_numbers
 from mechcore.spec.mechanism import braked
 from mechcore.topology.graph import vector_loops
 
-CHUNK_OF_C = 2**21  # numbers that a program fills in at once
-# Numbers in an array that is worked on: small enough to stay in the cache, and large enough to pay for the calls
+CHUNK_OF_C = 2**21  # numbers that a program computes in one call
+# Numbers in an array of numpy: few enough to stay in the cache, and enough to make up for the cost of calls
 NUMBERS_AT_ONCE = 16384
 
 
 @dataclass(frozen=True, eq=False)
 class Sweep:
-    """``results``: what was collected, each (D, F, ...). ``assembled`` (D,): designs that go together in every frame. ``program``:
-    what computed them in C, or why numpy did."""
+    """Results of a sweep. ``results``: the collected values, each (D, F, ...). ``assembled`` (D,): designs that can be assembled in
+    every frame. ``program``: the program that computed them in C, or the reason why numpy was used."""
 
     results: dict[str, Real]
     assembled: Flags
@@ -49,20 +49,24 @@ def sweep(
     pace: ArrayLike | None = None,
     drives: Mapping[str, tuple[ArrayLike, ArrayLike]] | None = None,
 ) -> Sweep:
-    """Motion of D variants of a mechanism at times (F,) [s].
+    """Results of the motions of D variants of a mechanism at times (F,) [s].
 
-    ``points``: (link, point) -> positions (D, 2) [m] in the link's frame, of points at which the link is joined; all else is as
+    ``points``: (link, point) -> positions (D, 2) [m] in the link's frame, of points at which the link is joined. All else is as
     compiled, the assembly modes too. ``masses``: link -> mass (D,) [kg], centre of mass (D, 2) [m] and moment of inertia about it
-    (D,) [kg m^2], of links whose masses vary beside. ``loads``: numbers (D,) in place of those of the mechanism's loads, by their
-    places in them (`numbers_in`). ``pace`` (D,): how many times faster all drives go through their laws; the designs are compared
-    at the times of the compiled one over their pace, and no force may depend on time. ``drives``: joint -> position at the start
-    and constant speed (D,) [rad, rad/s or m, m/s], whatever the pace is, in place of a law of constant speed. ``collect`` takes
-    from a motion what is wanted, arrays (designs, F, ...).
-    The executor of ``compiled`` computes them; ``of`` how many designs these are some, for it to judge whether compiling pays:
-    ``collect`` then is given a motion of symbols and has to keep to what these have (see `design_program`), else numpy goes on.
-    Designs that cannot be assembled are NaN in the frames concerned and marked, not fatal. With dry friction only C computes
-    designs side by side; where it does not find the friction, as in jams, they are NaN. Groups without a closed form and mechanisms
-    with change points depend on a design's own path and are refused.
+    (D,) [kg m^2], of links whose masses vary as well. ``loads``: numbers (D,) that replace those of the mechanism's loads, by their
+    places in them (`numbers_in`). ``pace`` (D,): factor on the speed at which all drives run through their laws. The designs are
+    compared at the times of the compiled one divided by their pace; no force may depend on time. ``drives``: joint -> start
+    position and constant speed (D,) [rad, rad/s or m, m/s], independent of ``pace``, that replace a law of constant speed.
+    ``collect``: motion -> the values of interest by name, arrays (designs, F, ...).
+
+    The executor of ``compiled`` computes the designs. ``of``: number of all designs of which these are a part, from which it judges
+    whether compiling pays. With C, ``collect`` gets a motion of symbols and may use only what these support (see `design_program`);
+    otherwise numpy computes the designs.
+
+    Designs that cannot be assembled are NaN in the frames concerned and marked; they raise no error. With dry friction only C
+    computes several designs together; where it finds no friction forces, as in jams, they are NaN. Raises `MechanismError` for
+    groups without a closed form, for relations between coordinates (gears, cams) and for change points: there the branch depends on
+    the path of each design.
     """
     model = compiled.model
     if compiled.assembly.starts or model.relations or (compiled.singular_points is not None and compiled.singular_points.points):
@@ -135,7 +139,7 @@ def sweep(
 
 
 def _constant(model: Model, joint: str) -> int:
-    """The number of a drive of constant speed. Raises `MechanismError` where the joint has none."""
+    """The number of the drive of constant speed on a joint. Raises `MechanismError` if the joint has none."""
     for d, drive in enumerate(model.mechanism.drives):
         if drive.joint == joint and isinstance(drive.law, ConstantSpeed):
             return d
@@ -151,7 +155,7 @@ def _rows_of_masses(stated: tuple[ArrayLike, ArrayLike, ArrayLike], start: int, 
 def varied_model(
     compiled: Compiled, points: Mapping[tuple[str, str], Any], masses: Mapping[str, Any], loads: Mapping[NumberPlace, Any]
 ) -> Model:
-    """The model with other places of points (complex), masses of links and numbers of loads: arrays (designs, 1) or symbols."""
+    """The model with other positions of points (complex), masses of links and numbers of loads: arrays (designs, 1) or symbols."""
     model = compiled.model
     ends = {p.name: getattr(p, "points", None) for p in model.mechanism.joints}
     joints = []

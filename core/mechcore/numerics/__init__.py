@@ -1,1 +1,1 @@
-"""Numerical methods that know nothing of mechanisms: interpolation, Newton, Chebyshev series, Taylor arithmetic."""
+"""Numerical methods independent of mechanisms: interpolation, Newton's method, Chebyshev series, Taylor arithmetic."""

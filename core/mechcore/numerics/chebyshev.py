@@ -1,4 +1,4 @@
-"""Functions of one coordinate as Chebyshev polynomials on equal panels: values and exact derivatives for many arguments at once."""
+"""Functions of one coordinate as Chebyshev polynomials on panels: values and exact derivatives for many arguments at once."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ from mechcore.arrays import Index, Real
 from mechcore.records import dataclass
 
 PANEL_NODES = 16  # of a panel
-TAIL_NOISE = 1e-9  # tails below this that stay where they are come from rounding
-MANY_ARGUMENTS = 48  # arguments, from which on the recurrence of the polynomials is quicker than their cosines
-LONG_RUNS = 12  # places in a row on one panel, in the mean, from which on it pays to evaluate panel by panel
+TAIL_NOISE = 1e-9  # tails below this that no longer decrease are rounding
+MANY_ARGUMENTS = 48  # arguments from which the recurrence of the polynomials is faster than their cosines
+LONG_RUNS = 12  # mean number of successive arguments on one panel from which evaluation panel by panel pays
 _ORDERS = np.arange(PANEL_NODES + 2.0)[None]
 NODES = -np.cos(
     np.pi * (np.arange(PANEL_NODES) + 0.5) / PANEL_NODES
-)  # of a panel in [-1, 1], of the first kind: none on a boundary, where assembly modes may meet
+)  # Chebyshev points of the first kind in [-1, 1]: none on a boundary of a panel, where assembly modes may meet
 FIT = np.linalg.inv(chebyshev.chebvander(NODES, PANEL_NODES - 1))
 
 
 @lru_cache
 def _derivative_matrix(n: int) -> Real:
-    """(n, n): from Chebyshev coefficients of a function to those of its derivative."""
+    """The matrix (n, n) from Chebyshev coefficients of a function to those of its derivative."""
     out = np.zeros((n, n))
     for k in range(n):
         unit = np.zeros(n)
@@ -38,7 +38,7 @@ def _derivative_matrix(n: int) -> Real:
 
 
 def _integral_matrix(n: int) -> Real:
-    """(n + 1, n): from Chebyshev coefficients to those of the integral that vanishes at the left boundary."""
+    """The matrix (n + 1, n) from Chebyshev coefficients to those of the integral that vanishes at the left boundary."""
     return np.column_stack(
         [np.pad(chebyshev.chebint(unit, lbnd=-1), (0, n - k - 1)) for k, unit in enumerate(map(_unit, range(n)))]
     )
@@ -68,8 +68,8 @@ def _polynomials(z: Real, n: int) -> Real:
 
 @dataclass(frozen=True, eq=False)
 class Panels:
-    """``coefficients`` (p, NODES, c) of c functions on p panels of width ``width`` from ``low`` on, or between ``boundaries``
-    (p + 1,); with ``periodic`` they repeat after all."""
+    """``coefficients`` (p, n, c) of c functions on p panels: of equal ``width`` from ``low`` on, or between ``boundaries``
+    (p + 1,). With ``periodic`` the functions repeat after the last panel."""
 
     low: float
     width: float
@@ -87,7 +87,7 @@ class Panels:
 
     @property
     def widths(self) -> Any:
-        """Widths of the panels (p, 1, 1), or of all of them."""
+        """Widths of the panels (p, 1, 1), or one number if they are equal."""
         return self.width if self.boundaries is None else np.diff(self.boundaries)[:, None, None]
 
     @property
@@ -101,8 +101,8 @@ class Panels:
         return (self.high - self.low) / self.count
 
     def within_panel(self, x: float, step: Real) -> Real:
-        """Signed ways (n,) from x on, no longer than a panel each, as far as they lead within the first one. Equal panels are those
-        of one smooth function, of which a way leaves none."""
+        """Signed displacements ``step`` (n,) from x, each no longer than a panel, cut at the boundary of the panel that they start
+        in. With equal panels, those of one smooth function, nothing is cut."""
         if self.boundaries is None:
             return step
         length, edges = self.high - self.low, self.boundaries
@@ -113,7 +113,7 @@ class Panels:
         return np.asarray(np.clip(step, behind, ahead))
 
     def between(self, low: float, high: float) -> Real:
-        """Boundaries (n,) of unequal panels between two places, repeated where they repeat."""
+        """Boundaries (n,) of unequal panels between two arguments, those of all periods if periodic."""
         assert self.boundaries is not None
         length = self.high - self.low
         first, last = np.floor((np.array([low, high]) - self.low) / length) if self.periodic else (0.0, 0.0)
@@ -121,7 +121,8 @@ class Panels:
         return np.asarray(x[(x > low) & (x < high)])
 
     def __call__(self, x: Real) -> Real:
-        """Values of the functions at x (n,) -> (n, c); NaN beyond the panels where they do not repeat."""
+        """Values (n, c) of the functions at x (n,). Beyond the panels, if they are not periodic: NaN for equal panels, the value at
+        the end for unequal ones."""
         if len(x) == 1 and math.isfinite(place := float(x[0])):
             return self._at_one(place)
         if self.boundaries is not None:
@@ -144,18 +145,18 @@ class Panels:
         return self._at(cell, z)
 
     def _at(self, cell: Index, z: Real) -> Real:
-        """Values of the functions at places z (n,) in [-1, 1] of panels ``cell`` (n,)."""
+        """Values (n, c) of the functions at z (n,) in [-1, 1] on panels ``cell`` (n,)."""
         basis = _polynomials(np.minimum(np.maximum(z, -1.0), 1.0), self.coefficients.shape[1])
         ends = np.flatnonzero(cell[1:] != cell[:-1]) + 1
         if len(cell) < LONG_RUNS * (len(ends) + 1):
             return np.asarray((basis[:, None, :] @ self.coefficients.take(cell, axis=0))[:, 0, :])
         out = np.empty((len(cell), self.coefficients.shape[2]))
-        for first, last in pairwise([0, *ends.tolist(), len(cell)]):  # all places in a row on one panel at once
+        for first, last in pairwise([0, *ends.tolist(), len(cell)]):  # all successive arguments on one panel together
             np.matmul(basis[first:last], self.coefficients[cell[first]], out=out[first:last])
         return out
 
     def _at_one(self, x: float) -> Real:
-        """Values of the functions at one place (1, c)."""
+        """Values (1, c) of the functions at one argument."""
         cells = self.count
         if self.boundaries is not None:
             if self.periodic:
@@ -182,15 +183,15 @@ class Panels:
         return self._with((2.0 / self.widths) * inner)
 
     def integral(self) -> Panels:
-        """The functions' integrals from ``low`` on (not periodic, even where the functions are: see `Panels.gain`)."""
+        """The functions' integrals from ``low`` on (not periodic, even if the functions are)."""
         inner = 0.5 * self.widths * (_INT @ self.coefficients)
-        gains = inner.sum(axis=1)  # value at the right boundary: every Chebyshev polynomial is 1 there; 0 at the left
+        gains = inner.sum(axis=1)  # values at the right boundaries: every Chebyshev polynomial is 1 there; 0 at the left
         start = np.concatenate([np.zeros((1, gains.shape[1])), np.cumsum(gains, axis=0)[:-1]])
         inner[:, 0] += start
         return Panels(self.low, self.width, inner, False, self.boundaries)
 
     def with_integral(self, k: int) -> Panels:
-        """The functions, and beside them the integral of function k from ``low`` on (not periodic)."""
+        """The functions and, as the last one, the integral of function k from ``low`` on (not periodic)."""
         p, n, c = self.coefficients.shape
         out = np.zeros((p, n + 1, c + 1))
         out[:, :n, :c] = self.coefficients
@@ -198,12 +199,12 @@ class Panels:
         return Panels(self.low, self.width, out, False, self.boundaries)
 
     def stacked(self, other: Panels) -> Panels:
-        """Functions of both, side by side."""
+        """The functions of both, on the panels of this one."""
         return self._with(np.concatenate([self.coefficients, other.coefficients], axis=2))
 
     def joined(self) -> Panels:
-        """The same functions without the jumps from panel to panel, which rounding leaves: both sides take the mean, and what
-        that changes grows in proportion to the place in the panel."""
+        """The same functions without the jumps between panels due to rounding: both sides take the mean value, and the correction
+        is linear within a panel."""
         left = self.coefficients[:, ::2].sum(axis=1) - self.coefficients[:, 1::2].sum(axis=1)
         right = self.coefficients.sum(axis=1)
         jumps = 0.5 * (left - np.roll(right, 1, axis=0))
@@ -226,7 +227,7 @@ class Panels:
 
 
 def nodes_of(low: float, high: float, count: int) -> Real:
-    """Nodes (count * NODES,) of panels between ``low`` and ``high``, in order."""
+    """Nodes (count * PANEL_NODES,) of ``count`` equal panels between ``low`` and ``high``, in order."""
     width = (high - low) / count
     centres = low + width * (np.arange(count) + 0.5)
     return np.asarray((centres[:, None] + 0.5 * width * NODES).ravel())
@@ -243,8 +244,11 @@ def fit_panels(
     most: int = 4096,
     known: Real | None = None,
 ) -> Panels:
-    """Panels of ``function(x) -> (n, c)`` whose last coefficients are below ``tolerance`` of the largest; panels are halved
-    together until then. ``known``: the values at the `nodes_of` the first panels, where they are there already."""
+    """Equal panels of ``function(x) -> (n, c)`` whose last coefficients are below ``tolerance`` relative to the largest.
+
+    All panels are halved together until then, until the last coefficients are rounding, or until there would be more than ``most``.
+    ``known``: the values at the `nodes_of` the ``first`` panels, if already computed.
+    """
     count = first
     previous: Any = np.inf
     coarser: Any = None
@@ -255,7 +259,7 @@ def fit_panels(
         coefficients = FIT @ values.reshape(count, PANEL_NODES, -1)
         panels = Panels(low, width, coefficients, periodic)
         tail = float(panels.tail().max())
-        if previous < TAIL_NOISE and tail > 0.3 * previous:  # what is left is rounding, which smaller panels do not mend
+        if previous < TAIL_NOISE and tail > 0.3 * previous:  # the tail is rounding, which smaller panels do not reduce
             return coarser if previous < tail else panels
         if tail <= tolerance or 2 * count > most:
             return panels
@@ -271,8 +275,11 @@ def fit_where_needed(
     periodic: bool = False,
     noise: float = TAIL_NOISE,
 ) -> tuple[Panels, float]:
-    """Panels of ``function(x) -> (n, c)``, each of which is halved until its last coefficients are below ``tolerance`` of the
-    largest of all, or only rounding, which is less than ``noise``; and what the last coefficients are that are left."""
+    """Unequal panels of ``function(x) -> (n, c)``, and the largest of their last coefficients.
+
+    Each panel is halved until its last coefficients are below ``tolerance`` relative to the largest of all, or are rounding, less
+    than ``noise``. Halving ends after ``most`` panels have been fitted, or at a value that is not finite.
+    """
     whole = boundaries[-1] - boundaries[0]
     edges = np.stack([boundaries[:-1], boundaries[1:]], axis=1)
     before = np.full(len(edges), np.inf)

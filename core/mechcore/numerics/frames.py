@@ -1,4 +1,4 @@
-"""Arrays over frames: sums that cost nothing where there is nothing to add, integrals so far, memory that is kept."""
+"""Arrays over frames: sums and products that skip plain zeros, rows of plane vectors, control of the memory of arrays."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from mechcore.arrays import Complex, Plane, Real, Values
 QUIET: Any = {"invalid": "ignore", "divide": "ignore", "over": "ignore"}  # out of reach or singular: NaN or infinite, no warning
 Value = TypeVar("Value")
 Scalars = TypeVar("Scalars", Values, Plane)
-PLAIN = (ndarray, complex, float, int)  # numbers, not what stands for them: symbols of a program, traced arrays
+PLAIN = (ndarray, complex, float, int)  # numbers; not symbols of a program or traced arrays
 
 
 class lazy(Generic[Value]):
-    """`functools.cached_property` without its lock, whose price counts at few frames."""
+    """`functools.cached_property` without its lock, whose cost matters for few frames."""
 
     def __init__(self, work: Callable[[Any], Value]):
         self.work, self.__doc__ = work, work.__doc__
@@ -47,28 +47,28 @@ def nothing(a: Plane | Values) -> bool:
 
 
 def added(a: Scalars, b: Scalars) -> Scalars:
-    """a + b, plain zeros left out."""
+    """a + b; plain zeros are skipped."""
     if type(a) is not ndarray and a == 0:
         return b
     return a if type(b) is not ndarray and b == 0 else a + b
 
 
 def less(a: Scalars, b: Scalars) -> Scalars:
-    """a - b, plain zeros left out."""
+    """a - b; plain zeros are skipped."""
     if type(b) is not ndarray and b == 0:
         return a
     return -b if type(a) is not ndarray and a == 0 else a - b
 
 
 def determined(divisor: Scalars) -> Scalars:
-    """A divisor, NaN where it is zero: what is divided by it is not determined there, and no warning says so."""
+    """A divisor with NaN in place of zero, so that undetermined quotients become NaN without warnings; plain numbers unchanged."""
     if isinstance(divisor, ndarray) and np.count_nonzero(divisor) < divisor.size:
         return np.where(divisor == 0.0, np.nan, divisor)
     return divisor
 
 
 def summed(terms: Sequence[Plane]) -> Plane:
-    """The sum of terms, plain zero where there are none: one addition less than `sum` takes."""
+    """The sum of terms, plain zero if there are none; with one addition less than `sum`."""
     return reduce(add, terms) if terms else 0j
 
 
@@ -78,17 +78,17 @@ def product(factors: Sequence[Plane]) -> Plane:
 
 
 def crossed(a: Plane, b: Plane) -> Values:
-    """z component of the cross product of plane vectors, by one complex product (`dyads.cross` is exactly 0 for a = b)."""
+    """z component of the cross product of plane vectors, by one complex product (only `dyads.cross` is exactly 0 for a = b)."""
     return (a.conjugate() * b).imag
 
 
 def plane(x: float, y: float) -> complex:
-    """x + i y, of plain numbers or whatever stands for them."""
+    """x + i y, for numbers or symbols."""
     return x + 1j * y
 
 
 def imaginary(a: Values) -> Plane:
-    """1j a of real a: filled in, which costs less than a product that first makes ``a`` complex."""
+    """1j a for real a: by assignment, which costs less than a product that first makes ``a`` complex."""
     if not isinstance(a, np.ndarray):
         return 1j * a
     out = np.zeros(a.shape, complex)
@@ -98,7 +98,7 @@ def imaginary(a: Values) -> Plane:
 
 def plane_rows(shape: tuple[int, ...], z: Plane, third: Values) -> Real:
     """Plane vectors and a third number as rows of three (*shape, 3)."""
-    if not isinstance(z, PLAIN) or not isinstance(third, PLAIN):  # what stands for arrays
+    if not isinstance(z, PLAIN) or not isinstance(third, PLAIN):  # symbols or traced arrays
         return stacked([z.real, z.imag, third], shape)
     out = np.zeros((*shape, 3))
     np.ndarray(shape, complex, out, 0, out.strides[:-1])[...] = z  # both columns at once
@@ -108,7 +108,7 @@ def plane_rows(shape: tuple[int, ...], z: Plane, third: Values) -> Real:
 
 
 def stacked(parts: Sequence[Values], shape: tuple[int, ...]) -> Real:
-    """Numbers side by side along a last axis (*shape, n), filled in where they are arrays or plain."""
+    """Numbers broadcast to ``shape`` and stacked along a last axis (*shape, n); arrays and plain numbers by assignment."""
     if not all(isinstance(x, PLAIN) for x in parts):
         side_by_side: Real = np.stack([np.broadcast_to(x, shape) for x in parts], axis=-1)
         return side_by_side
@@ -119,7 +119,7 @@ def stacked(parts: Sequence[Values], shape: tuple[int, ...]) -> Real:
 
 
 def purely_imaginary(z: Plane) -> Plane:
-    """i Im z, in place where ``z`` is an array."""
+    """i Im z; an array ``z`` is changed in place."""
     if not isinstance(z, np.ndarray):
         return 1j * z.imag
     z.real = 0.0
@@ -135,14 +135,16 @@ def rotation_of(angle: Values) -> Complex:
 
 
 TRIM_THRESHOLD, MMAP_THRESHOLD, ARENA_MAX = -1, -3, -8  # of glibc's malloc.h
-LARGEST_BLOCK = 2**25  # of memory that is kept: glibc takes no more than 32 MiB
-MOST_KEPT = 2**28  # what a four-bar's motion over some 400,000 frames takes
+LARGEST_BLOCK = 2**25  # of memory that is kept: glibc accepts no more than 32 MiB
+MOST_KEPT = 2**28  # memory of a four-bar's motion over some 400,000 frames
 
 
 @cache
 def keep_freed_memory() -> None:
-    """Let the C library keep up to 256 MiB of freed memory for the next arrays, where it can; once per process. Who says how much
-    by ``MALLOC_TRIM_THRESHOLD_`` is obeyed."""
+    """Let the C library keep up to 256 MiB of freed memory for the next arrays, if it can; once per process.
+
+    The environment variable ``MALLOC_TRIM_THRESHOLD_`` takes precedence.
+    """
     if "MALLOC_TRIM_THRESHOLD_" in environ:
         return
     with suppress(AttributeError, OSError, TypeError):
@@ -152,12 +154,12 @@ def keep_freed_memory() -> None:
 
 
 def give_back_memory() -> None:
-    """Let the C library give freed memory back to the system, where it can: before work that takes memory of its own."""
+    """Let the C library return freed memory to the system, if it can: before work that needs memory from elsewhere."""
     with suppress(AttributeError, OSError, TypeError):  # of glibc
         CDLL(None).malloc_trim(0)
 
 
 def share_memory() -> None:
-    """Let threads share two pools of memory, where the C library can: each pool keeps what it once needed."""
+    """Let all threads share two pools of memory, if the C library can: each pool keeps the most that it ever needed."""
     with suppress(AttributeError, OSError, TypeError):
         CDLL(None).mallopt(ARENA_MAX, 2)

@@ -1,7 +1,8 @@
 """Functions known at frames: values between them, derivatives and integrals.
 
-Order 0 holds the last frame's value, as viewers do; 1 joins frames by straight lines; 3 and 5 are Hermite polynomials through the
-values and the rates of the two frames next to a time, or where no rates are known polynomials through the nearest 4 or 6 frames.
+Order 0 holds the last frame's value, as viewers do. Order 1 joins frames by straight lines. Orders 3 and 5 are Hermite polynomials
+through the values and rates of the two frames next to a time, or, if no rates are given, polynomials through the nearest 4 or 6
+frames.
 """
 
 from __future__ import annotations
@@ -42,8 +43,8 @@ def between(time: Real, values: Any, t: Real, order: int, rate: Any = None, seco
 
 
 def interpolant(nodes: Real, values: Real, slopes: Real | None = None) -> Callable[[ArrayLike], Real]:
-    """The function through values (n, ...) at increasing nodes (n,): cubic Hermite polynomials with slopes (n, ...), straight
-    lines without. It takes an argument of any shape; beyond the nodes the outermost pieces go on."""
+    """The function through values (n, ...) at increasing nodes (n,): piecewise cubic Hermite with slopes (n, ...), else piecewise
+    linear. It takes an argument of any shape; beyond the nodes the outermost pieces are extrapolated."""
 
     def at(x: ArrayLike) -> Real:
         x = np.asarray(x, float)
@@ -100,7 +101,7 @@ def differentiate(time: Real, values: Real, order: int, derivative: int = 1) -> 
 
 @lru_cache
 def _even_weights(count: int, derivative: int) -> Real:
-    """Weights (count, count) at each node of ``count`` evenly spaced ones, a unit apart."""
+    """Weights (count, count) of the derivative at each of ``count`` nodes with spacing 1."""
     nodes = np.arange(count, dtype=float)
     return np.array([_weights(nodes - node, derivative) for node in nodes])
 
@@ -115,12 +116,12 @@ def _weights(x: Real, derivative: int) -> Real:
 
 
 def integral_so_far(y: Real, t: Real) -> Real:
-    """Integral (F,) of values (F,) over times (F,), strictly increasing, from the first frame on: 0 there.
+    """Cumulative integral (F,) of values (F,) over strictly increasing times (F,); 0 at the first frame.
 
-    By Simpson's rule for uneven steps, each step with the parabola through its ends and the next frame or, every other one and the
-    last, the one before; with two frames by the trapezoidal rule. Cartwright, "Simpson's rule cumulative integration with MS Excel
-    and irregularly-spaced data", J. Math. Sci. Math. Educ. 12 (2017) no. 2, eq. (8), as ``scipy.integrate.cumulative_simpson`` has
-    it: that takes longer to load than all of this package.
+    Simpson's rule for unequal steps: each step uses the parabola through its ends and the next frame or, for every other step and
+    the last, the frame before. With two frames it is the trapezoidal rule. Source: Cartwright, "Simpson's rule cumulative
+    integration with MS Excel and irregularly-spaced data", J. Math. Sci. Math. Educ. 12 (2017) no. 2, eq. (8); the same as
+    ``scipy.integrate.cumulative_simpson``, whose import takes longer than that of this whole package.
     """
     h = np.diff(t)
     if len(y) < 3:
@@ -132,7 +133,7 @@ def integral_so_far(y: Real, t: Real) -> Real:
 
 
 def _first_step(y: Real, h: Real) -> Real:
-    """Integrals (F - 2,) over the first step of each two in a row of the parabolas through three values."""
+    """Integrals (F - 2,) of the parabola through three successive values, over the first of its two steps."""
     first, both = h[:-1], h[:-1] + h[1:]
     share, bent = first / both, (first / both) * (first / h[1:])
     return first / 6.0 * ((3.0 - share) * y[:-2] + (3.0 + bent + share) * y[1:-1] - bent * y[2:])

@@ -1,4 +1,4 @@
-"""Products, quotients and roots of functions given by their derivatives: arrays (order + 1, ...), row k the k-th derivative."""
+"""Arithmetic of functions given by their derivatives (jets): arrays (order + 1, ...), row k holds the k-th derivative."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ Jet = NDArray[Any]  # real or complex (order + 1, ...)
 
 
 def jet_product(a: Jet, b: Jet) -> Jet:
-    """Leibniz' rule, to the lower of both orders."""
+    """a b by Leibniz' rule, to the lower of both orders."""
     n = min(len(a), len(b))
     out = np.zeros((n, *np.broadcast_shapes(a.shape[1:], b.shape[1:])), np.result_type(a, b))
     for k in range(n):
@@ -22,7 +22,7 @@ def jet_product(a: Jet, b: Jet) -> Jet:
 
 
 def quotient(a: Jet, b: Jet) -> Jet:
-    """a / b."""
+    """a / b, to the lower of both orders."""
     n = min(len(a), len(b))
     out = np.zeros((n, *np.broadcast_shapes(a.shape[1:], b.shape[1:])), np.result_type(a, b, float))
     for k in range(n):
@@ -61,12 +61,12 @@ def jet_cross(a: Jet, b: Jet) -> Jet:
 
 
 def size(a: Jet) -> Jet:
-    """Length of a plane vector that is nowhere zero."""
+    """Length of a plane vector, which must not be zero."""
     return root(dot(a, a))
 
 
 def unit(a: Jet) -> Jet:
-    """Direction of a plane vector that is nowhere zero."""
+    """Unit vector of a plane vector, which must not be zero."""
     return quotient(a, size(a))
 
 

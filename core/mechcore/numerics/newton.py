@@ -1,4 +1,4 @@
-"""Newton's method, and that of Levenberg and Marquardt, for many small systems at once."""
+"""Newton's method, and the method of Levenberg and Marquardt, for many small systems at once."""
 
 from __future__ import annotations
 
@@ -13,11 +13,14 @@ Residual = Callable[[Real], tuple[Real, Real]]  # unknowns (..., n) -> values (.
 
 
 def solve_many(jacobian: Real, rhs: Real) -> Real:
-    """Solve (..., m, n) systems for (..., m) right-hand sides; least squares of least norm where m != n or singular."""
+    """Solve (..., m, n) systems for (..., m) right-hand sides; minimum-norm least squares if m != n or a system is singular.
+
+    A system with an entry that is not finite gives NaN.
+    """
     if jacobian.shape[-1] == jacobian.shape[-2]:
         try:
             return np.linalg.solve(jacobian, rhs[..., None])[..., 0]  # type: ignore[return-value]  # perhaps traced, so not `asarray`
-        except np.linalg.LinAlgError:  # one singular frame spoils the batch
+        except np.linalg.LinAlgError:  # one singular system fails the batch
             pass
     bad: Flags = np.asarray(~np.isfinite(jacobian).all(axis=(-1, -2)))
     if bad.any():
@@ -29,8 +32,8 @@ def solve_many(jacobian: Real, rhs: Real) -> Real:
 def newton(residual: Residual, x: Real, *, tolerance: float = 2e-15, iterations: int = 30) -> tuple[Real, Real, Real]:
     """Solve ``residual(x) = 0`` from starts (..., n); residuals and unknowns are scaled to about 1.
 
-    ``residual`` returns (..., m) values and (..., m, n) derivatives. Returns x, the largest residual of each system and the size
-    of its first correction. Iterates until no system improves any more; a system that diverges only spoils itself.
+    ``residual`` returns (..., m) values and (..., m, n) derivatives. Returns the best x, the largest residual of each system there,
+    and the size of its first correction. Iterates until no system improves any more; a diverging system does not affect others.
     """
     first = None
     best = np.full(x.shape[:-1], np.inf)
@@ -43,19 +46,21 @@ def newton(residual: Residual, x: Real, *, tolerance: float = 2e-15, iterations:
         gain = size < 0.5 * best
         best = np.where(better, size, best)
         if not (gain & (size > tolerance)).any() and (k >= 12 or not (best > max(1e-8, tolerance)).any()):
-            break  # nothing improves any more; far from a solution the first steps may go uphill
+            break  # no system improves any more; far from a solution the first steps may increase residuals
         step = solve_many(j, r)
         if first is None:
             first = np.abs(step).max(axis=-1)
         longest = np.abs(step).max(axis=-1, keepdims=True)
-        x = x - step * np.minimum(1.0, 1.0 / np.where(longest > 0, longest, 1.0))  # never more than a radian at once
+        x = x - step * np.minimum(1.0, 1.0 / np.where(longest > 0, longest, 1.0))  # at most one radian per step
     return best_x, best, np.zeros_like(best) if first is None else first
 
 
 def least_squares(residual: Residual, x: Real, *, iterations: int) -> Real:
-    """Values (..., m) of a residual as in `newton` where the sum of their squares is least, from starts (..., n); by the method of
-    Levenberg with a damping of its own for each system, alike for all unknowns: `fit_all` with Marquardt's, in proportion to
-    the diagonal, creeps along the narrow valleys of heavily weighted equations."""
+    """Residuals (..., m), as in `newton`, at the least sum of squares found from starts (..., n).
+
+    Levenberg's method with one damping for each system, the same for all its unknowns. Marquardt's damping in proportion to the
+    diagonal, as in `fit_all`, makes slow progress in the narrow valleys of heavily weighted equations.
+    """
     r, jacobian = residual(x)
     cost = (r * r).sum(axis=-1)
     damping = np.full(cost.shape, 1e-2)
@@ -75,17 +80,17 @@ def least_squares(residual: Residual, x: Real, *, iterations: int) -> Real:
 
 FIRST_DAMPING = 1e-3
 LEAST_DAMPING, MOST_DAMPING = 1e-15, 1e10
-SETTLED_GAIN = 1e-14  # relative gain of the sum of squares that is no gain any more
-IDLE_STEPS = 8  # steps in a row without a gain of that size
+SETTLED_GAIN = 1e-14  # relative decrease of the sum of squares below which it counts as none
+IDLE_STEPS = 8  # successive steps without a larger decrease, after which a problem has settled
 
 Evaluate = Callable[[Real, Index], tuple[Real, Real]]
-"""Residuals (D, M) and their derivatives (D, M, N) of problems at (D, N); the second argument says which problems they are.
-A row of NaN or infinities is a place that cannot be had."""
+"""Unknowns (D, N), numbers of the problems (D,) -> residuals (D, M) and their derivatives (D, M, N).
+A row of NaN or infinities marks unknowns that are not admissible."""
 
 
 @dataclass(frozen=True, eq=False)
 class Fits:
-    """Unknowns (D, N) and sums of squares (D,) of D problems, and which of them settled (D,)."""
+    """Unknowns (D, N) and sums of squares (D,) of D problems, and which of them have settled (D,)."""
 
     x: Real
     cost: Real
@@ -93,10 +98,11 @@ class Fits:
 
 
 def fit_all(evaluate: Evaluate, x: Real, lower: Real, upper: Real, iterations: int = 1500) -> Fits:
-    """Least squares from starts (D, N), each by itself, within bounds (N,).
+    """Independent least squares problems from starts (D, N), within bounds (N,).
 
     Steps solve the damped normal equations of the unknowns that are not held at a bound, and are cut at the bounds (projected
-    Levenberg-Marquardt; Nocedal and Wright, section 10.3). A step that does not gain is taken back and damped more.
+    Levenberg-Marquardt; Nocedal and Wright, section 10.3). A step that does not decrease the sum of squares is rejected, and the
+    damping is increased.
     """
     x = np.clip(x, lower, upper)
     count, size = x.shape
@@ -136,7 +142,7 @@ def fit_all(evaluate: Evaluate, x: Real, lower: Real, upper: Real, iterations: i
 
 
 def _cost(residual: Real) -> Real:
-    """Sums of squares, infinite where they are no numbers."""
+    """Sums of squares (D,), infinite where they are not finite."""
     with np.errstate(over="ignore", invalid="ignore"):
         total = np.einsum("dm,dm->d", residual, residual)
     return np.where(np.isfinite(total), total, np.inf)

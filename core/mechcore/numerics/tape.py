@@ -1,9 +1,9 @@
-"""Derivatives of what is computed with arrays: every step is written down with its slopes, and gone through in either direction.
+"""Automatic differentiation of array computations: every step is recorded with its derivatives, for forward and reverse mode.
 
-A `Traced` stands where an array stands otherwise, an operand of the same functions of numpy. Its `Tape` keeps, for each step, how
-the result moves with its operands: real-linear maps, ``dz = h dx + g conj(dx)`` for each element of plane vectors and numbers, and
-solutions of linear equations. `Tape.forward` carries derivatives by some variables to results, `Tape.adjoint` carries weights of
-results back to all variables. Nothing is differenced; decisions by a value (`np.where`, comparisons) hold as they were taken.
+A `Traced` takes the place of an array as an operand of the same numpy functions. Its `Tape` records for each step the derivative of
+the result by its operands: real-linear maps, ``dz = h dx + g conj(dx)`` for each element of plane vectors and numbers, and
+solutions of linear equations. `Tape.forward` propagates derivatives by some variables to results; `Tape.adjoint` propagates weights
+of results back to all variables. There are no finite differences. Decisions by a value (`np.where`, comparisons) are kept as taken.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ BY_VALUE = ("less", "less_equal", "greater", "greater_equal", "isfinite", "isnan
 
 
 class Untraced(TypeError):
-    """Raised where a computation has no slope here: a conversion to a plain number, or a function that is not known."""
+    """Raised where the derivative of a computation is not available: a conversion to a plain number, or an unknown function."""
 
 
 class TapeStep(NamedTuple):
-    """How a result follows from its operands: ``forward`` gives its derivatives (P, ...) from theirs, None standing for zero;
-    ``back`` the weights (M, ...) of the operands from its own."""
+    """A recorded step: the numbers of the result and its operands. ``forward``: derivatives (P, ...) of the operands, None for zero
+    -> that of the result; ``back``: weights (M, ...) of the result -> those of the operands."""
 
     result: int
     operands: tuple[int, ...]
@@ -45,24 +45,24 @@ class Tape:
         self.values: list[NumberArray] = []  # of every traced result
 
     def variable(self, value: Any) -> Traced:
-        """A traced array that follows from nothing before it: derivatives are taken by it, or stated."""
+        """An independent traced array, by which derivatives are taken or for which they are given."""
         return self.result(np.asarray(value))
 
     def result(self, value: NumberArray) -> Traced:
-        """A traced array without a step."""
+        """A new traced array, without recording a step."""
         self.values.append(value)
         return Traced(self, len(self.values) - 1, value)
 
     def step(
         self, value: Any, operands: Sequence[Traced], forward: Callable[[list[Any]], Any], back: Callable[[Any], list[Any]]
     ) -> Traced:
-        """The result of a step."""
+        """Record a step; returns its result."""
         made = self.result(np.asarray(value))
         self.steps.append(TapeStep(made.number, tuple(x.number for x in operands), forward, back))
         return made
 
     def elementwise(self, value: Any, slopes: Sequence[tuple[Any, Any, Any]]) -> Any:
-        """The result of a step element by element: ``slopes`` has its operands, each with h and g of the derivative."""
+        """Record an elementwise step; returns its result. ``slopes``: (operand, h, g of its derivative, g None for zero)."""
         traced = [(x, h, g) for x, h, g in slopes if isinstance(x, Traced)]
         value = np.asarray(value)
         real = not np.iscomplexobj(value)
@@ -87,8 +87,11 @@ class Tape:
         return self.step(value, [x for x, _, _ in traced], forward, back)
 
     def implicit(self, residuals: Sequence[Any], matrix: Real, inverse: Real) -> list[Traced]:
-        """Changes (n unknowns, zero as they stand) of unknowns that keep ``residuals`` (m, real) at zero: ``matrix`` (..., m, n)
-        has their derivatives by the unknowns, ``inverse`` (..., n, m) its inverse, or what stands for it where m > n."""
+        """Record the implicit function theorem: the changes of n unknowns, of value 0, that keep m real ``residuals`` at zero.
+
+        ``matrix`` (..., m, n): derivatives of the residuals by the unknowns; ``inverse`` (..., n, m): its inverse, or
+        pseudo-inverse where m > n. Derivatives are NaN where redundant residuals do not stay zero.
+        """
         traced = [(i, r) for i, r in enumerate(residuals) if isinstance(r, Traced)]
         shape = np.broadcast_shapes(matrix.shape[:-2], *(np.shape(r.value) for _, r in traced))
         overdetermined = matrix.shape[-2] > matrix.shape[-1]
@@ -100,7 +103,7 @@ class Tape:
                 if d is not None:
                     moved[..., i] = spread(d, np.ndim(r.value), len(shape))
             solution = -(inverse @ moved[..., None])[..., 0]
-            if overdetermined:  # equations that are left over have to move along
+            if overdetermined:  # redundant equations must be satisfied, too
                 left = np.abs(moved + (matrix @ solution[..., None])[..., 0]).max(axis=-1, keepdims=True)
                 size = np.abs(moved).max(axis=-1, keepdims=True)
                 solution = np.where(left <= 1e-9 * size, solution, np.nan)
@@ -114,7 +117,7 @@ class Tape:
         return [both[..., k] for k in range(matrix.shape[-1])]
 
     def forward(self, given: Mapping[int, NumberArray], wanted: Sequence[Traced]) -> list[NumberArray]:
-        """Derivatives (P, ...) of results from those of variables (P, ...), by their numbers; zero of those that are not given."""
+        """Derivatives (P, ...) of the results ``wanted`` from those of variables, ``given`` by number (P, ...), else zero."""
         count = len(next(iter(given.values())))
         known: list[Any] = [None] * len(self.values)
         for number, d in given.items():
@@ -134,7 +137,8 @@ class Tape:
         return tangents
 
     def adjoint(self, wanted: Traced, weights: NumberArray) -> dict[int, NumberArray]:
-        """Derivatives of sums of a real result, each with ``weights`` (M, ...), by everything on the tape, by number: (M, ...)."""
+        """Derivatives of M weighted sums of a real result, with ``weights`` (M, ...), by everything on the tape: number ->
+        (M, ...)."""
         known: dict[int, NumberArray] = {wanted.number: weights}
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
             for step in reversed(self.steps):
@@ -147,12 +151,12 @@ class Tape:
 
 
 def spread(d: Any, own: int, wanted: int) -> Any:
-    """Derivatives (P, ...) of an array of ``own`` axes, with axes of length one before them as far as ``wanted``."""
+    """Derivatives (P, ...) of an array with ``own`` axes, with leading axes of length one inserted up to ``wanted`` axes."""
     return d if own == wanted else d.reshape(d.shape[0], *(1,) * (wanted - own), *d.shape[1:])
 
 
 def gathered(w: Any, value: NumberArray) -> Any:
-    """Weights (M, ...) summed over the axes along which an operand was repeated, real where it is."""
+    """Weights (M, ...) summed over the axes along which an operand was broadcast; real if the operand is."""
     w = np.asarray(w)
     extra = w.ndim - 1 - value.ndim
     if extra:
@@ -164,7 +168,7 @@ def gathered(w: Any, value: NumberArray) -> Any:
 
 
 class Traced(NDArrayOperatorsMixin):
-    """An array whose slopes are on a tape; an operand of whatever numpy's arrays are, but never a plain zero."""
+    """An array whose derivatives are on a tape. It can be an operand wherever a numpy array can; it is never a plain zero."""
 
     __slots__ = ("number", "tape", "value")
     __hash__ = object.__hash__
@@ -175,7 +179,7 @@ class Traced(NDArrayOperatorsMixin):
     def __repr__(self) -> str:
         return f"Traced({self.value!r})"
 
-    # -- what an array has --------------------------------------------------------------------------------------------
+    # -- the interface of an array ------------------------------------------------------------------------------------
     @property
     def shape(self) -> tuple[int, ...]:
         return self.value.shape
@@ -196,7 +200,7 @@ class Traced(NDArrayOperatorsMixin):
         return self.tape.elementwise(self.value.conj(), [(self, 0.0, 1.0)]) if np.iscomplexobj(self.value) else self
 
     def clip(self, low: Any = None, high: Any = None) -> Any:
-        """Kept between two numbers, as numpy has it."""
+        """Clipped between two numbers, like `np.clip`."""
         return np.clip(self, low, high)
 
     def astype(self, _: Any) -> Traced:
@@ -257,12 +261,12 @@ class Traced(NDArrayOperatorsMixin):
 
 
 def value_of(x: Any) -> Any:
-    """The value of what may be traced."""
+    """The value of an operand that may be traced."""
     return x.value if isinstance(x, Traced) else x
 
 
 def regular_inverses(matrix: Real) -> Real:
-    """Inverses (..., n, n) for `Tape.implicit`, NaN where there is none."""
+    """Inverses (..., n, n) for `Tape.implicit`; NaN where a matrix is singular."""
     singular = ~(np.abs(np.linalg.det(np.nan_to_num(matrix))) > 0.0) | ~np.isfinite(matrix).all(axis=(-1, -2))
     safe = np.where(singular[..., None, None], np.eye(matrix.shape[-1]), matrix)
     return np.where(singular[..., None, None], np.nan, np.linalg.inv(safe))

@@ -1,4 +1,4 @@
-"""Functions of numpy on traced arrays: what each computes, and its slopes as steps of the tape."""
+"""Functions of numpy on traced arrays: their values, and their derivatives as steps of the tape."""
 
 from __future__ import annotations
 
@@ -79,8 +79,10 @@ def _hypot(x: Any, y: Any) -> Any:
 
 
 def _with_tips(size: Traced, parts: Sequence[Any]) -> Any:
-    """A length with its one-sided slopes where it is zero: how fast it grows as a parameter does, from the slopes of its ``parts``.
-    Backwards, where one number stands for all parameters, there are none (NaN)."""
+    """A length with one-sided derivatives where it is zero: its growth with each parameter, from the derivatives of its ``parts``.
+
+    In reverse mode, where one weight serves all parameters, there is no such derivative (NaN).
+    """
     tip = size.value == 0.0
     traced = [x for x in parts if isinstance(x, Traced)]
     if not tip.any():
@@ -117,7 +119,7 @@ def _where(condition: Any, a: Any, b: Any) -> Any:
 
 
 def _of_one(function: Callable[[Any], Any], slope: Callable[[Any, Any], Any]) -> Callable[[Traced], Any]:
-    """A function of one number with its slope, made of the number and of the function's value there."""
+    """A function of one number on traced arrays; ``slope``: its derivative as a function of the number and of its value."""
 
     def traced(x: Traced) -> Any:
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
@@ -170,7 +172,7 @@ def _mean(x: Traced, axis: Any = None) -> Any:
 
 
 def _swapaxes(x: Traced, first: int, second: int) -> Any:
-    """Both counted from the last axis."""
+    """`np.swapaxes` with both axes counted from the last one (negative)."""
     return x.tape.step(
         np.swapaxes(x.value, first, second),
         [x],
@@ -180,7 +182,7 @@ def _swapaxes(x: Traced, first: int, second: int) -> Any:
 
 
 def _solve(a: Any, b: Any) -> Any:
-    """Linear equations (..., n, n) with right-hand sides (..., n, k), all real."""
+    """The solution (..., n, k) of linear equations (..., n, n) with right-hand sides (..., n, k), all real."""
     matrix = np.asarray(value_of(a))
     inverse = np.linalg.inv(matrix)
     solution = inverse @ value_of(b)
@@ -201,7 +203,7 @@ def _solve(a: Any, b: Any) -> Any:
 
 
 def piecewise(x: Traced, borders: Real, coefficients: Real) -> Any:
-    """Polynomials between borders (n + 1,), of x less the lower one, by coefficients (n, 4), highest power first."""
+    """Piecewise cubics between borders (n + 1,), in powers of x minus the lower border; coefficients (n, 4), highest first."""
     k = np.clip(np.searchsorted(borders, x.value, side="right") - 1, 0, len(coefficients) - 1)
     z = x.value - borders[k]
     a, b, c, d = np.moveaxis(coefficients[k], -1, 0)
@@ -209,8 +211,8 @@ def piecewise(x: Traced, borders: Real, coefficients: Real) -> Any:
 
 
 def integral(values: Any, time: Any) -> Any:
-    """The integral so far (F,) of values over times (F,), see `integral_so_far`; times change by a factor about the first one, or
-    there is no derivative (NaN)."""
+    """The cumulative integral (F,) of values over times (F,), see `integral_so_far`. Times may change only by a common factor from
+    the first one on; otherwise the derivative is NaN. There is no reverse mode (`Untraced`)."""
     y, t = value_of(values), value_of(time)
     total = integral_so_far(y, t)
     traced = [x for x in (values, time) if isinstance(x, Traced)]
@@ -235,7 +237,7 @@ def integral(values: Any, time: Any) -> Any:
 
 
 def without_slope(x: Traced) -> Traced:
-    """The same value, of which no derivatives are known (NaN)."""
+    """The same value with unknown derivatives (NaN)."""
     return x.tape.step(x.value, [x], lambda given: np.full_like(given[0], np.nan), lambda w: [np.where(w != 0.0, np.nan, 0.0)])
 
 

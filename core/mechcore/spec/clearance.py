@@ -1,8 +1,8 @@
 """Revolute joints with clearance: a mechanism in which their journals move freely in their bearings.
 
-The joint is taken apart: a massless journal slides across and along on the bearing's link, which gives it two free coordinates, and
-the joint itself joins the shaft to the journal. Two loads between bearing and journal press where they touch. The joint
-then transmits the contact force. A mechanism without clearance stays what it is.
+Each such joint is replaced by several: a massless journal slides in two directions on the bearing's link, which gives it two free
+coordinates, and the joint itself joins the shaft to the journal. Two loads between bearing and journal model the contact and its
+losses. The joint then transmits the contact force. A mechanism without clearance is not changed.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from mechcore.spec.mechanism import Drive, Joint, Link, Mechanism, Planar, Prism
 
 @dataclass(frozen=True, kw_only=True)
 class Clearance:
-    """``radial`` clearance: radius of the bearing less that of the journal [m].
+    """The clearance of a revolute joint. ``radial``: radius of the bearing less that of the journal [m].
 
-    In contact F = stiffness d (d / radial)^(exponent - 1) (1 + loss d'), d the indentation [m]; ``stiffness`` [N/m] is that of a
-    straight line through the indentation ``radial``; ``loss`` [s/m], see `mechcore.effects.resistance.loss_factor`. ``radius`` of
-    the journal [m] and coefficient of ``friction`` between the surfaces. ``start``: journal's centre in the bearing [m].
+    In contact F = stiffness d (d / radial)^(exponent - 1) (1 + loss d'), d the indentation [m]. ``stiffness`` [N/m]: secant
+    stiffness at the indentation ``radial``; ``loss`` [s/m]: see `mechcore.effects.resistance.loss_factor`. ``radius``: of the
+    journal [m]; ``friction``: coefficient between the surfaces. ``start``: journal's centre in the bearing at the start [m].
     """
 
     radial: float
@@ -37,14 +37,14 @@ class Clearance:
 
 
 def made_names(joint: str) -> tuple[str, str]:
-    """Names of the two links, and of the two sliding joints, that a joint with clearance is made of."""
+    """Names of the two links, and of the two sliding joints, that replace a joint with clearance."""
     return f"{joint}.across", f"{joint}.journal"
 
 
 def with_clearances(mechanism: Mechanism, clearances: Mapping[str, Clearance]) -> Mechanism:
-    """The mechanism with ``clearances`` in some of its revolute joints, by name; itself where there are none.
+    """The mechanism with ``clearances`` in some of its revolute joints, by name; unchanged if there are none.
 
-    Their journals start in the middle of their bearings, or where stated, at rest against them. Raises `MechanismError`.
+    The journals start at the centres of their bearings, or at ``start``, at rest relative to them. Raises `MechanismError`.
     """
     if not clearances:
         return mechanism
@@ -93,18 +93,18 @@ def with_clearances(mechanism: Mechanism, clearances: Mapping[str, Clearance]) -
 
 
 def journals_of(mechanism: Mechanism) -> dict[str, JournalContact]:
-    """The joints with clearance, each with what presses in it."""
+    """The contact loads of the joints with clearance, by name of the joint."""
     return {load.joint: load for load in mechanism.loads if type(load) is JournalContact}
 
 
 def made_joints(mechanism: Mechanism) -> frozenset[str]:
-    """Names of the links and joints that stand for clearance or make up planar joints: they are neither drawn nor recorded."""
+    """Names of the links and joints that model clearance or planar joints; they are neither drawn nor recorded."""
     journals = [name for joint in journals_of(mechanism) for name in made_names(joint)]
     return frozenset(journals).union(*(p.coordinates for p in mechanism.joints if isinstance(p, Planar)))
 
 
 def as_drawn(mechanism: Mechanism) -> Mechanism:
-    """The mechanism with ideal revolute joints instead of clearance and without planar joints, which hold nothing."""
+    """The mechanism with ideal revolute joints instead of clearance, and without planar joints, which transmit nothing."""
     if any(isinstance(p, Planar) for p in mechanism.joints):
         mechanism = replace(mechanism, joints=tuple(p for p in mechanism.joints if not isinstance(p, Planar)))
     journals = journals_of(mechanism)

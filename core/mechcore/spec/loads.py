@@ -1,6 +1,6 @@
 """Loads that a mechanism can carry: frozen descriptions in SI units and radians; `mechcore.effects.registry` computes them.
 
-A load between two links names both: what is stated acts on the first, its opposite on the second, at the same point and line.
+A load between two links names both: the stated force or moment acts on the first, its opposite on the second, along the same line.
 Either link may be the frame.
 """
 
@@ -33,7 +33,7 @@ class Polynomial:
 
 @dataclass(frozen=True, kw_only=True)
 class Factor:
-    """A factor as a function of something that the mechanism does.
+    """A factor as a function of time or of a kinematic quantity of the mechanism.
 
     ``function`` takes an array of arguments and returns as many factors: a `Table`, a `Polynomial`, a signal of time
     (`mechcore.laws.signals`) or any Python callable. ``of`` names the argument: the ``time`` [s]; ``position`` or ``velocity``,
@@ -45,7 +45,7 @@ class Factor:
     of: Literal["time", "position", "velocity", "x", "y", "vx", "vy", "speed"] = "position"
     joint: str | None = None
     point: tuple[str, str] | None = None
-    values: Any = None  # over the frames, where its function varies beside its argument (`mechcore.derivatives`)
+    values: Any = None  # over the frames, if the function itself varies (`mechcore.derivatives`)
 
     def __call__(self, argument: ArrayLike) -> Real:
         return np.asarray(self.function(np.asarray(argument, float)), float)
@@ -54,7 +54,7 @@ class Factor:
 @dataclass(frozen=True, kw_only=True)
 class _Load:
     name: str
-    use: Use | None = None  # how a resisting load is classed; None: by its cause
+    use: Use | None = None  # class of a resisting load in the energy balance; None: by its cause
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -140,8 +140,8 @@ class Actuator(_Load):
 class TorsionSpring(_Load):
     """A torsion spring between two links: moment ``stiffness (angle - free_angle)`` on the first link [N m].
 
-    ``angle`` is that of the second link's frame minus that of the first's. It starts nearest to the free angle, or where drives
-    state it, as stated; it is continuous from there.
+    ``angle`` is that of the second link's frame minus that of the first's. It starts within half a turn of the free angle, or at
+    the value that drives state, and is continuous from there.
     """
 
     links: tuple[str, str]
@@ -159,8 +159,8 @@ class TorsionDamper(_Load):
 
 @dataclass(frozen=True, kw_only=True)
 class _Bushed(_Load):
-    """Between a point of each of two links, which need not meet: by the second point's place x, y in the first link's axes, seen
-    from the first point, and by the angle of the second link's frame minus that of the first's."""
+    """A load between points of two links, which need not coincide. It depends on x, y, the position of the second point relative to
+    the first in the first link's axes, and on the angle of the second link's frame minus that of the first's."""
 
     links: tuple[str, str]
     points: tuple[str, str]
@@ -168,7 +168,7 @@ class _Bushed(_Load):
 
 @dataclass(frozen=True, kw_only=True)
 class Bushing(_Bushed):
-    """The springs of a bushing: ``stiffness`` times x, y and the angle less ``free_angle``."""
+    """The springs of a bushing: ``stiffness`` times x, y and the angle minus ``free_angle``."""
 
     stiffness: tuple[float, float, float]  # [N/m, N/m, N m/rad]
     free_angle: float = 0.0  # [rad]
@@ -196,8 +196,8 @@ class Drag(_Load):
 
 @dataclass(frozen=True, kw_only=True)
 class Viscous(_Load):
-    """Viscous friction in a joint of any kind that moves: ``-coefficient`` times the speed of its relative motion, on its second
-    link; see `mechcore.effects.resistance.ViscousFriction` for each kind."""
+    """Viscous friction in a movable joint: ``-coefficient`` times the speed of its relative motion, on its second link; see
+    `mechcore.effects.resistance.ViscousFriction` for each kind of joint."""
 
     joint: str
     coefficient: float  # revolute, rolling, gear, rack: [N m s/rad]; prismatic, pin in slot, cylinder, cam, belt: [N s/m]
@@ -205,9 +205,10 @@ class Viscous(_Load):
 
 @dataclass(frozen=True, kw_only=True)
 class BeltTension(_Load):
-    """The tension of a belt or chain, kept up in its slack span by a tensioner; the tight span pulls by what it carries more.
+    """The tension of a belt or chain. A tensioner keeps that of the slack span constant; the tight span carries the transmitted
+    force in addition.
 
-    With a ``coefficient`` of friction between belt and pulleys an event says where the belt would slip; 0: it cannot.
+    With a ``coefficient`` of friction between belt and pulleys an event reports where the belt would slip; 0: it cannot slip.
     """
 
     joint: str
@@ -236,7 +237,8 @@ class GasPressure(_Load):
 
 @dataclass(frozen=True, kw_only=True)
 class _Machine(_Load):
-    """Acts on a link, from outside, by its angular velocity w; or between the links of a revolute ``joint``, by its rate w."""
+    """A machine that acts on a ``link`` from outside, with w its angular velocity, or between the links of a revolute ``joint``,
+    with w the rate of its coordinate."""
 
     link: str | None = None
     joint: str | None = None
@@ -246,7 +248,7 @@ class _Machine(_Load):
 class DcMotor(_Machine):
     """A DC motor with separate or permanent excitation: torque ``stall_torque (1 - w / no_load_speed)``.
 
-    Positive numbers turn counter-clockwise; with both negative it runs the other way.
+    With both numbers positive it turns counter-clockwise, with both negative clockwise.
     """
 
     stall_torque: float  # [N m]
@@ -256,7 +258,7 @@ class DcMotor(_Machine):
 @dataclass(frozen=True, kw_only=True)
 class InductionMotor(_Machine):
     """An induction motor by the formula of Kloss: torque ``2 breakdown_torque / (s / s_b + s_b / s)``, s the slip
-    ``1 - w / synchronous_speed``, s_b the slip at the breakdown torque. It turns the way that the synchronous speed says."""
+    ``1 - w / synchronous_speed``, s_b the slip at the breakdown torque. The sign of the synchronous speed is its sense."""
 
     breakdown_torque: float  # [N m]
     breakdown_slip: float
@@ -265,7 +267,7 @@ class InductionMotor(_Machine):
 
 @dataclass(frozen=True, kw_only=True)
 class ConstantPower(_Machine):
-    """A machine of constant power: torque ``power / |w|``, but no more than ``torque_limit``, whose sign is the direction."""
+    """A machine of constant power: torque ``power / |w|``, limited to ``torque_limit``, whose sign is the direction."""
 
     power: float  # [W]
     torque_limit: float  # [N m]
@@ -273,7 +275,7 @@ class ConstantPower(_Machine):
 
 @dataclass(frozen=True, kw_only=True)
 class Governor(_Machine):
-    """A machine with a proportional speed governor: torque ``gain (set_speed - w)``, kept between ``least`` and ``most``."""
+    """A machine with a proportional speed governor: torque ``gain (set_speed - w)``, limited to ``least`` ... ``most``."""
 
     set_speed: float  # [rad/s]
     gain: float  # [N m s/rad]
@@ -285,8 +287,8 @@ class Governor(_Machine):
 class Servo(_Load):
     """A position servo between the links of a revolute or sliding ``joint``, in a motion under forces.
 
-    With the error e, by which the joint's coordinate is behind its ``target``, the torque or force is
-    ``proportional e + derivative e' + integral z``, z the integral of e since the start.
+    With the error e, the ``target`` minus the joint's coordinate, the torque or force is ``proportional e + derivative e' +
+    integral z``, z the integral of e since the start.
     """
 
     joint: str
@@ -300,8 +302,9 @@ class Servo(_Load):
 class JournalContact(_Load):
     """The elastic force between bearing and journal of a revolute ``joint`` with clearance; `mechcore.spec.clearance` makes it.
 
-    ``links``: bearing, massless journal, shaft; ``slides``: the joints whose coordinates are the journal's place in the bearing;
-    ``point`` of the bearing. In contact ``stiffness d (d / radial)^(exponent - 1)`` [N], d the indentation [m].
+    ``links``: bearing, massless journal, shaft; ``slides``: the joints whose coordinates are the journal's position in the bearing;
+    ``point``: centre of the bearing, a point of its link. In contact ``stiffness d (d / radial)^(exponent - 1)`` [N], d the
+    indentation [m].
     """
 
     joint: str
@@ -315,7 +318,8 @@ class JournalContact(_Load):
 
 @dataclass(frozen=True, kw_only=True)
 class JournalLoss(JournalContact):
-    """The losses there: ``loss`` times the rate of the indentation as a part of the force, friction between the surfaces."""
+    """The losses in such a contact: the contact force times ``loss`` times the rate of the indentation, and friction between the
+    surfaces."""
 
     loss: float = 0.0  # [s/m]
     friction: float = 0.0

@@ -1,4 +1,4 @@
-"""Studies: requests beside motion, forces and metrics; `mechcore.constructions.studies` works it out."""
+"""Studies requested in addition to motion, forces and metrics; `mechcore.constructions.studies` computes them."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ POLYGONS: Mapping[str, str] = {
     "force": "of every group, in the order of the hand method",
     "graph": "links as vertices, joints as edges, loops numbered",
 }
-"""Graphical constructions that a scene can ask for; see `mechcore.constructions`."""
+"""Graphical constructions that a scene can request; see `mechcore.constructions`."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class SystemStudy:
-    """The loads on a link (all of them, or those named) as one force system, reduced to a point of the link (none: its origin)."""
+    """The loads on a link (all, or those named) as one force system, reduced to a point of the link (None: its origin)."""
 
     name: str
     link: str
@@ -31,7 +31,7 @@ class SystemStudy:
 
 @dataclass(frozen=True, kw_only=True)
 class ShakingStudy:
-    """Shaking force, and moment about a point of the world; with ``radii`` [m] also what counterweights make of it."""
+    """Shaking force, and shaking moment about a point of the world; with ``radii`` [m] also with counterweights."""
 
     about: Vec2 = (0.0, 0.0)
     radii: tuple[float, float] | None = None  # from the fixed pivots of crank and rocker
@@ -40,7 +40,7 @@ class ShakingStudy:
 
 @dataclass(frozen=True, kw_only=True)
 class SubstituteStudy:
-    """Substitute masses of a link: (mass [kg], x, y [m] in the link's frame) of each, None where it is to be found."""
+    """Substitute masses of a link: (mass [kg], x, y [m] in the link's frame) of each; None for a value to be determined."""
 
     link: str
     points: tuple[tuple[float | None, float | None, float | None], ...]
@@ -50,7 +50,7 @@ class SubstituteStudy:
 
 @dataclass(frozen=True, kw_only=True)
 class CrossSection:
-    """A cross-section: its ``area`` A [m^2] and its section ``modulus`` W [m^3] about the axis across the plane of motion."""
+    """A cross-section: its ``area`` A [m^2] and its section ``modulus`` W [m^3] about the axis normal to the plane of motion."""
 
     area: float
     modulus: float
@@ -58,10 +58,10 @@ class CrossSection:
 
 @dataclass(frozen=True, kw_only=True)
 class SectionStudy:
-    """Section forces along a link; its axis runs through the named ``points``, or where there are none, see
+    """Section forces along a link. Its axis runs through the named ``points``; if there are none, through those of
     `mechcore.forces.section_lines.axis_points`.
 
-    ``masses``: (mass [kg], x, y [m], moment of inertia [kg m^2]) of the parts of the link's mass whose places are known; the rest
+    ``masses``: (mass [kg], x, y [m], moment of inertia [kg m^2]) of the parts of the link's mass with known positions; the rest
     is distributed along the axis.
     """
 
@@ -73,19 +73,19 @@ class SectionStudy:
 
 @dataclass(frozen=True, kw_only=True)
 class PenStudy:
-    """A point of a link that draws: always, or while a ``joint``'s coordinate is at most, or at least, a ``level`` [rad or m]."""
+    """A point of a link that draws: always, or while the coordinate of ``joint`` is at most, or at least, ``level`` [rad or m]."""
 
     name: str
     link: str
     point: str
     joint: str | None = None
     level: float = 0.0
-    below: bool = True  # down at most at the level
+    below: bool = True  # draws at or below the level; False: at or above it
 
 
 @dataclass(frozen=True, kw_only=True)
 class Studies:
-    """Studies that are asked for beside motion, forces and metrics; see `mechcore.constructions.studies`."""
+    """Studies requested in addition to motion, forces and metrics; see `mechcore.constructions.studies`."""
 
     polygons: tuple[str, ...] = ()  # names from POLYGONS
     centrodes: tuple[str, ...] = ()  # links
@@ -103,7 +103,7 @@ class Studies:
     pens: tuple[PenStudy, ...] = ()
 
     def items(self) -> tuple[tuple[str, str], ...]:
-        """Name and meaning of each study that is asked for."""
+        """Name and meaning of each requested study."""
         asked = [("contour graph" if name == "graph" else f"{name} polygon", POLYGONS[name]) for name in self.polygons]
         asked += [(f"centrodes of {link}", "paths of the instant centre on the frame and on the link") for link in self.centrodes]
         asked += [

@@ -1,1 +1,1 @@
-"""The graph of a mechanism, the order in which its groups are solved, and what must hold before it is compiled."""
+"""The graph of a mechanism, the order in which its groups are solved, and checks before it is compiled."""

@@ -1,5 +1,5 @@
-"""Checks of a mechanism before it is compiled: items that exist, links with a length, angles decided once, loads with values that
-make sense."""
+"""Checks of a mechanism before it is compiled: named items exist, links have a length, angles are determined once, loads have valid
+values."""
 
 from __future__ import annotations
 
@@ -137,7 +137,7 @@ def _factor(m: Mechanism, factor: Factor) -> Iterator[tuple[str, str]]:
 
 
 def check_items(m: Mechanism) -> None:
-    """Names stand once, what is named is there. Raises `MechanismError`."""
+    """Check that names are unique and that named items exist. Raises `MechanismError`."""
     faults = []
     links = {link.name: link for link in m.links}
     if len(links) != len(m.links):
@@ -147,7 +147,7 @@ def check_items(m: Mechanism) -> None:
     if m.frame not in links:
         faults.append(Fault("frame", f"there is no link '{m.frame}'.", f"There are: {', '.join(links)}."))
     for p in m.joints:
-        points: tuple[str | None, str | None] = getattr(p, "points", (None, None))  # relations join no points
+        points: tuple[str | None, str | None] = getattr(p, "points", (None, None))  # some joints name no points
         for link, point in zip(p.links, points, strict=True):
             if link not in links:
                 faults.append(Fault(f"joints.{p.name}", f"there is no link '{link}'.", f"There are: {', '.join(links)}."))
@@ -169,7 +169,7 @@ def check_items(m: Mechanism) -> None:
 
 
 def missing_joint(m: Mechanism) -> str:
-    """Where a joint may be missing, in words: at points of one name, one of which no joint joins; "" for nowhere."""
+    """Text of a joint that may be missing: at points of the same name, one of which no joint connects; "" if there is none."""
     joined: dict[str, list[set[str]]] = {}
     for joint in m.joints:
         first, second = getattr(joint, "points", (None, None))
@@ -190,9 +190,11 @@ def missing_joint(m: Mechanism) -> str:
 def check_lengths(
     joints: tuple[LoopJoint, ...], ends: tuple[tuple[int, int], ...], names: tuple[str, ...], decided: set[str]
 ) -> None:
-    """A moving link that is only pinned, all pins at one point, leaves its own angle to nothing: it has no length.
+    """Raise `MechanismError` for moving links without length: only pinned, all pins at one point, so that their angle is
+    undetermined.
 
-    Shafts and wheels are such links too: their angle is ``decided``, and passed on, by gears, belts or drives at both ends.
+    Shafts and wheels are pinned in this manner too, but gears, belts or drives at both ends determine their angle: they are in
+    ``decided``.
     """
     pins: dict[int, list[tuple[str, complex]]] = {}
     others: set[int] = set()
@@ -215,7 +217,7 @@ def check_lengths(
 
 
 def check_redundant_angles(m: Mechanism, turning: Angles, joints: tuple[LoopJoint, ...], ends: tuple[tuple[int, int], ...]) -> None:
-    """Joints that fix an angle which others have fixed already must agree with them."""
+    """Raise `MechanismError` if a joint that fixes an angle contradicts other joints that fix the same angle."""
     faults = []
     for j in turning.redundant:
         p, q = ends[j]

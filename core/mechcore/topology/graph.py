@@ -1,11 +1,11 @@
 """The graph of a mechanism: links are vertices, joints are edges.
 
-From it come the angles (links joined by joints that do not turn share one), a spanning tree rooted at the frame, and one
-independent loop (closed vector polygon) for every joint that the tree leaves out.
+From it follow the angles (links joined by joints that do not turn share one), a spanning tree rooted at the frame, and one
+independent loop (closed vector polygon) for every joint that is not in the tree.
 
-The tree decides how small the blocks of the loop equations can be. It is the minimum spanning tree under the order in which
-the joints' constraints are solved in absolute coordinates; by the cycle property of such trees no loop then runs through a
-joint that is solved later than the joint that closes it, so the loops fall apart into the same groups, whatever the numbering.
+The choice of the tree limits how small the blocks of the loop equations can be. It is the minimum spanning tree with respect to the
+order in which the joints' constraints are solved in absolute coordinates. By the cycle property of such trees no loop then contains
+a joint that is solved later than the joint that closes it. The loops therefore split into the same groups, whatever the numbering.
 """
 
 from __future__ import annotations
@@ -19,16 +19,18 @@ from mechcore.joints.base import LoopJoint
 from mechcore.records import dataclass
 from mechcore.topology.order import SolvingOrder, block_order
 
-FRAME = 0  # the frame among the links; also the set of links that do not turn among the `Angles.rotation_class`
+FRAME = 0  # number of the frame among the links, and of the class of links that do not turn among the rotation classes
 
 
 @dataclass(frozen=True)
 class Angles:
-    """Which links turn together. Link k has the angle ``x[group[k]] + offset[k] + sum of sign * drive position``.
+    """Groups of links whose relative angles are fixed or driven. Link k has the angle ``x[group[k]] + offset[k] + sum of sign *
+    drive position``.
 
-    Group 0 holds the frame and is known. ``rotation_class`` numbers the sets of links that turn at exactly the same speed (same
-    group and same drives); ``class_group`` and ``class_drives`` say what each of them is. ``edges`` are the joints that fix a
-    relative angle and form a forest; ``redundant`` those that fix an angle which is fixed already."""
+    Group 0 contains the frame and is known. ``rotation_class``: for each link the number of its rotation class, the set of links
+    that turn at exactly the same speed (same group and same drives); ``class_group`` and ``class_drives``: group and drives of each
+    class. ``edges``: joints that fix a relative angle and form a forest; ``redundant``: those that fix an angle already fixed.
+    """
 
     group: tuple[int, ...]
     offset: tuple[float, ...]
@@ -54,7 +56,7 @@ class Tree:
 
 @dataclass(frozen=True)
 class Loop:
-    """One closed polygon. Its sum is ``point on the first link of the closing joint - point on the second``.
+    """One closed vector polygon. Its sum is ``point on the first link of the closing joint - point on the second``.
 
     ``links``: (link, coefficient in that link's frame [m]); ``slides``: (joint, guide's link, direction in its frame).
     """
@@ -65,7 +67,7 @@ class Loop:
 
 
 def angles(n: int, ends: Sequence[tuple[int, int]], joints: Sequence[LoopJoint], driven: dict[int, int]) -> Angles:
-    """Merge links whose relative angle is fixed or driven. ``driven``: joint -> drive."""
+    """Groups of the links whose relative angle is fixed or driven. ``driven``: joint -> drive."""
     near: list[list[tuple[int, int, float, int]]] = [[] for _ in range(n)]  # joint, other link, offset, direction
     for j, (joint, (p, q)) in enumerate(zip(joints, ends, strict=True)):
         if not joint.turns or (j in driven and joint.coordinate == "angle"):
@@ -118,7 +120,7 @@ def angles(n: int, ends: Sequence[tuple[int, int]], joints: Sequence[LoopJoint],
 
 
 def _turned(drives: tuple[tuple[int, int], ...], drive: int, sign: int) -> tuple[tuple[int, int], ...]:
-    """Drives with their signs, sorted, with one more turn of a drive; long chains share what they have in common."""
+    """``drives`` (drive, sign), sorted by drive, with ``sign`` added to that of one drive; those with sum 0 are dropped."""
     at = bisect_left(drives, drive, key=itemgetter(0))
     there = at < len(drives) and drives[at][0] == drive
     total = sign + (drives[at][1] if there else 0)
@@ -128,7 +130,8 @@ def _turned(drives: tuple[tuple[int, int], ...], drive: int, sign: int) -> tuple
 def structure(
     n: int, ends: Sequence[tuple[int, int]], joints: Sequence[LoopJoint], driven: dict[int, int]
 ) -> tuple[SolvingOrder, tuple[tuple[int, ...], ...]]:
-    """The constraints in absolute coordinates x, y, angle of every moving link: their block order, and each joint's equations."""
+    """Block order of the constraints in absolute coordinates (x, y, angle of every moving link), and the numbers of the equations
+    of each joint."""
     pattern: list[list[int]] = []
     of_joint: list[tuple[int, ...]] = []
     for j, (joint, (p, q)) in enumerate(zip(joints, ends, strict=True)):
@@ -143,7 +146,7 @@ def structure(
 
 
 def spanning_tree(n: int, ends: Sequence[tuple[int, int]], order: SolvingOrder, equations: Sequence[tuple[int, ...]]) -> Tree:
-    """Minimum spanning tree from the frame (Prim); among equals the one with short paths to the frame."""
+    """Minimum spanning tree from the frame (Prim); equal weights are resolved in favour of short paths to the frame."""
     rank: dict[int, int] = {e: k for k, (block, _) in enumerate(order.blocks) for e in block}
     last = len(order.blocks)
     weight = [max(rank.get(e, last) for e in eqs) for eqs in equations]
@@ -175,7 +178,7 @@ LoopSlides = list[tuple[int, int, complex]]  # (joint, link with the guide, its 
 
 
 def vector_loops(ends: Sequence[tuple[int, int]], joints: Sequence[LoopJoint], tree: Tree) -> tuple[Loop, ...]:
-    """One loop for each closing joint, with the coefficients of a link that enters twice added up."""
+    """One loop for each closing joint; coefficients of a link that enters twice are added."""
     depth = [0] * len(tree.parent)
     for k in tree.order:
         depth[k] = depth[tree.parent[k]] + 1
@@ -195,7 +198,7 @@ def vector_loops(ends: Sequence[tuple[int, int]], joints: Sequence[LoopJoint], t
         add(c, p, 0, 1)
         add(c, q, 1, -1)
         up, down = p, q
-        while up != down:  # climb the deeper side until both meet: what is above cancels
+        while up != down:  # climb the deeper side until both meet: above, both sides cancel
             side_is_up = depth[up] >= depth[down]
             k = up if side_is_up else down
             j, parent, sign = tree.joint[k], tree.parent[k], (1 if side_is_up else -1)
@@ -211,10 +214,10 @@ def vector_loops(ends: Sequence[tuple[int, int]], joints: Sequence[LoopJoint], t
 
 
 def leaves_first(ends: Sequence[tuple[int, int]], edges: Sequence[int]) -> tuple[tuple[int, int, int, bool], ...]:
-    """(joint, link, other link, whether the link is the joint's second) for the joints of a forest, each link before the one on
-    the way to the frame's end of its tree.
+    """The joints of a forest in order from the leaves to the frame: (joint, link, other link, whether the link is the joint's
+    second).
 
-    So that what is left over at a link can be passed on through its joint, once all that comes from behind has arrived.
+    In this order the imbalance at a link can be passed on through its joint after all contributions from links beyond have arrived.
     """
     near: dict[int, list[int]] = {}
     for j in edges:

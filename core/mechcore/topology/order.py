@@ -1,9 +1,9 @@
-"""Block order: which unknowns belong together, and in which order the groups can be solved.
+"""Block order: which unknowns must be solved together, and in which order the blocks can be solved.
 
 A system of equations is given only by its pattern: which unknowns each equation contains. Matching every equation to an
-unknown of its own (Dulmage-Mendelsohn) shows what is determined, what is over- and what is under-determined; the strongly
-connected components of the matched graph are the smallest sets that must be solved together. On the equations of a mechanism
-they are the Assur groups of the textbooks, in the order of the hand method.
+unknown of its own (Dulmage-Mendelsohn) separates the determined, over-determined and under-determined parts. The strongly connected
+components of the matched graph are the smallest sets that must be solved together. For the equations of a mechanism they are the
+Assur groups of the textbooks, in the order of the hand method.
 """
 
 from __future__ import annotations
@@ -15,9 +15,12 @@ from mechcore.records import dataclass
 
 @dataclass(frozen=True)
 class SolvingOrder:
-    """``blocks``: (equations, unknowns) in an order in which each needs only earlier ones. ``redundant``: equations that no unknown
-    is left for (redundant constraints). ``free``: unknowns that no equation is left for (freedoms without a drive).
-    ``unmatched``: all unknowns that cannot be found because of those (the under-determined part)."""
+    """The blocks of a system of equations in solving order.
+
+    ``blocks``: (equations, unknowns), each dependent on earlier ones only. ``redundant``: equations without an unknown of their own
+    (redundant constraints). ``free``: unknowns without an equation of their own (undriven degrees of freedom). ``unmatched``: all
+    unknowns that are therefore undetermined (the under-determined part).
+    """
 
     blocks: tuple[tuple[tuple[int, ...], tuple[int, ...]], ...]
     redundant: tuple[int, ...]
@@ -26,7 +29,7 @@ class SolvingOrder:
 
 
 def block_order(pattern: Sequence[Sequence[int]], unknowns: int) -> SolvingOrder:
-    """Pattern: for each equation the unknowns in it -> its blocks in solving order."""
+    """The solving order of a system with this ``pattern``: for each equation the unknowns in it."""
     rows = len(pattern)
     match = maximum_matching(pattern, unknowns)
     owner = [-1] * unknowns  # unknown -> its equation
@@ -41,7 +44,7 @@ def block_order(pattern: Sequence[Sequence[int]], unknowns: int) -> SolvingOrder
         for u in p:
             appears[u].append(e)
     unmatched, stack = set(free), list(free)
-    while stack:  # whatever an alternating path reaches from a free unknown is not determined either
+    while stack:  # an unknown that an alternating path reaches from a free one is not determined either
         for e in appears[stack.pop()]:
             u = match[e]
             if u >= 0 and u not in unmatched:
@@ -55,7 +58,7 @@ def block_order(pattern: Sequence[Sequence[int]], unknowns: int) -> SolvingOrder
 
 
 def maximum_matching(pattern: Sequence[Sequence[int]], unknowns: int) -> list[int]:
-    """For each equation an unknown of its own, -1 for those that get none: as many as possible are matched.
+    """Maximum matching: for each equation an unknown of its own, or -1; as many equations as possible are matched.
 
     Hopcroft & Karp, An n^(5/2) algorithm for maximum matchings in bipartite graphs (1973): each round augments along a maximal
     set of disjoint shortest alternating paths.
@@ -97,7 +100,7 @@ def maximum_matching(pattern: Sequence[Sequence[int]], unknowns: int) -> list[in
 
 
 def _components(needs: Sequence[Sequence[int]]) -> list[list[int]]:
-    """Strongly connected components, each after those that it needs (Tarjan 1972, without recursion)."""
+    """Strongly connected components, each after those that it depends on (Tarjan 1972, without recursion)."""
     n = len(needs)
     index, low, on = [-1] * n, [0] * n, [False] * n
     stack: list[int] = []
