@@ -12,7 +12,9 @@ from mechcore.arrays import Complex, Real
 from mechcore.design.four_bars import Defects, judge_four_bars
 from mechcore.errors import Fault, MechanismError
 from mechcore.records import dataclass
+from mechcore.texts import as_length
 
+LEAST_REACH = 1e-12  # [m] of the poses: below, they have one place
 INFINITE_PIVOT = 1e6  # distance, relative to the reach of the poses, from which on pivots count as at infinity
 ON_LINE = 1e-7  # distance from a line, relative to the reach, up to which a point is on it
 NEWTON_STEPS = 8  # steps that refine the dyads of five positions
@@ -33,6 +35,18 @@ class BodyPositions:
             for j in range(i):
                 if self.places[i] == self.places[j] and self.turns[i] == self.turns[j]:
                     raise MechanismError(Fault("poses", f"positions {j + 1} and {i + 1} are the same.", "Give each position once."))
+        self._refuse_hinge()
+
+    def _refuse_hinge(self) -> None:
+        """Refuse rotations about one point: of two positions only where that is the body's origin, else all are such."""
+        centre = self.pole(0, 1)
+        arms = centre - self.places
+        scale = max(float(np.abs(arms).max()), self.reach)
+        away = np.abs(arms - arms[0] * self.turns / self.turns[0]).max()  # NaN where there is no centre
+        if away <= 1e-9 * scale and (len(self.places) > 2 or self.reach == LEAST_REACH):
+            x, y = (0.0 if abs(c) < 1e-9 * scale else c for c in (centre.real, centre.imag))
+            why = f"the body only turns about one point, x = {as_length(x)}, y = {as_length(y)}."
+            raise MechanismError(Fault("poses", why, "A revolute joint there leads it; or give positions off that rotation."))
 
     @property
     def turns(self) -> Complex:
@@ -54,8 +68,8 @@ class BodyPositions:
 
     @property
     def reach(self) -> float:
-        """Largest distance of two places [m], at least 1e-12: the scale of distances."""
-        return float(max(np.abs(self.places[:, None] - self.places).max(), 1e-12))
+        """Largest distance of two places [m], at least `LEAST_REACH`: the scale of distances."""
+        return float(max(np.abs(self.places[:, None] - self.places).max(), LEAST_REACH))
 
     def pole(self, i: int, j: int) -> complex:
         """Pole of the displacement from pose i to pose j: the point of the frame about which the body rotates; NaN for a
