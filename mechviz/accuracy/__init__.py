@@ -1,3 +1,3 @@
-"""The cost of accuracy: errors of a run estimated, frames found for a wanted error, settings measured against each other."""
+"""Accuracy of a run: estimates of its errors, and the settings that a target error needs."""
 
 __all__ = []

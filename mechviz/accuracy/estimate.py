@@ -1,23 +1,24 @@
-"""Errors that the program states of its own results: at the frames, of the integrator, between the frames, all relative; and
-whether the results can be trusted.
+"""Estimates of a run's own errors (at the frames, of the integrator, between the frames; all relative), and warnings where the
+results cannot be trusted.
 
-- Positions: the residual of the loops, and the rounding that it cannot show, times the condition of the groups. Velocities and
-  accelerations are those of the place where the frame is instead; reactions are solved with the transposed matrices, and small ones
-  have the rounding of the largest force.
-- Motion under forces: its distance from a companion, the same motion with a hundredth of the tolerance; of a motion that its energy
-  gave, from collocation at its tightest. Extrapolating from a looser companion is wrong by up to a hundred, as the error does not
-  follow the tolerance so well. The companion starts from the motion that it judges (`refine`), which makes it
-  cheap, but does not believe it: it solves the equations of motion themselves, evaluated anew, by a rule with other nodes and of a
-  higher order, on windows that the last coefficients of its own series have to allow, from the given start to the end; events are
-  looked for anew, and tables are made anew. Newton's method forgets where it started: from a motion that was falsified it comes to
-  the same solution, and then shows the error of the false one. Both share errors that no tolerance reduces: the model, and the
-  rounding of the same formulas. A vibration that was stepped over, because it is smaller than the tolerance, counts in full.
-- Discontinuities: an angle that goes on by a turn more or less than its rates say is counted in full. Half of what is missing in
-  the balance of energies is an error of the rates, and so of the positions.
-- Between frames: every second frame interpolated from the others; the error of half the distance follows from the order that the
-  error at twice and four times the distance shows around there, at most that of the interpolation: where frames lie next to a
-  singular position, what is left of their digits does not get better with their number. Values that have a pole between two frames
-  are stated as they are a hundredth of the distance beside it (see `poles`).
+- Positions: the closure error of the loops, plus the rounding that it does not show, times the condition number of the groups. A
+  misplaced frame has the velocities and accelerations of another position, so that their errors follow from that of the position.
+  Reactions are solved with the transposed matrices; small reactions carry the rounding of the largest force.
+- Motion under forces: the distance from a companion, which is the same motion integrated with a hundredth of the tolerance. For the
+  method "energy" the companion is collocation at its tightest tolerance. Extrapolation from a looser companion is wrong by a factor
+  of up to a hundred, because the error does not follow the tolerance closely. The companion starts from the motion that it checks
+  (`refine`), which makes it cheap, but it does not rely on that motion: it solves the equations of motion, evaluated anew, by a
+  rule with other nodes and of higher order, on windows that the last coefficients of its own series have to allow, from the given
+  start to the end. Events are located anew, and tables are made anew. The solution of Newton's method does not depend on where the
+  iteration starts: from a falsified motion it converges to the same solution, and then shows the error of the false one. Both
+  motions share the errors that no tolerance reduces: the model, and the rounding of the same formulas. A vibration that the
+  integrator stepped over, because it is smaller than the tolerance, counts in full.
+- Discontinuities: an angle that jumps by whole turns against its rates counts in full. Half of the imbalance of the energies is an
+  error of the rates, and so of the positions.
+- Between frames: every second frame is interpolated from the others. The error at the actual spacing follows from the order of
+  convergence that the errors at twice and four times the spacing show nearby, which is at most that of the interpolation. Next to a
+  singular position frames have lost digits, and more frames do not reduce that error. A quantity that has a pole between two frames
+  is stated with its value at a hundredth of the spacing from the pole (see `quantities`).
 """
 
 from __future__ import annotations
@@ -52,40 +53,41 @@ if TYPE_CHECKING:
     from mechviz.runs import Run
 
 ROUNDING = 2.2e-16
-FORCE_ROUNDINGS = 4.0  # roundings of the largest force on the way to a small one
-SMALL_FORCE = 1e-9  # of the largest force: what is smaller is rounding
-LARGEST_CONDITION = 1e6  # beyond it the branch on both sides gives the frame
-COMPANION_TOLERANCE = 0.01  # tolerance of the companion of a motion under forces
+FORCE_ROUNDINGS = 4.0  # rounding errors of the largest force that add up in a small one
+SMALL_FORCE = 1e-9  # relative to the largest force: a smaller force is rounding
+LARGEST_CONDITION = 1e6  # above it the frame is interpolated from the branch on both sides
+COMPANION_TOLERANCE = 0.01  # tolerance of the companion of a motion under forces, relative to that of the motion
 LEAST_TOLERANCE = 1e-13
 SAMPLED_FRAMES = 257  # frames at which a companion is compared
-QUADRATURE_ERROR = 1e-4  # of the largest energy: less may be missing in the works, where contacts are stiff, and not in the motion
-UNSURE_TURN = 2.0  # [rad] that an angle may go from a frame to the next for a lost turn to be distinguished from a motion
-PLACES_AROUND = 1  # places at four times the distance, on both sides, that show how errors fall
+QUADRATURE_ERROR = 1e-4  # relative to the largest energy: a smaller imbalance may be quadrature error of works at stiff contacts
+UNSURE_TURN = 2.0  # [rad] largest step of an angle between frames at which a lost turn can be told from a motion
+PLACES_AROUND = 1  # neighbours on both sides, at four times the spacing, from which the order of convergence is taken
 
 
 @dataclass(frozen=True, eq=False)
 class ErrorEstimate:
-    """Estimates (F,) at every frame, relative to the mechanism's size or the peak of the quantity; NaN where there is nothing."""
+    """Error estimates (F,) at every frame, relative to the mechanism's size or the peak of the quantity; NaN where there is
+    none."""
 
     position: Real
     velocity: Real
     acceleration: Real
     reaction: Real
-    between: Real  # the largest of all quantities from each frame to the next, read with the run's interpolation
+    between: Real  # largest of all quantities between each frame and the next, read with the run's interpolation
     order: int
 
     def table(self) -> Real:
-        """The columns (F, 5)."""
+        """The estimates as columns (F, 5), in the order of `ERROR_COLUMNS`."""
         return np.column_stack([self.position, self.velocity, self.acceleration, self.reaction, self.between])
 
     def worst(self) -> dict[str, float]:
-        """The largest estimate of each column that has one."""
+        """The largest estimate of each column that has a finite one, by its name."""
         columns = zip(ERROR_COLUMNS, self.table().T, strict=True)
         return {name: float(np.nanmax(values)) for name, values in columns if np.isfinite(values).any()}
 
 
 def estimate_errors(run: Run) -> ErrorEstimate:
-    """The estimates of a run, from what it has computed; of a motion under forces also from a companion."""
+    """Error estimates of a run, from its own results; for a motion under forces also from a companion run."""
     motion = run.motion
     condition = np.minimum(np.nan_to_num(np.asarray(motion.condition, float), nan=np.inf), LARGEST_CONDITION)
     size = motion.model.length_scale
@@ -117,8 +119,9 @@ def estimate_errors(run: Run) -> ErrorEstimate:
 
 
 def lost_turns(motion: Motion) -> Real:
-    """Whole turns [rad] by which angles of links and coordinates of joints have jumped until each frame (F,), the largest of all:
-    where one goes on by a turn more or less than its rates at both frames say. Loads by such an angle are wrong from there on."""
+    """Sum of the whole turns [rad] by which an angle of a link or a coordinate of a joint has jumped up to each frame (F,), the
+    largest of all of them. A jump is a step that differs by whole turns from the one that the rates at both frames give. Loads that
+    depend on such an angle are wrong from there on."""
     worst, step = np.zeros(motion.frames), np.diff(motion.time)
     rows = [motion.coordinate(c.name).T for c in motion.model.connections]
     rows += [np.stack([x(k)[:, 2] for x in (motion.pose, motion.velocity, motion.acceleration)]) for k in motion.model.links[1:]]
@@ -134,8 +137,8 @@ def lost_turns(motion: Motion) -> Real:
 
 
 def _unbalanced(run: Run) -> Real:
-    """Error of a motion under forces by its balance of energies (F,), largest so far: rates are off by at least half
-    of what is missing, relative to the largest change of an energy. A force that jumps without a reason shows here."""
+    """Error (F,) of a motion under forces from its energy balance, the largest up to each frame: the rates are wrong by at least
+    half of the imbalance, relative to the largest energy. It reveals a force that jumps without a cause."""
     assert run.simulation is not None
     kinetic, potential, work, lost = run.simulation.energies(np.append(run.simulation.start, run.motion.time)).T
     total = kinetic + potential - work + lost
@@ -145,7 +148,8 @@ def _unbalanced(run: Run) -> Real:
 
 
 def _travel(motion: Motion, size: float) -> Real:
-    """How large the numbers are that positions come from (F,): far from the origin and after many turns digits are lost."""
+    """Magnitude (F,) of the numbers that positions are computed from, relative to the mechanism's size and to a radian, at least 1:
+    digits are lost far from the origin and after many turns."""
     far = np.ones(motion.frames)
     for link in motion.model.links[1:]:
         pose = motion.pose(link)
@@ -154,14 +158,15 @@ def _travel(motion: Motion, size: float) -> Real:
 
 
 def _bend(motion: Motion) -> float:
-    """How much rates change where positions change by one: largest acceleration over the square of the largest velocity, lengths in
-    sizes of the mechanism. A frame that is misplaced has the rates of another place. 1 where nothing moves."""
+    """Largest acceleration over the square of the largest velocity, lengths in sizes of the mechanism: the relative error of rates
+    per error of the position, since a misplaced frame has the rates of another position. 1 for a mechanism at rest."""
     speed, acceleration = _peaks(motion)
     return acceleration / speed**2 if speed > 0.0 else 0.0
 
 
 def _peaks(motion: Motion) -> tuple[float, float]:
-    """Largest velocity and acceleration, lengths in sizes of the mechanism; where nothing moves, those of `quantities`."""
+    """Largest velocity and acceleration, lengths in sizes of the mechanism; for a mechanism at rest the scales of
+    `pace_of_rest`."""
     if stands_still(motion):
         pace = pace_of_rest(motion)
         return pace, pace * pace
@@ -176,8 +181,9 @@ def _peaks(motion: Motion) -> tuple[float, float]:
 
 
 def _cancelled(run: Run) -> float:
-    """Rounding of the largest force or moment, seen from reactions and efforts that are much smaller: relative to their own peaks
-    it is large. Values below a billionth are rounding only: their error is their size.
+    """Relative error of reactions and efforts by the rounding of the largest force or moment, which is large relative to the peak
+    of a much smaller reaction. Reactions below a billionth of the largest force are nothing but rounding: their error is their
+    size.
     """
 
     def peak(values: Real) -> float:
@@ -194,7 +200,7 @@ def _cancelled(run: Run) -> float:
         largest = force if is_force else moment
         if own > SMALL_FORCE * largest:
             worst = max(worst, FORCE_ROUNDINGS * ROUNDING * largest / scale)
-        elif scale > 10.0 * own:  # else it is compared with itself
+        elif scale > 10.0 * own:  # otherwise the scale is the quantity itself
             worst = max(worst, own / scale)
     return worst
 
@@ -207,7 +213,8 @@ def _friction_residual(run: Run) -> Real:
 
 
 def _difference_errors(run: Run) -> tuple[float, float]:
-    """Errors of rates by differences: those with twice the distance of frames beside them, by the order of the method."""
+    """Relative errors of velocities and accelerations by differences, from those at twice the spacing of frames and the order of
+    the method (Richardson)."""
     motion, accuracy = run.motion, run.accuracy
     drawn = accuracy.differentiation == "graphical"
     order = 2 if drawn else accuracy.differences
@@ -226,8 +233,8 @@ def _difference_errors(run: Run) -> tuple[float, float]:
 
 
 def interpolation_error(every: Iterable[CheckedQuantity], time: Real, order: int, passages: Sequence[Passage] = ()) -> Real:
-    """Estimated error of the interpolation from each frame to the next (F,), the largest of all quantities; ``passages`` of
-    singular positions between the frames. See the module."""
+    """Estimated error (F,) of the interpolation between each frame and the next, the largest of all quantities; NaN with fewer than
+    nine frames. ``passages``: singular positions between the frames. See the module docstring."""
     frames = len(time)
     if frames < 9:
         return np.full(frames, np.nan)
@@ -245,8 +252,9 @@ def interpolation_error(every: Iterable[CheckedQuantity], time: Real, order: int
 
 
 def _gain(twice: Real, four: Real, order: int) -> Real:
-    """By what half the distance makes errors smaller at the places of ``twice`` (n,), from those at twice that (m,) around there;
-    next to the ends, where polynomials are one-sided and errors of different distances say little of each other, on the whole."""
+    """Factor (n,) by which halving the spacing reduces the errors ``twice`` (n,), from the errors ``four`` (m,) at twice their
+    spacing nearby. Next to the ends polynomials are one-sided and local errors are no guide: the factor is taken from the largest
+    errors."""
     twice, four = np.nan_to_num(twice), np.nan_to_num(four)
     places = np.minimum(np.arange(len(twice)) // 2, len(four) - 1)
     around, other = _largest_around(twice, 2 * PLACES_AROUND), _largest_around(four, PLACES_AROUND)[places]
@@ -258,12 +266,13 @@ def _gain(twice: Real, four: Real, order: int) -> Real:
 
 
 def _largest_around(x: Real, reach: int) -> Real:
-    """Largest of the neighbours within a reach on both sides (n,)."""
+    """Largest value (n,) within ``reach`` neighbours on both sides."""
     return np.array(np.lib.stride_tricks.sliding_window_view(np.pad(x, reach), 2 * reach + 1).max(axis=1))
 
 
 def _left_out(q: CheckedQuantity, time: Real, order: int, step: int) -> Real:
-    """Relative errors at the frames half way between every ``step``-th frame, interpolated from those."""
+    """Relative errors at the frames half way between every ``step``-th frame, interpolated from these; for order 0, which holds
+    values, those just before the next of them."""
     frames = len(time)
     last = (frames - 1) // step * step
     keep = np.arange(0, last + 1, step)
@@ -279,11 +288,11 @@ def _left_out(q: CheckedQuantity, time: Real, order: int, step: int) -> Real:
 
 
 _companions: WeakKeyDictionary[Callable[..., Simulation], WeakKeyDictionary[Simulation, Simulation | None]] = WeakKeyDictionary()
-"""The motion that each run was compared with, kept as long as the run lives: long ones take hundreds of megabytes."""
+"""Companion of each motion, kept no longer than the run: a long one takes hundreds of megabytes."""
 
 
 def _companion(simulation: Simulation, simulate: Callable[..., Simulation]) -> Simulation | None:
-    """The same motion with a hundredth of the tolerance, made once; None where it does not come through."""
+    """The companion of a motion (see the module docstring), computed once; None where its integration fails."""
     known = _companions.setdefault(simulate, WeakKeyDictionary())
     if simulation not in known:
         known[simulation] = _tighter(simulation, simulate)
@@ -303,10 +312,11 @@ def _tighter(simulation: Simulation, simulate: Callable[..., Simulation]) -> Sim
 
 
 def integration_error(simulation: Simulation, time: Real, simulate: Callable[..., Simulation]) -> Real:
-    """Estimated error (F,) of a motion under forces: largest so far of all links, angles in radians, lengths in sizes of the
-    mechanism; NaN where no companion comes through. Rates are about as wrong, relative to their peaks, but for impacts.
+    """Estimated error (F,) of a motion under forces: the largest of all links up to each frame, angles in radians, lengths in sizes
+    of the mechanism; NaN where the integration of the companion fails. Rates have about the same error relative to their peaks,
+    except at impacts.
 
-    ``simulate`` makes the motion with a given tolerance and, where the energy gave it, by a given method.
+    ``simulate(tolerance, method, start)`` integrates the motion anew; ``start``: the motion that it starts from.
     """
     companion = _companion(simulation, simulate)
     if companion is None:
@@ -318,7 +328,8 @@ def integration_error(simulation: Simulation, time: Real, simulate: Callable[...
 
 
 def poses_apart(one: Motion, other: Motion) -> Real:
-    """Largest distance (F,) of the links in two motions at the same times, lengths in sizes of the mechanism, angles in radians."""
+    """Largest difference (F,) between the poses of links in two motions at the same times; lengths in sizes of the mechanism,
+    angles in radians."""
     worst = np.zeros(one.frames)
     for link in one.model.links[1:]:
         error = np.abs(one.pose(link) - other.pose(link))
@@ -326,11 +337,12 @@ def poses_apart(one: Motion, other: Motion) -> Real:
     return worst
 
 
-LARGEST_ERROR = 0.1  # estimated, relative; of all but what is read between frames
+LARGEST_ERROR = 0.1  # relative: a larger estimated error at the frames gives a warning
 
 
 def check_finite(run: Run) -> None:
-    """Refuses a run whose loads are not finite where nothing jams. Raises `MechanismError` with each of them."""
+    """Raise `MechanismError` where a load or inertia force is not finite at a frame at which friction does not jam, with a fault
+    for each of them."""
     if run.forces is None:
         return
     moves, time, faults = _moves(run), run.motion.time, []
@@ -347,8 +359,8 @@ def check_finite(run: Run) -> None:
 
 
 def accuracy_warnings(run: Run, *, errors: bool = False) -> list[str]:
-    """Why the results of a run cannot be trusted, a sentence each; none where they can. ``errors``: also where its estimated errors
-    are large, which of a motion under forces takes a second run."""
+    """Reasons why the results of a run cannot be trusted, a sentence each; empty where they can. ``errors``: include large
+    estimated errors, which for a motion under forces takes a second run."""
     moves = _moves(run)
     sums = (health.warning(moves) for health in run.catalogue.health)
     return [*filter(None, sums), *(_large_errors(run) if errors else ())]
@@ -361,7 +373,7 @@ def _large_errors(run: Run) -> Iterator[str]:
 
 
 def _moves(run: Run) -> NDArray[np.bool_]:
-    """Frames (F,) at which nothing jams."""
+    """Whether the mechanism is free of jams at each frame (F,)."""
     friction = None if run.forces is None else run.forces.friction
     jammed = np.zeros(len(run.motion.time), bool) if friction is None else np.asarray(friction.jammed)
     return ~jammed

@@ -1,9 +1,9 @@
-"""How many frames, how small a tolerance and how fine a drawing a wanted error needs, and in words whether it is reached and what
-is in the way: found by measuring, not by guessing.
+"""Settings that a target error needs (frames, tolerance, chordal error of drawings, recorded digits), found by measurement; and, as
+text, whether the target is reached and what prevents it.
 
-A run of N frames is compared with the motion itself half way between them; the error of an interpolation of order p falls as
-N^-(p+1), so that a few runs lead to the number of frames that is just enough. The picture and the recording of a run have
-accuracies of their own: facets, points of cam profiles, digits, frames with pictures.
+A run of N frames is compared with the motion itself half way between the frames. The error of interpolation of order p falls as
+N^-(p+1), so that a few runs suffice to find the smallest sufficient number of frames. Picture and recording of a run have settings
+of their own: facets, points of cam profiles, digits, frames with arrows.
 """
 
 from __future__ import annotations
@@ -32,25 +32,27 @@ if TYPE_CHECKING:
 
 Provider = Callable[[Real], list[CheckedQuantity]]
 
-FEWEST_FRAMES, MOST_FRAMES_FITTED = 16, 200_000  # frames a cycle
+FEWEST_FRAMES, MOST_FRAMES_FITTED = 16, 200_000  # frames per cycle
 MOST_FRAMES = 1_000_000  # of a run
-MOST_POSES = 2_000_000  # frames of all links: a gigabyte
+MOST_POSES = 2_000_000  # frames times links: a gigabyte
 FIT_ROUNDS = 7
-FRAMES_SHARE = 0.9  # of the wanted error for the frames: digits and tolerances have the rest
-NEAR_ENOUGH = 0.25  # of that: nearer than this is near enough
-STANDS_OUT = 30.0  # times the errors around it: an interval that holds a jump or a bend
-MOST_LEFT_OUT = 0.1  # of the intervals: where jumps are closer to each other, more frames separate them
-MOST_REFINEMENT = 16.0  # times as many frames for what stands out, at most
-LEAST_ORDER = 0.7  # order by which its error has to fall: that of a bend is 1, that of a jump 0
+FRAMES_SHARE = 0.9  # share of the target error for the frames; digits and tolerances have the rest
+NEAR_ENOUGH = 0.25  # of the error allowed for the frames: the search ends above this
+STANDS_OUT = 30.0  # ratio to the errors around it, above which an interval holds a jump or a bend
+MOST_LEFT_OUT = 0.1  # largest fraction of intervals that are left out; closer jumps are separated by more frames
+MOST_REFINEMENT = 16.0  # largest increase of the number of frames for bends
+LEAST_ORDER = 0.7  # least order of convergence at a bend; a bend has order 1, a jump order 0
 ENOUGH_ERROR = 1e-13  # rounding
-NEARLY_ROUNDING = 1e-9  # where reactions of ill-conditioned positions may lie
+NEARLY_ROUNDING = 1e-9  # rounding error of reactions in ill-conditioned positions, at most
 
 
 @dataclass(frozen=True)
 class Fit:
-    """Frames over the whole run, the largest relative error between them, and how many jumps and bends there are, where no number
-    of frames helps: their intervals are left out of the error, ``left_out`` of all (0 to 1), with errors of up to ``there``.
-    ``needed``: frames that would do where these do not."""
+    """A number of ``frames`` over the whole run and the largest relative ``error`` between them.
+
+    ``jumps``: number of jumps and bends, where more frames hardly help. Their intervals are left out of ``error``: they are the
+    fraction ``left_out`` (0 to 1) of all, with errors of up to ``there``. ``needed``: estimated number of frames that would reach
+    the target where ``frames`` does not."""
 
     frames: int
     error: float
@@ -61,7 +63,7 @@ class Fit:
 
 
 def provider(scene: Scene, accuracy: Accuracy, simulation: Simulation | None = None) -> Provider:
-    """Quantities of a scene's motion at any times, with forces where it has some."""
+    """A function of times (F,) [s] that gives the quantities of a scene's motion, with forces where the scene has some."""
     with_forces = bool(scene.mechanism.effects or scene.mechanism.loads)
     if simulation is not None:
 
@@ -81,14 +83,15 @@ def provider(scene: Scene, accuracy: Accuracy, simulation: Simulation | None = N
 
 
 def duration(scene: Scene, simulation: Simulation | None = None) -> float:
-    """How long a scene's run takes [s]."""
+    """Duration of a scene's run [s]."""
     if simulation is not None:
         return simulation.duration
     return float(default_times(scene.mechanism, 1, scene.cycles)[-1])
 
 
 def achieved(at: Provider, end: float, frames: int, order: int) -> Fit:
-    """The error of a run of some frames (over ``end`` [s]) between its frames, where it is largest: half way, or at their end."""
+    """The error of a run of ``frames`` intervals over ``end`` [s], probed where it is largest: half way between frames, or for
+    order 0 just before the next frame."""
     time = np.linspace(0.0, end, frames + 1)
     probe = time[:-1] + (0.5 if order else 1.0 - 1e-6) * np.diff(time)
     whole = at(np.sort(np.concatenate([time, probe])))
@@ -112,7 +115,8 @@ def _rows(q: CheckedQuantity, rows: Index | slice) -> CheckedQuantity:
 
 
 def stand_out(errors: Real) -> NDArray[np.bool_]:
-    """Intervals whose error is far above that of those around, with the two on either side that interpolation spoils too."""
+    """Whether the error of each interval is far above those around it; includes up to two intervals on either side that
+    interpolation spoils too."""
     n = len(errors)
     if n < 24:
         return np.zeros(n, bool)
@@ -127,10 +131,10 @@ def stand_out(errors: Real) -> NDArray[np.bool_]:
 
 
 def fit_frames(scene: Scene, accuracy: Accuracy, simulation: Simulation | None = None) -> Fit:
-    """The number of frames with which interpolation of the accuracy's order stays within its target, and not far below.
+    """The number of frames with which the interpolation error is within the target of an accuracy, and not far below it.
 
-    Where even the largest number does not do, it is that number, with an estimate of what would be needed; where rounding is in the
-    way, the last number that helped.
+    Where the largest possible number does not suffice, it is returned with an estimate of the number that would (``needed``). Where
+    rounding prevents the target, the result is the last number that reduced the error.
     """
     assert accuracy.target is not None
     at, end, order = provider(scene, accuracy, simulation), duration(scene, simulation), accuracy.interpolation
@@ -174,8 +178,9 @@ def fit_frames(scene: Scene, accuracy: Accuracy, simulation: Simulation | None =
 
 
 def _past_bends(at: Provider, end: float, order: int, fit: Fit, target: float, most: int) -> Fit:
-    """More frames where what stands out is no jump but a bend, or a narrow peak, whose error falls with them: as many as reach the
-    target there too, where that is at most `MOST_REFINEMENT` times as many. Else the frames that were found."""
+    """A fit with more frames, where an interval that stands out holds a bend or a narrow peak, whose error falls with the number of
+    frames, and no jump: as many frames as reach the target there too, if at most `MOST_REFINEMENT` times as many suffice. Else the
+    given fit."""
     now, limit = fit, min(most, int(MOST_REFINEMENT * fit.frames))
     for _ in range(3):
         if now.there <= target:
@@ -192,14 +197,15 @@ def _past_bends(at: Provider, end: float, order: int, fit: Fit, target: float, m
 
 
 def _rounding(last: Fit | None, fit: Fit, goal: float) -> bool:
-    """Whether far more frames have made an error near rounding hardly any smaller."""
+    """Whether the error is near rounding and hardly falls although there are many more frames."""
     return last is not None and goal < last.error < NEARLY_ROUNDING and fit.error > goal and fit.frames >= 1.3 * last.frames and (
         fit.error > last.error / 1.2
     )  # fmt: skip
 
 
 def simulated(accuracy: Accuracy, simulate: Callable[..., Simulation]) -> Simulation:
-    """The motion under forces with the tolerance tightened until its estimated error is within the target."""
+    """The motion under forces, with a tolerance that is tightened (at most three times) until the estimated error is within the
+    target."""
     assert accuracy.target is not None and accuracy.integrator is not None
     tolerance = accuracy.integrator
     for _ in range(4):
@@ -212,19 +218,20 @@ def simulated(accuracy: Accuracy, simulate: Callable[..., Simulation]) -> Simula
 
 
 FINEST_CHORD = 1e-5
-"""Of the mechanism's size: meshes get no finer by themselves. It is a twenty-fifth of a pixel where the mechanism fills a screen of
-4,000; meshes are kept in float32, and below that their facets cost far more than everything else."""
+"""Smallest chordal error that a target gives, relative to the mechanism's size. It is a twenty-fifth of a pixel where the mechanism
+fills a screen of 4,000. Meshes are kept in float32, and finer facets would cost far more than everything else."""
 
-PROFILE_POINTS = 1080  # points of a cam's profile where nothing else is asked for
+PROFILE_POINTS = 1080  # default number of points of a cam's profile
 MOST_POINTS = 20_000
 PICTURES_A_CYCLE = 720
-"""Arrows are for looking: where a cycle has more frames than this, not every frame gets its own."""
-DIGITS_SHARE = 0.1  # of the target for the digits: the frames have the rest, see `fit`
-SINGLE_ROUNDING = 2.0**-24  # largest relative error of a number that is rounded to float32
+"""Number of frames per cycle up to which every frame has arrows, which serve display only."""
+DIGITS_SHARE = 0.1  # share of the target error for the digits; the frames have the rest, see `FRAMES_SHARE`
+SINGLE_ROUNDING = 2.0**-24  # largest relative error of rounding a number to float32
 
 
 def fixed_settings(run: Run) -> Accuracy:
-    """The run's settings with chord [m], profile, numbers and pictures as they follow from its target."""
+    """The settings of a run, with chord [m], profile, numbers and pictures filled in from its target; without a target profile and
+    numbers have their defaults."""
     settings = run.accuracy
     filled: dict[str, Any] = {}
     if settings.target is None:
@@ -242,20 +249,20 @@ def fixed_settings(run: Run) -> Accuracy:
 
 
 def rounding(every: Sequence[CheckedQuantity]) -> float:
-    """The largest relative error that rounding to float32 makes of quantities."""
+    """The largest relative error of quantities by rounding to float32."""
     sizes = [float(np.abs(q.values[np.isfinite(q.values)]).max(initial=0.0)) / q.scale for q in every]
     return SINGLE_ROUNDING * max(sizes, default=0.0)
 
 
 def _digits(every: Sequence[CheckedQuantity], target: float, *, balanced: bool) -> Literal["float64", "float32"]:
-    """float32 where its rounding is a tenth of the target at most. Not where there are forces: readers of recordings check
-    that every link is in balance to 1e-8, which float32 is not."""
+    """The number format: float32 where its rounding is at most a tenth of the target. With forces (``balanced``) float64, because
+    readers of recordings check the equilibrium of every link to 1e-8, which float32 does not reach."""
     return "float32" if not balanced and rounding(every) <= DIGITS_SHARE * target else "float64"
 
 
 def plain_stride(motion: Motion) -> int:
-    """Every how many frames arrows are drawn where nothing else is asked for: all up to 720 frames a cycle of the first drive, or
-    of a run that is shorter than one."""
+    """Default stride of the frames with arrows: 1 up to 720 frames per cycle of the first drive (or per run, if that is
+    shorter)."""
     if motion.frames < 2:
         return 1
     step = float(np.ptp(motion.time)) / (motion.frames - 1)
@@ -264,8 +271,8 @@ def plain_stride(motion: Motion) -> int:
 
 
 def _pictures(every: Sequence[CheckedQuantity], motion: Motion, target: float, thin: int) -> int:
-    """Every so many recorded frames have pictures: as few as joined by straight lines stay within the target, the last one among
-    them; not fewer than without a target, as viewers hold the last picture while the mechanism moves on."""
+    """Stride of the recorded frames with arrows: the largest one whose frames, joined by straight lines, stay within the target and
+    include the last frame. It is at most the default stride, as viewers hold the last arrows while the mechanism moves on."""
     time = motion.time
     last = (len(time) - 1) // thin
     best = 1
@@ -278,11 +285,11 @@ def _pictures(every: Sequence[CheckedQuantity], motion: Motion, target: float, t
 
 
 def _joined(every: Sequence[CheckedQuantity], time: Real, step: int, last: int, target: float) -> bool:
-    """Whether straight lines between every ``step``-th frame are within the target at all frames in between, up to ``last``."""
+    """Whether straight lines between every ``step``-th frame are within the target at all frames up to ``last``."""
     nodes, frames = np.arange(0, last + 1, step), np.arange(last + 1)
     for q in every:
         values = q.values.reshape(len(q.values), -1)
-        if q.turns:  # what is drawn on a link that turns goes along an arc
+        if q.turns:  # points of a rotating link move on arcs
             values = np.column_stack([np.cos(values), np.sin(values)])
         joined = np.column_stack([np.interp(time[frames], time[nodes], column[nodes]) for column in values.T])
         error = np.abs(joined - values[frames])
@@ -292,7 +299,8 @@ def _joined(every: Sequence[CheckedQuantity], time: Real, step: int, last: int, 
 
 
 def _points(run: Run, chord: float) -> int:
-    """Points with which the profiles of all planar cams are within ``chord`` [m]: their error falls with their square."""
+    """Number of points with which the profiles of all planar cams are within ``chord`` [m]; the error falls with the square of the
+    number."""
     contours = [p.contour for p in plane_cams(run)]
     if not contours:
         return PROFILE_POINTS
@@ -307,13 +315,14 @@ def _points(run: Run, chord: float) -> int:
 
 
 def plane_cams(run: Run) -> list[Any]:
-    """The planar cams of a run, second ones of conjugate pairs among them: those that have a contour."""
+    """The planar cams of a run, which have a contour; includes the second cams of conjugate pairs."""
     placed = [p for r in run.compiled.model.relations for p in (r.geometry, getattr(r.geometry, "mate", None))]
     return [p for p in placed if getattr(p, "contour", None) is not None]
 
 
 def profile_away(contour: Any, count: int) -> float:
-    """How far a profile with so many points is from the contour that they lie on [m]: half way between them."""
+    """Largest distance [m] between a contour and the polygon through ``count`` of its points, measured half way between the
+    points."""
     each = max(count // contour.count, 8)
     t = np.arange(2 * contour.count * each + 1) / (2 * each)
     z = np.asarray(contour(t)[0])
@@ -322,11 +331,11 @@ def profile_away(contour: Any, count: int) -> float:
 
 
 ORDERS = {0: "held values", 1: "straight lines", 3: "cubics", 5: "quintics"}
-"""How frames are joined, by the order of the interpolation."""
+"""Names of the interpolation between frames, by its order."""
 
 
 def target_words(run: Run) -> list[str]:
-    """Lines of a run that has a target."""
+    """Whether a run reaches its target error, and with which settings, as lines of text. The run must have a target."""
     target = run.accuracy.target
     assert target is not None
     motion = [] if run.simulation is None else [_motion(run, target)]
@@ -359,12 +368,12 @@ def _frames(run: Run, target: float) -> str:
 
 
 def _besides(fit: Fit) -> str:
-    """Where interpolation is not exact in any case."""
+    """Intervals with a jump or a bend, where interpolation is inexact in any case, in words."""
     return f"; {fit.jumps} intervals besides hold a jump or a bend, with up to {fit.there:.1e} of the peak" if fit.jumps else ""
 
 
 def _motion(run: Run, target: float) -> str:
-    """Error of the integration, by its companion."""
+    """Integration error, estimated with a companion run, in words."""
     assert run.simulation is not None
     left = float("nan")
     if run.again is not None:

@@ -1,9 +1,9 @@
-"""Where values have no bound between two frames: singular positions that a motion passes, in which what a group carries or how fast
-it moves grows as one over the distance.
+"""Quantities whose errors are estimated, and their poles at singular positions that a motion passes between two frames.
 
-A group's unknowns are N / D, with D the determinant of its columns. Where D changes its sign between two frames while N does not
-vanish with it, there is a pole, which no interpolation of the frames shows; where both vanish together (a parallelogram that goes
-straight through its flat position) there is none.
+Near a pole the forces or the rates of a group grow with the reciprocal of the distance from the singular position, so that they
+have no bound between the frames. The unknowns of a group are N / D, where D is the determinant of its columns. Where D changes its
+sign between two frames and N does not vanish with it, there is a pole, which no interpolation of the frames shows. Where both
+vanish together (a parallelogram that passes straight through its flat position) there is none.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ from mechcore.numerics.interpolation import between
 from mechcore.records import dataclass
 from mechviz.quantities.items import joints_of, links_of
 
-LEAST_SCALE = 1e-6  # of the largest of its kind: what never grows beyond that is compared with it
-STILL_TRAVEL = 1e-9  # of the mechanism's size, or radians: a motion that never goes farther is rounding, or next to it
+LEAST_SCALE = 1e-6  # smallest scale of a quantity, relative to the largest peak of its kind
+STILL_TRAVEL = 1e-9  # relative to the mechanism's size, or [rad]: a smaller range of motion counts as rounding
 
 
 @dataclass(frozen=True, eq=False)
 class CheckedQuantity:
-    """``values`` (F, n) with first and second derivatives by time where they are known; ``scale``: what errors are relative to;
-    ``kind``: "position", "velocity", "acceleration" or "reaction", as which efforts of drives count, too."""
+    """``values`` (F, n), their first and second time derivatives (``rate``, ``second``) where they are known, and the ``scale`` to
+    which errors are relative. ``kind``: "position", "velocity", "acceleration" or "reaction"; efforts of drives are of the last."""
 
     name: str
     kind: str
@@ -45,18 +45,19 @@ class CheckedQuantity:
 
 
 def quantities(motion: Motion, forces: Forces | None) -> list[CheckedQuantity]:
-    """Poses, velocities, accelerations of all moving links, places of traced points; reactions and efforts where there are forces.
+    """Poses, velocities and accelerations of all moving links, and positions of traced points; with forces also reactions and
+    efforts.
 
-    Lengths are relative to the mechanism's size, angles to a radian, all else to its own peak; frames without a value are left out
-    of peaks. Accelerations that are rounding beside the squares of velocities are relative to these. Rates of a mechanism that
-    stands still are rounding, and so is their peak: they are relative to one that goes that far in the
-    time of the run.
+    Errors of lengths are relative to the mechanism's size, those of angles to a radian, all others to the peak of the quantity, in
+    which frames without a value are left out. Accelerations that are rounding relative to the squares of velocities are scaled by
+    these squares. The rates of a mechanism at rest are rounding, and so is their peak: they are scaled by one mechanism size, or
+    one radian, in the time of the run.
     """
     return list(each_quantity(motion, forces))
 
 
 def each_quantity(motion: Motion, forces: Forces | None) -> Iterator[CheckedQuantity]:
-    """The same one after the other: of a long run of many bodies they take much memory together."""
+    """The quantities of `quantities` one by one, which saves memory in long runs of many bodies."""
     yield from _kinematics(motion)
     yield from _points(motion)
     if forces is not None:
@@ -85,7 +86,7 @@ def _kinematics(motion: Motion) -> Iterator[CheckedQuantity]:
 
 
 def stands_still(motion: Motion) -> bool:
-    """Whether no link ever moves by more than rounding."""
+    """Whether no link moves by more than rounding in the run; False for a single frame."""
     if motion.frames < 2:
         return False
     unit = np.array([motion.model.length_scale, motion.model.length_scale, 1.0])
@@ -93,19 +94,19 @@ def stands_still(motion: Motion) -> bool:
 
 
 def pace_of_rest(motion: Motion) -> float:
-    """The rate [1/s] to which rates of a mechanism that stands still are relative: once in the run, 1 of one instant."""
+    """The rate [1/s] that scales the rates of a mechanism at rest: one over the duration of the run, 1 for a single instant."""
     return 1.0 / (float(np.ptp(motion.time)) or 1.0)
 
 
 def _points(motion: Motion) -> Iterator[CheckedQuantity]:
-    """Places of traced points: on a link that turns evenly they still go along an arc."""
+    """Positions of traced points. They are checked as well because even on a link in uniform rotation they move on an arc."""
     for link, point in motion.mechanism.traced:
         x, v, a = (np.asarray(motion.point(link, point, d)) for d in (0, 1, 2))
         yield CheckedQuantity(f"point {point} of {link}", "position", x, motion.model.length_scale, v, a)
 
 
 def reactions(motion: Motion, forces: Forces) -> Iterator[CheckedQuantity]:
-    """Those of the reactions and of the drives' efforts."""
+    """The quantities of reactions and of efforts of the drives."""
     names = [j.name for j in joints_of(motion)]
     peaks = [(_peak(r[:, :2]), _peak(r[:, 2:])) for r in map(forces.reaction, names)]
     largest = max((force for force, _ in peaks), default=0.0)
@@ -123,12 +124,13 @@ def reactions(motion: Motion, forces: Forces) -> Iterator[CheckedQuantity]:
 
 
 def _peak(values: Real) -> float:
-    """Largest size, NaN left out."""
+    """Largest absolute value, without values that are not finite."""
     return float(np.abs(values[np.isfinite(values)]).max(initial=0.0))
 
 
 def errors_between(coarse: list[CheckedQuantity], time: Real, fine: list[CheckedQuantity], t: Real, order: int) -> dict[str, Real]:
-    """Relative errors (n,) of what is interpolated from frames at ``time`` at the times ``t`` of a finer run, by quantity."""
+    """Relative errors (n,) by quantity: interpolation of ``coarse`` from frames at ``time`` to the times ``t`` (n,), compared with
+    the values of ``fine`` there."""
     out = {}
     for a, b in zip(coarse, fine, strict=True):
         error = np.abs(a.between(time, t, order) - b.values)
@@ -136,13 +138,13 @@ def errors_between(coarse: list[CheckedQuantity], time: Real, fine: list[Checked
     return out
 
 
-MARKED_JUMP = 1e-3  # part of the scale: jumps that are smaller may be rounding next to the singular position
-NEAREST_POLE = 0.01  # of the distance of two frames: closer to a pole a value has no bound
+MARKED_JUMP = 1e-3  # relative to the scale: smaller jumps may be rounding next to the singular position
+NEAREST_POLE = 0.01  # distance from a pole at which values are stated, in spacings of frames: at the pole itself they are infinite
 
 
 @dataclass(frozen=True)
 class Passage:
-    """A singular position between a frame and the next, after a ``share`` of their distance."""
+    """A singular position between a frame and the next, at the fraction ``share`` of their spacing."""
 
     frame: int
     share: float
@@ -170,9 +172,10 @@ def _passages(rows: NDArray[np.intp], part: Motion) -> Iterator[Passage]:
 
 
 def size_at(passage: Passage, q: CheckedQuantity) -> float:
-    """How large a quantity gets at a singular position, `NEAREST_POLE` to it, relative to its scale; 0 where it has no pole there.
+    """Size of a quantity at the distance `NEAREST_POLE` from a singular position, relative to its scale; 0 where it has no pole
+    there.
 
-    At a pole it jumps from one side to the other by more than it changes before and after, and the other way.
+    A pole shows as a jump that is larger than the changes before and after it, and of the opposite sign.
     """
     k = passage.frame
     if q.kind == "position" or not 0 < k < len(q.values) - 2:
@@ -182,5 +185,5 @@ def size_at(passage: Passage, q: CheckedQuantity) -> float:
     pole = marked & (jump * before < 0.0) & (jump * after < 0.0)
     if not pole.any():
         return 0.0
-    strength = np.abs(jump[pole]).max() * passage.share * (1.0 - passage.share)  # A of A / x, x in distances of frames
+    strength = np.abs(jump[pole]).max() * passage.share * (1.0 - passage.share)  # A of A / x, x in spacings of frames
     return float(strength / NEAREST_POLE / q.scale)

@@ -1,5 +1,5 @@
-"""How exact results are, and what that costs. ``mechviz accuracy``: error against time at a ladder of settings of each dial, and
-the cheapest that reaches a target; ``effects``: what each effect does to the answer; ``hard``: the suite of hard cases."""
+"""Accuracy of results and its cost. ``mechviz accuracy``: error over time for a series of values of each accuracy setting, and the
+quickest that reaches a target; ``effects``: influence of each effect on the results; ``hard``: the suite of hard cases."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def accuracy(
         if output is not None:
             check_ending(output)
         if target is not None:
-            accuracy_for(target)  # refuses what is none
+            accuracy_for(target)  # raises for an invalid target
         check_targets(scene, output, rrd)
         loaded = load_scene(scene, values)
         if not loaded.frames:
@@ -79,7 +79,7 @@ def accuracy(
 
 
 def summary_lines(points: Sequence[PrecisionPoint]) -> list[str]:
-    """By dial: the setting of the scene, the least error with its price, and the quickest setting; --all has the rest."""
+    """Summary as lines of text, for each setting: the value of the scene, the least error with its time, and the quickest value."""
     lines = ["", f"  {'dial':<22} {'now':>26}   {'most exact':>36}   {'quickest':>36}"]
 
     def words(p: PrecisionPoint | None, named: bool) -> str:
@@ -96,7 +96,7 @@ def summary_lines(points: Sequence[PrecisionPoint]) -> list[str]:
 
 
 def table_lines(points: Sequence[PrecisionPoint], target: float | None) -> list[str]:
-    """The points by dial and method: setting, error, time with its spread, marks."""
+    """All points as lines of text, by setting and method: value, error, time with its spread, marks."""
     lines = []
     for setting in dict.fromkeys(p.setting for p in points):
         own = [p for p in points if p.setting == setting]
@@ -115,7 +115,7 @@ def table_lines(points: Sequence[PrecisionPoint], target: float | None) -> list[
 
 
 def _answer(points: Sequence[PrecisionPoint], target: float | None) -> list[str]:
-    """The cheapest setting of every dial that reaches the target, in words."""
+    """The quickest value of every setting that reaches the target, as lines of text; empty without a target."""
     if target is None:
         return []
     lines = ["", f"cheapest settings that reach {target:g}"]

@@ -1,4 +1,4 @@
-"""``mechviz draw`` and ``walk``: machines from a drawing, a word or a walking task."""
+"""``mechviz draw`` and ``walk``: machines that draw a picture or write a text, and walking mechanisms."""
 
 from __future__ import annotations
 
@@ -101,7 +101,7 @@ def _mm(length: float) -> str:
 
 
 def _write(scene: Scene, path: Path) -> None:
-    """Write a scene and its tables, over those that were there."""
+    """Write a scene and its tables; existing files are replaced."""
     for name, data in scene.files.items():
         place = path.parent / name
         check_target(place)
@@ -120,9 +120,9 @@ def walk(
 ) -> None:
     """Let a mechanism walk: its fixed link becomes the body, and the foot that is lowest stands still on the ground.
 
-    Told are how far a cycle leads, how far the body goes up and down, how long each foot stands, and how far feet slip that touch
-    the ground while another one stands. The body keeps its attitude; whether it would tip over is not computed. In the scene that
-    is written the body is led along the ground by two slides.
+    It prints how far the body advances in a cycle, how far it moves up and down, how long each foot stands, and how far feet slip
+    that touch the ground while another one stands. The body keeps its attitude; whether it would tip over is not computed. In the
+    scene that is written two slides guide the body along the ground.
 
     Try: mechviz walk walking-toy --foot foot.H --foot "foot 2.H" -o walk.toml, then mechviz view walk.toml
     """

@@ -35,8 +35,8 @@ from mechviz.studies.designs.sweep import DesignTable, Store, about_study, csv_l
 from mechviz.studies.designs.tolerance import Distribution, Tolerances, parse_limits, tolerance_chart, toleranced, tolerances
 from mechviz.studies.designs.variables import variables_of
 
-LEAST_FORECAST = 32  # designs, for which a run that tells how long they take is a small part
-LONG_STUDY = 10.0  # [s] from which on it is said beforehand how long a study takes
+LEAST_FORECAST = 32  # number of designs from which on one run to estimate their time is a small part of it
+LONG_STUDY = 10.0  # [s] expected time from which on it is reported before a study starts
 INTERRUPTED = "Interrupted: what was found is kept; the same command goes on with the rest."
 
 
@@ -108,14 +108,14 @@ def sweep(
 
 
 def _say_how_long(remedy: str, at_once: int, study: Study, count: int) -> None:
-    """Say how many designs are left of a study, and how long they take, where each is run by itself and that is long."""
+    """Report the number of remaining designs of a study and their expected time, where each is run singly and the time is long."""
     seconds = expected_seconds(study, count) / at_once if count >= LEAST_FORECAST else 0.0
     if seconds >= LONG_STUDY:
         say(f"{count:,} designs are run one by one, which takes about {duration(seconds)}. {remedy}.")
 
 
 def _summary(table: DesignTable) -> Iterator[str]:
-    """How many designs there are, and between which values each number lies."""
+    """Number of designs with values, and the least and greatest value of each number, as lines of text."""
     ok = table.feasible
     yield f"{int(ok.sum())} of {len(ok)} designs have values." + ("" if ok.all() else " The others say why in the column 'reason'.")
     for title, values in zip(measure_columns(table.study), table.results.values, strict=True):
@@ -347,7 +347,7 @@ def optimise(
 
 
 def _write_bands(path: Path, axis: Axis, results: list[Tolerances]) -> None:
-    """The bands of curves over the frames. Raises `OutputError`, also where there is no curve."""
+    """Write the bands of curves over the frames as CSV. Raises `OutputError`, also where there is no curve."""
     curves = [one for one in results if one.curve]
     if not curves:
         raise OutputError(f"'{path}': no curve is asked for.", "Leave the reducer of a quantity out.")
@@ -360,7 +360,7 @@ def _write_bands(path: Path, axis: Axis, results: list[Tolerances]) -> None:
 
 
 def write_columns(path: Path, heads: list[str], columns: list[Real]) -> None:
-    """A table of numbers as CSV, replaced as a whole."""
+    """Write columns of numbers as CSV. The file is replaced as a whole."""
     stream = StringIO()
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow(heads)

@@ -1,5 +1,5 @@
-"""Files for others: ``mechviz export``, tables, solids and profiles of cams, of a recording the moving mechanism; ``share``, a page
-that plays a mechanism anywhere; ``shot`` and ``film``, pictures and films."""
+"""Files for other programs and people. ``mechviz export``: tables, solids, profiles of cams, and the moving mechanism of a
+recording; ``share``: a page that plays a mechanism in any browser; ``shot`` and ``film``: pictures and films."""
 
 from __future__ import annotations
 
@@ -156,7 +156,7 @@ def export(
 
 
 def _size(text: str, option: str) -> float:
-    """A length of a kit [mm]."""
+    """A length [mm] from an option for kits; ends the command where it is not above zero."""
     value = 1e3 * quantity(Units(length="mm"), text, option, "length")
     if not value > 0.0:
         fail(f"--{option}: {text} is not above zero.")
@@ -164,7 +164,7 @@ def _size(text: str, option: str) -> float:
 
 
 def _families(text: str | None) -> tuple[str, ...]:
-    """The families of arrows that an option names; the usual ones where nothing is said."""
+    """The families of arrows that an option names; without the option the default ones."""
     if text is None:
         return ARROW_FAMILIES
     names = tuple(name.strip() for name in text.split(",") if name.strip() not in ("", "none"))
@@ -182,7 +182,7 @@ ShowOpt = Annotated[
     typer.Option("--show", metavar="NAME,NAME", help="only these arrows and lines, such as reaction,paths,names; none: nothing"),
 ]
 
-SMALLEST, LARGEST = 64, 8192  # pixels of a picture's side
+SMALLEST, LARGEST = 64, 8192  # side of a picture in pixels
 
 
 def share(
@@ -248,7 +248,7 @@ def shot(
         if not drawing:
             find_chromium()
         check_targets(source, output)
-        anywhere = at is None and frame is None and angle is None  # else the frames on both sides of it have to be there
+        anywhere = at is None and frame is None and angle is None  # otherwise the frames on both sides of the moment are needed
         shown = _presentation(source, values, frames, cycles, keep, MOST_FRAMES if anywhere else None)
         place = picture_time(shown, frame=frame, **when)
         with interruptible("pyarrow"), progress_bar("drawing") as bar:
@@ -293,7 +293,7 @@ def film(
 def _presentation(
     source: str, values: list[str] | None, frames: int | None, cycles: int | None, keep: bool, most: int | None = None
 ) -> Presentation:
-    """Presentation of the recording that is meant, of a long one at ``most`` frames where a number is given, or of the scene."""
+    """Presentation of the recording or scene at ``source``; ``most``: largest number of frames that are read from a recording."""
     if not is_recording(source):
         run = solve(load_scene(source, values), frames, cycles)
         check_trust(run, keep)
@@ -322,7 +322,7 @@ def _look(view: str, size: str, dark: bool, show: str | None) -> Look:
 
 
 def _quantity(text: str | None, option: str, unit: str, kind: str) -> float | None:
-    """A time [s] or an angle [rad] of an option; a bare number is in ``unit``."""
+    """A time [s] or an angle [rad] from an option, None without it; a number without a unit is in ``unit``."""
     if text is None:
         return None
     bare = re.fullmatch(r"\s*[+-]?[0-9.]+([eE][+-]?[0-9]+)?\s*", text)

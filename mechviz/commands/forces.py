@@ -1,4 +1,4 @@
-"""``mechviz plan``, ``forces`` and ``cams``: the stages that are computed, and their results in words."""
+"""``mechviz plan``, ``forces`` and ``cams``: the stages that are computed, and results of forces and cams as text."""
 
 from __future__ import annotations
 
@@ -110,7 +110,8 @@ def forces(
 
 
 def _moment_of(run: Run, text: str | None) -> float:
-    """The time [s] that an option names: by an angle of the drive (a bare number is one), or by a time; the start by none."""
+    """The time [s] that an option names, as a time with a unit or as an angle of the drive (with or without a unit); without the
+    option the start of the run."""
     if text is None:
         return float(run.motion.time[0])
     seconds = quantity(run.scene.units, text, "at", "time") if text.rstrip().endswith(("s", "min")) else None
@@ -121,7 +122,7 @@ def _moment_of(run: Run, text: str | None) -> float:
 
 
 def _print_steady(source: str, values: list[str] | None, turns: int, fluctuation: float | None) -> None:
-    """The steady run of a scene's machine, and its flywheel where a coefficient of fluctuation is wanted."""
+    """Print the steady-state run of a scene, and the flywheel that reaches a coefficient of fluctuation, if one is given."""
     with clear_errors(source):
         loaded = load_scene(source, values)
         print(loaded.title)

@@ -1,5 +1,5 @@
-"""Commands without a scene: ``mechviz laws``, motion laws with their peak factors (also on a scene's own cam) and their curves over
-each other; ``mechviz solve``, tasks of the lectures."""
+"""Commands for lectures. ``mechviz laws``: motion laws with their peak factors (also on a cam of a scene) and their superposed
+curves; ``mechviz solve``: inverse tasks without a scene."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def laws(
 
 
 def _parse(text: str) -> tuple[str, dict[str, float]]:
-    """A law and its parameters: ``name`` or ``name:key=value,key=value``."""
+    """Name and parameters of a law from ``name`` or ``name:key=value,key=value``. Raises `MechanismError`."""
     name, _, rest = text.partition(":")
     parameters = {}
     for part in filter(None, rest.split(",")):
@@ -88,7 +88,8 @@ def _parse(text: str) -> tuple[str, dict[str, float]]:
 
 
 def laws_table(chosen: dict[str, MotionCurve]) -> list[str]:
-    """Lines: law, Cv, Ca, Cj, largest |s' s''| (drive torque of inertia), derivatives that step at the ends and inside."""
+    """Table of laws as lines of text: Cv, Ca, Cj, largest |s' s''| (inertia torque on the drive), derivatives that are
+    discontinuous at the ends and inside."""
     words = {1: "velocity", 2: "acceleration", 3: "jerk"}
     width = max(len("law"), *map(len, chosen))
     lines = [f"{'law':<{width}}  {'Cv':>8} {'Ca':>9} {'Cj':>10} {'|v a|':>8}  steps at the ends / inside; what it is"]
@@ -102,7 +103,8 @@ def laws_table(chosen: dict[str, MotionCurve]) -> list[str]:
 
 
 def laws_figure(chosen: dict[str, MotionCurve]) -> Figure:
-    """Four panels, one over the other: displacement, velocity, acceleration, jerk over the range; a step is a gap in the line."""
+    """Figure of four panels, one above the other: displacement, velocity, acceleration and jerk over the range; a discontinuity is
+    a gap in the line."""
     with chart(7.6, 9.0 + 0.2 * (len(chosen) // 3)) as figure:
         panels = figure.subplots(len(_PANELS), sharex=True)
         for order, (panel, label) in enumerate(zip(panels, _PANELS, strict=True)):
@@ -115,7 +117,7 @@ def laws_figure(chosen: dict[str, MotionCurve]) -> Figure:
                     piece.fill(u, f, order)
                     x += [x0 + u, [np.nan]]
                     y += [f[0], [np.nan]]
-                style = ("-", "--", ":")[k // len(COLOURS) % 3]  # no two of twenty-four laws look alike
+                style = ("-", "--", ":")[k // len(COLOURS) % 3]  # up to twenty-four laws are distinguishable
                 panel.plot(np.concatenate(x), np.concatenate(y), style, color=COLOURS[k % len(COLOURS)], label=name)
         panels[-1].set(xlabel="angle / range", xlim=(0.0, 1.0))
         figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper left", ncols=3)
@@ -124,7 +126,7 @@ def laws_figure(chosen: dict[str, MotionCurve]) -> Figure:
 
 
 UNITS = Units(length="m", angle="deg")
-"""Of bare numbers; any may carry its own."""
+"""Units of numbers that are given without a unit."""
 
 
 def solve(
@@ -214,7 +216,7 @@ def _link(
 
 
 def _named(text: str, option: str, kind: str) -> tuple[str, complex]:
-    """``A=1,2`` or ``A=20@50``: a name and a plane vector."""
+    """Name and plane vector from ``A=1,2`` (x, y) or ``A=20@50`` (size, angle)."""
     name, equals, value = (part.strip() for part in text.partition("="))
     if not name or not equals:
         fail(f"--{option} {text}: a name is missing. Write it like A=1,2.")

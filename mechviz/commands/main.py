@@ -1,6 +1,7 @@
-"""The command line. Data goes to stdout, messages to stderr; bad input exits with 2. A command's module loads when it is used.
+"""The command line. Data goes to stdout, messages to stderr; invalid input gives exit code 2. The module of a command is imported
+when the command is called.
 
-``mechviz scenes`` is here: it lists the gallery without numpy and what reads scenes.
+``mechviz scenes`` is in this module, so that it lists the gallery without importing numpy and the modules that read scenes.
 """
 
 from __future__ import annotations
@@ -83,31 +84,33 @@ COMMANDS = {
         "effects": "Measure what each effect and load does to the answer, beside its price in time; suggest those worth having.",
     },
 }
-"""Commands by the module that holds the function of that name, in the order of the help: the first sentence of theirs."""
+"""By module: its commands in the order of the help, each with the first sentence of its help. A command is the function of that
+name."""
 LINE = 100  # characters
 TRACEBACK = "--traceback"
-"""Said anywhere, it shows where a fault of the program happened."""
+"""Option, anywhere on the command line: shows the traceback of a fault of the program."""
 ANY_SIZE = "--large"
-"""Said anywhere, it lifts the limits of `mechviz.scene.limits`."""
+"""Option, anywhere on the command line: lifts the limits of `mechviz.scene.limits`."""
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
-"""Variables that set, when numpy loads, the threads of its matrix products. Starting them takes as long as loading numpy, and the
-matrices of mechanisms are too small to gain by them; times are measured on one thread, too. Who sets one of these is obeyed."""
+"""Environment variables for the number of threads of numpy's matrix products, which numpy reads when it is imported. They are set
+to one: starting threads takes as long as importing numpy, the matrices of mechanisms are too small to benefit, and times are
+measured on one thread. If the user sets one of them, none is changed."""
 
 
 class Commands(TyperGroup):
-    """A group of commands, each of which is loaded when it is called."""
+    """A group of commands whose modules are loaded when a command is called."""
 
     def resolve_command(self, ctx: Any, args: list[str]) -> tuple[str | None, Any, list[str]]:
-        """The command that the arguments name, and the rest of them."""
+        """Name, command and remaining arguments of a command line; loads the command."""
         name, listed, rest = super().resolve_command(ctx, args)
         return name, listed and load_command(str(name)), rest
 
 
 def load_command(name: str) -> Any:
-    """The command of a name, from its module."""
+    """The command with a name, loaded from its module."""
     if not any(variable in os.environ for variable in THREADS):
         os.environ.update(dict.fromkeys(THREADS, "1"))
-    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")  # looking for them takes longer than reading a scene
+    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")  # the search for plugins takes longer than reading a scene
     module = next(module for module, commands in COMMANDS.items() if name in commands)
     function = getattr(load_module(f"mechviz.commands.{module}"), name)
     if isinstance(function, typer.Typer):  # a group of commands
@@ -149,7 +152,7 @@ def scenes(
 
 
 def _with_finite_numbers(function: Callable[..., None]) -> Callable[..., None]:
-    """A command whose options refuse infinity and what is no number, by name."""
+    """A command that rejects options with infinite or NaN values, by name."""
 
     @wraps(function)
     def checked(**given: object) -> None:
@@ -164,7 +167,7 @@ def _with_finite_numbers(function: Callable[..., None]) -> Callable[..., None]:
 
 
 def _listed() -> None:
-    """Stands in the list of commands for one that is not loaded yet."""
+    """Placeholder in the list of commands for a command that is not loaded yet."""
 
 
 app = typer.Typer(
@@ -189,14 +192,14 @@ for listed in COMMANDS.values():
 
 
 def main() -> None:
-    """The `mechviz` command, once the signals are looked after."""
-    if isinstance(sys.stdout, io.TextIOWrapper) and not isinstance(sys.stdout.buffer, io.BytesIO):  # what has a file
+    """Run the `mechviz` command; called when the signal handlers are installed."""
+    if isinstance(sys.stdout, io.TextIOWrapper) and not isinstance(sys.stdout.buffer, io.BytesIO):  # only where there is a file
         at_once = sys.stdout.line_buffering or sys.stdout.write_through
         raw = Stdout(sys.stdout.fileno(), "w", closefd=False)
         sys.stdout = io.TextIOWrapper(io.BufferedWriter(raw), sys.stdout.encoding, line_buffering=at_once)
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="backslashreplace")  # terminals of few letters: a name in them is no reason to stop
+            stream.reconfigure(errors="backslashreplace")  # characters that the terminal's encoding lacks must not stop a command
     shown = TRACEBACK in sys.argv
     if ANY_SIZE in sys.argv:
         os.environ[LARGE_VARIABLE] = "1"
@@ -209,12 +212,12 @@ def main() -> None:
             code = end.code
         except (KeyboardInterrupt, OSError):
             raise
-        except BaseException as error:  # also what is no Exception, such as a panic of rerun's
+        except BaseException as error:  # includes errors that are no Exception, such as a panic of rerun
             code = unforeseen(error, shown=shown)
         sys.stdout.flush()
-    except OSError as error:  # help, too, may go to a full disk
+    except OSError as error:  # even the help may be written to a full disk
         code = no_output(error)
-    gc.freeze()  # the end need not look through all modules for garbage
+    gc.freeze()  # saves a garbage collection over all modules at exit
     sys.exit(code)
 
 

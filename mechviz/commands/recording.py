@@ -1,4 +1,4 @@
-"""``mechviz record`` and ``inspect``: writes recordings, and prints what they hold."""
+"""``mechviz record`` and ``inspect``: write recordings, and print their contents."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def record(
 def _solve_live(
     scene: Scene, frames: int | None, cycles: int | None, accuracy: float | None, path: Path, port: int, executor: Executor
 ) -> Run:
-    """Solve a motion under forces; what is known of it is in the unfinished recording, and can be watched."""
+    """Solve a motion under forces; the part that is solved is written to the unfinished recording and can be watched meanwhile."""
     scene = with_run(scene, frames, cycles)
     with live(scene, path, port) as (observer, address), progress_bar("simulating") as bar:
         say(f"watch it with: rerun {address}")
@@ -93,7 +93,7 @@ def _solve_live(
 
 
 def open_recording(path: str, most: int | None = None) -> Recording:
-    """A recording, after saying what is missing of it; ``most`` as of `Recording`."""
+    """Open a recording, and print a note where parts of it are missing; ``most`` as in `Recording`."""
     recording = Recording(path, most=most)
     if recording.note:
         say(f"note: {recording.note}")

@@ -1,4 +1,4 @@
-"""``mechviz show``, ``graph``, ``schema`` and ``check``: what a scene says."""
+"""``mechviz show``, ``schema`` and ``check``: text, schema and structure of scenes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``mechviz balance``, ``graph`` and ``vibrations``: studies of a scene."""
+"""``mechviz balance``, ``graph`` and ``vibrations``: shaking force, contour graph and small vibrations of a scene."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from mechviz.studies.balance import balance_scene, write_polar
 from mechviz.studies.graph import graph_lines, write_graph
 from mechviz.studies.vibrations import mode_scene, vibration_lines, vibrations_csv, vibrations_of
 
-AMPLITUDE = 0.08  # of a mode that is shown, in sizes of the mechanism
+AMPLITUDE = 0.08  # amplitude of a displayed mode, in sizes of the mechanism
 
 
 def balance(
@@ -37,7 +37,7 @@ def balance(
     """Balance the shaking force of a four-bar or slider-crank by counterweights; show it before and after."""
     check_suffix(output, ".toml")
     with clear_errors(scene):
-        check_targets("", output, plot)  # the scene itself may be given its counterweights
+        check_targets("", output, plot)  # no source: the output may replace the scene itself
         loaded = load_scene(scene, values)
         stated = ((radius, "radius"), (rocker_radius, "rocker-radius"))
         first, second = (quantity_option(loaded, text, name, "length") for text, name in stated)
@@ -53,7 +53,7 @@ def balance(
 
 
 def _dump(scene: Scene, path: Path) -> None:
-    """Write a scene and say so, and which files went with it."""
+    """Write a scene, and report it and the files that are copied with it."""
     copies = dump(scene, path)
     say(f"{path} written." + (f" Copied beside it: {', '.join(copy.name for copy in copies)}." if copies else ""))
 

@@ -90,7 +90,7 @@ def view(
 
 
 def _beside(others: list[str] | None, frames: int | None, cycles: int | None) -> dict[str, Run | Recording]:
-    """Other designs by their names, solved with as many frames where they are scenes."""
+    """Recordings and runs of other designs by name; scenes are solved with ``frames`` and ``cycles``."""
     beside: dict[str, Run | Recording] = {}
     for other in others or ():
         with clear_errors(other):

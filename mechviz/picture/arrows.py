@@ -1,4 +1,5 @@
-"""Which vectors and moments are drawn: a function of the numbers, the same of a run and of its recording."""
+"""The vectors and moments that are drawn. They depend on the numerical results alone, so that a run and its recording show the
+same."""
 
 from __future__ import annotations
 
@@ -23,23 +24,24 @@ if TYPE_CHECKING:
 
 T = TypeVar("T", Vector, Moment)
 
-LONGEST_ARROW = 1.4  # in sizes of the mechanism: only near a jam, where forces grow beyond all bounds, and there left out
-SHORTEST_ARROW = 0.015  # in sizes of the mechanism; what is shorter is left out
-# In sizes of the mechanism: distance of arrows that would lie on one line, head beside head
+LONGEST_ARROW = 1.4  # in sizes of the mechanism; longer arrows are left out: they occur near a jam, where forces are unbounded
+SHORTEST_ARROW = 0.015  # in sizes of the mechanism; shorter arrows are left out
+# In sizes of the mechanism: spacing of arrows that would lie on one line, with their heads side by side
 ARROW_SPACING = 2.1 * ARROW_HEAD_RADIUS
-ARC_SPACING = 0.3  # of the radius of an arc: distance of arcs about one place
-SAME_LINE_SINE = 0.1  # sine of the angle up to which arrows from one place lie on one line
-# Arrows from two places lie on each other: ends this near the other's line and this much of them side by side, in sizes of the
-# mechanism, at this part of those of some frames at which both are seen
+ARC_SPACING = 0.3  # spacing of arcs about one place, relative to the radius of an arc
+SAME_LINE_SINE = 0.1  # sine of the largest angle between arrows from one place that count as on one line
+# Arrows from two places overlap: distance of the ends from the other's line and length of the overlap, in sizes of the mechanism,
+# and the fraction of the frames with both arrows at which that has to hold
 OVERLAP_DISTANCE, OVERLAP_LENGTH, OVERLAP_SHARE = 0.008, 0.02, 0.1
-OVERLAP_FRAMES = 36  # frames at which that is tried
+OVERLAP_FRAMES = 36  # frames at which overlap is checked
 ALL_COLUMNS, FORCE_COLUMNS, MOMENT_COLUMN, PLACE_COLUMNS = slice(None), slice(0, 2), 2, slice(3, None)  # columns of tables
-ROUND_OFF = 1e-9  # of the largest moment: what is smaller throughout is not drawn
+ROUND_OFF = 1e-9  # relative to the largest moment: moments that are smaller at all frames are not drawn
 
 
 @dataclass(frozen=True, eq=False)
 class Arrows:
-    """Vectors and moments by family, with their scales; ``asides`` [m] of the vectors and ``radii`` [m] of the moments."""
+    """Vectors and moments, sorted by family, with their scales; ``asides``: lateral offsets of the vectors [m]; ``radii``: of the
+    arcs of the moments [m]."""
 
     vectors: tuple[Vector, ...]
     moments: tuple[Moment, ...]
@@ -48,7 +50,8 @@ class Arrows:
     radii: tuple[float, ...]
 
     def nodes(self, heights: Mapping[str, float], otherwise: float, beside: Mapping[str, float] | None = None) -> Iterator[Node]:
-        """The nodes of a picture, at heights [m] by key; ``beside``: asides and radii [m] by key, where they are known."""
+        """The nodes of a picture. ``heights`` [m] by key, ``otherwise`` for the others; ``beside``: offsets and radii [m] by key
+        that replace those found here."""
         known = beside or {}
         for vector, aside in zip(self.vectors, self.asides, strict=True):
             key = arrow_key(vector)
@@ -61,24 +64,24 @@ class Arrows:
 
 
 def arrow_key(item: Vector | Moment) -> str:
-    """Its key in a picture."""
+    """Key of a vector or moment in a picture."""
     return f"{item.family}.{item.item}" + ("" if isinstance(item, Vector) else ".moment")
 
 
 def owner_of(item: Vector | Moment) -> tuple[str, str]:
-    """Owner of an arrow: a joint, a load, a link or a point."""
+    """Kind ("joint", "load", "link" or "point") and name of the owner of a vector or moment."""
     kinds = {"applied": "load", "gravity": "link", "inertia": "link", "velocity": "point", "acceleration": "point"}
     return kinds.get(item.family, "joint"), item.item
 
 
 def friction_circles(run: Run) -> frozenset[str]:
-    """Pins whose friction is drawn as a circle, which the line of action touches."""
+    """Names of the pins whose friction is drawn as a friction circle."""
     friction = None if run.forces is None else run.forces.friction
     return frozenset() if friction is None else frozenset(e.joint for e in friction.elements if e.kind == "pin")
 
 
 def arrows_of(run: Run, size: float) -> Arrows:
-    """All vectors and moments of a run with their scales; ``size`` [m] is the mechanism's."""
+    """All vectors and moments of a run with their scales; ``size``: of the mechanism [m]."""
     numbers, calm = run.numbers, calm_frames(run)
     vectors = _in_order(_vectors(numbers))
     first = find_scales(_by_family(vectors), {}, size, calm)
@@ -88,7 +91,7 @@ def arrows_of(run: Run, size: float) -> Arrows:
 
 
 def with_scales(numbers: Numbers, size: float, scales: Scales, circles: Collection[str]) -> Arrows:
-    """The same of a recording, whose scales and friction ``circles`` are known."""
+    """All vectors and moments of a recording with given scales; ``circles``: names of the pins with friction circles."""
     vectors = _in_order(_vectors(numbers))
     return _drawn(vectors, _moments(numbers, vectors, scales, size, circles), scales, size)
 
@@ -99,8 +102,8 @@ def _drawn(vectors: tuple[Vector, ...], moments: tuple[Moment, ...], scales: Sca
 
 
 def set_apart(vectors: tuple[Vector, ...], scales: Scales, size: float) -> tuple[float, ...]:
-    """How far aside [m] of its line each vector is drawn: those that ever point from one place the same way, or often lie on
-    each other, stand side by side. Resultants of inertia stay on their lines of action."""
+    """Lateral offset [m] of each vector from its line. Vectors that at some frame point in the same direction from one place, or
+    that often overlap, are drawn side by side. Resultants of inertia stay on their lines of action."""
     order = sorted(range(len(vectors)), key=lambda k: vectors[k].family != "inertia")
     ordered = [vectors[k] for k in order]
     covering = _covering(ordered, scales, size)
@@ -115,8 +118,8 @@ def set_apart(vectors: tuple[Vector, ...], scales: Scales, size: float) -> tuple
 
 
 def _lanes(items: Sequence[T], size: float, meet: Callable[[T, T], bool], covering: Flags | None = None) -> list[int]:
-    """For each vector or moment the least number that no earlier one has which is drawn at its place and which it ``meet``s, or
-    which it is ``covering`` (n, n)."""
+    """Lane number of each vector or moment: the least one that no conflicting earlier item has. Items conflict where they are drawn
+    at the same place and ``meet`` is true, or where ``covering`` (n, n) is true."""
     if not items or not len(items[0].origin):
         return [0] * len(items)
     frames = [0, len(items[0].origin) // 2]
@@ -132,7 +135,7 @@ def _lanes(items: Sequence[T], size: float, meet: Callable[[T, T], bool], coveri
 
 
 def _on_one_line(a: Vector, b: Vector, scales: Scales, size: float) -> bool:
-    """Whether two vectors from one place are seen and point the same way at any frame."""
+    """Whether two vectors from one place are both visible and point in the same direction at any frame."""
     (ax, ay), (bx, by) = a.value.T, b.value.T
     with np.errstate(invalid="ignore"):
         same = np.abs(ax * by - ay * bx) < SAME_LINE_SINE * (ax * bx + ay * by)
@@ -141,23 +144,23 @@ def _on_one_line(a: Vector, b: Vector, scales: Scales, size: float) -> bool:
 
 
 def _covering(vectors: Sequence[Vector], scales: Scales, size: float) -> Index:
-    """Which vectors (n, n) of two families from two places often lie on each other, 1 where they mostly point the same way then,
-    -1 where they oppose, 0 elsewhere. Two reactions stay where they act, as the force of a cam's contact and that of its
-    bearing."""
+    """Matrix (n, n) of the vectors that often overlap, from two places and of two families: 1 where they mostly point in the same
+    direction then, -1 where they mostly oppose, 0 elsewhere. Vectors of one family are not moved: two reactions, such as those at a
+    cam's contact and at its bearing, stay where they act."""
     if not vectors or not len(vectors[0].origin):
         return np.zeros((len(vectors), len(vectors)), int)
     frames = np.unique(np.linspace(0, len(vectors[0].origin) - 1, OVERLAP_FRAMES).astype(int))
     values = [v.value[frames] for v in vectors]
     seen = np.array([visible(value, scales.per_metre(v.family), size) for v, value in zip(vectors, values, strict=True)])  # (n, k)
     covering, together, agreeing = np.zeros((3, len(vectors), len(vectors)), int)
-    with np.errstate(invalid="ignore"):  # of what is not finite, and not seen
+    with np.errstate(invalid="ignore"):  # values that are not finite, and not visible
         starts = np.array([v.origin[frames] for v in vectors]) @ [1.0, 1.0j] / size
         drawn = np.array([value / scales.per_metre(v.family) for v, value in zip(vectors, values, strict=True)])
         arrows = np.where(seen, drawn @ [1.0, 1.0j] / size, 0.0)
         for start, arrow, here in zip(starts.T, arrows.T, seen.T, strict=True):
             length = np.abs(arrow)
             along = arrow.conj() / np.where(length > 0.0, length, 1.0)
-            places = (start - start[:, None]) * along[:, None]  # of each other arrow, along and across this one
+            places = (start - start[:, None]) * along[:, None]  # starts of the other arrows, along and across each arrow
             both = here[:, None] & here
             i, j = np.nonzero(both & (np.abs(places.imag) < OVERLAP_DISTANCE))
             first, second = places[i, j], places[i, j] + arrow[j] * along[i]
@@ -174,7 +177,7 @@ def _covering(vectors: Sequence[Vector], scales: Scales, size: float) -> Index:
 
 
 def visible(vectors: Real, scale: float, size: float) -> Flags:
-    """Which vectors (F, 2) are finite, long enough to be seen and short enough to make sense (F,)."""
+    """Whether vectors (F, 2) are finite and their arrows neither too short nor too long to be drawn (F,)."""
     length = np.hypot(vectors[:, 0], vectors[:, 1]) / (size * scale)
     return np.isfinite(length) & (length > SHORTEST_ARROW) & (length < LONGEST_ARROW)
 
@@ -197,7 +200,7 @@ def _vectors(n: Numbers) -> Iterator[Vector]:
         table = n.tables.get(("data", "loads", *(("gravity", load.links[0]) if gravity else (name,))))
         if table is not None and np.any(np.nan_to_num(table.values[:, :2])):
             place, force = table.part(PLACE_COLUMNS), table.part(FORCE_COLUMNS)
-            if load.points and load.links[0] == n.frame:  # what is stated acts on the ground: what acts on the link is drawn
+            if load.points and load.links[0] == n.frame:  # the table has the force on the ground: draw that on the link
                 place, force = n.place(load.links[1], load.points[1]), -table.values[:, :2]
             yield Vector(*(("gravity", load.links[0]) if gravity else ("applied", name)), place, force)
     for name in n.links:
@@ -211,33 +214,33 @@ def _vectors(n: Numbers) -> Iterator[Vector]:
 
 
 def _joint_places(n: Numbers) -> dict[str, Source]:
-    """Where the joints are (F, 2) [m]."""
+    """Positions (F, 2) [m] of the joints."""
     return {j: n.tables["data", "joints", j, "position"].part(ALL_COLUMNS) for j in n.joints}
 
 
 def _inertia(n: Numbers, link: str) -> tuple[ItemTable | None, ItemTable | None]:
-    """The inertia force of a link and its centre of mass."""
+    """The tables of a link's inertia force and of its centre of mass; None where there is none."""
     return n.tables.get(("data", "links", link, "inertia")), n.tables.get(("data", "points", centre_name(link), "position"))
 
 
-FARTHEST_LINE = 1e9  # lengths of the mechanism: a force whose line of action lies farther away is what rounding left of none
+FARTHEST_LINE = 1e9  # in lengths of the mechanism: a force whose line of action is farther away is rounding
 
 
 def _line_of_inertia(centre: ItemTable, inertia: ItemTable, length: float) -> Real:
-    """Where the inertia force of a link acts (F, 2) [m]: moved from the centre of mass onto its line of action by moment over
-    force, in a mechanism of a length [m]."""
+    """Point of action (F, 2) [m] of a link's inertia force: the centre of mass, moved by moment over force onto the line of action
+    of the resultant. ``length``: of the mechanism [m]."""
     force, moment = inertia.values[:, :2], inertia.values[:, 2]
     square = (force**2).sum(axis=1)
     with np.errstate(invalid="ignore", divide="ignore"):
-        # the arm at right angles to the force for which arm x force = moment
+        # the arm perpendicular to the force, with arm x force = moment
         arm = np.column_stack([force[:, 1], -force[:, 0]]) * (moment / square)[:, None]
     arm[np.abs(moment) >= FARTHEST_LINE * length * np.sqrt(square)] = 0.0
     return np.asarray(centre.values + arm)
 
 
 def _moments(n: Numbers, vectors: tuple[Vector, ...], scales: Scales, size: float, circles: Collection[str]) -> tuple[Moment, ...]:
-    """Drive torques, moments of loads, friction and couples in joints, as far as they are more than rounding; inertia moments
-    where no force carries them."""
+    """Drive torques, moments of loads, friction moments and couples in joints that exceed rounding; inertia moments at frames where
+    no inertia force is drawn."""
     if not n.has_forces:
         return ()
     moments: list[Moment] = []
@@ -260,19 +263,19 @@ def _moments(n: Numbers, vectors: tuple[Vector, ...], scales: Scales, size: floa
         moments.append(Moment("reaction", name, place, _apart(reaction.values[:, 2], friction.values[:, 2])))
     largest = max((_largest(m.value) for m in moments), default=0.0)
     pull = max((_largest(v.value) for v in vectors if v.family == "reaction"), default=0.0)
-    largest = max(largest, pull * n.length_scale)  # where forces balance, all moments may be nothing
+    largest = max(largest, pull * n.length_scale)  # all moments may be rounding of the forces
     moments = [m for m in moments if _largest(m.value) > ROUND_OFF * largest]
     return _in_order([*moments, *_inertia_moments(n, vectors, scales, size)])
 
 
 def _apart(couple: Real, friction: Real) -> Real:
-    """The couple of a joint; nothing where it is all friction, as of a pin."""
+    """The couple (F,) of a joint; zero where all of it is friction, as in a pin."""
     same = np.abs(np.nan_to_num(couple - friction)) <= ROUND_OFF * max(_largest(couple), _largest(friction))
     return np.zeros_like(couple) if same.all() else couple
 
 
 def _inertia_moments(n: Numbers, vectors: tuple[Vector, ...], scales: Scales, size: float) -> Iterator[Moment]:
-    """Inertia moments of links at frames where no inertia force is there to carry them, about the centre of mass."""
+    """Inertia moments of links about the centre of mass, at frames where no inertia force is visible that would include them."""
     for link in n.links:
         table, centre = _inertia(n, link)
         if table is None or centre is None:
@@ -284,8 +287,8 @@ def _inertia_moments(n: Numbers, vectors: tuple[Vector, ...], scales: Scales, si
 
 
 def _middle_of_joints(n: Numbers, links: tuple[str, ...], places: Mapping[str, Source]) -> Real:
-    """Where a free moment is drawn: between two links at their joint; on a link at its joint on the frame if it has one, else in
-    the middle of its joints; of a link without any, a free body, at its centre of mass or origin."""
+    """Place (F, 2) [m] of a free moment: between two links at their joint; on a link at its joint on the frame, or without one in
+    the middle of its joints; on a free body at its centre of mass or origin."""
     link = next((name for name in links if name != n.frame), n.frame)
     joints = [j for j in n.joints.values() if link in j.links]
     if not joints:

@@ -1,4 +1,4 @@
-"""The base of the fixed link: bars behind everything from bearing to bearing, and posts to what stands before them."""
+"""The base of the fixed link: bars behind all parts that join the bearings, and posts from the bars to the parts of the ground."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ if TYPE_CHECKING:
     from mechviz.meshes.solids import Solids
     from mechviz.runs import Run
 
-BAR_DEPTH = 0.018  # of the bars along z, in sizes of the mechanism
+BAR_DEPTH = 0.018  # depth of the bars along z, in sizes of the mechanism
 BAR_HALF_WIDTH, POST_HALF_WIDTH = 0.011, 0.006  # half widths of bars and posts, in sizes
-BASE_COLOR: SolidColor = (92, 99, 109, 255)  # a little darker than what stands on it
-POST_DISTANCES = (0.06, 0.12, 0.2, 0.3)  # how far beside a part its post may stand, in sizes
-POST_DIRECTIONS = 12  # directions in which that is tried
+BASE_COLOR: SolidColor = (92, 99, 109, 255)  # a little darker than the parts on it
+POST_DISTANCES = (0.06, 0.12, 0.2, 0.3)  # distances of a post beside its part that are tried, in sizes
+POST_DIRECTIONS = 12  # directions of these that are tried
 POST_PLACES = 12  # places of a part at which a post is tried
-CORE_RIMS = (0.006, 0.004, 0.0025, 0.0015)  # what is left of an outline without a rim of this, in sizes: without its hatching
+CORE_RIMS = (0.006, 0.004, 0.0025, 0.0015)  # widths of the rim with the hatching that is removed from an outline, in sizes
 HAIRLINE = 5e-6  # in sizes
 
 PlacedOutline = tuple[Polygon, tuple[float, float], SolidColor]
@@ -36,7 +36,8 @@ PlacedOutline = tuple[Polygon, tuple[float, float], SolidColor]
 
 @dataclass(frozen=True)
 class _Foot:
-    """Where a part of the ground stands on the bars, and what leads there: a post behind it, an arm beside it."""
+    """A place on the bars where a part of the ground is supported, and the solids that lead there: a post behind the part, and
+    perhaps an arm beside it."""
 
     at: Vec2
     parts: tuple[PlacedOutline, ...] = ()
@@ -44,37 +45,37 @@ class _Foot:
 
 @dataclass(frozen=True, eq=False)
 class _Room:
-    """The room that links and springs leave in front of the bars."""
+    """The space in front of the bars that links and springs leave free."""
 
     run: Run
     solids: Solids
-    back: float  # the height [m] of the bars' faces
-    springs: list[tuple[shapely.Geometry, float, float]]  # what of the plane [m] each covers, and between which heights
+    back: float  # height [m] of the front faces of the bars
+    springs: list[tuple[shapely.Geometry, float, float]]  # area of the plane [m] that each covers, and its heights [m]
 
     def free(self, shape: Polygon, heights: tuple[float, float]) -> bool:
-        """Whether nothing passes through a shape between two heights [m]."""
+        """Whether no link or spring passes through a shape between two heights [m] during the run."""
         coiled = any(low < heights[1] and high > heights[0] and area.intersects(shape) for area, low, high in self.springs)
         return not coiled and not blocked(self.run, self.solids, shape, heights)
 
     def post(self, at: Vec2, high: float) -> _Foot | None:
-        """A post at a place up to a height [m]; None where something comes by."""
+        """A post at a place, up to a height [m]; None where a link or spring passes through it."""
         half, heights = POST_HALF_WIDTH * self.solids.size, (self.back, high)
         shape = box(at[0] - half, at[1] - half, at[0] + half, at[1] + half)
         return _Foot(at, ((shape, heights, BASE_COLOR),)) if self.free(shape, heights) else None
 
 
 def blocked(run: Run, solids: Solids, shape: Polygon, heights: tuple[float, float]) -> bool:
-    """Whether a link passes through a shape of the ground between two heights [m]."""
+    """Whether a link passes through a shape on the ground between two heights [m] during the run."""
     frames, known = looks(run, solids.heights)
     ring = np.asarray(shape.exterior.coords)
     return solids.heights.crossed(heights, np.broadcast_to(ring, (len(frames), *ring.shape)), known, run.motion.mechanism.frame)
 
 
 def find_base(run: Run, solids: Solids, coils: Sequence[Coil], fixtures: Sequence[PlacedOutline]) -> list[PlacedOutline]:
-    """The bars and posts that bear what the ground has: bearings and guides, and its ``fixtures``.
+    """The bars and posts that support the parts of the ground: bearings, guides and ``fixtures``.
 
-    Parts to which no post leads past the links and springs stand alone. Nothing where only one part stands on the ground, and
-    where shafts lie in the plane: they have a bed of their own.
+    A part that no post can reach without collision has no support. The result is empty where the ground has only one part, and for
+    mechanisms with shafts in the plane, which have a bed of their own.
     """
     if any(solid.spin is not None for solid in solids.links.values()):
         return []
@@ -85,7 +86,7 @@ def find_base(run: Run, solids: Solids, coils: Sequence[Coil], fixtures: Sequenc
     feet: list[_Foot] = []
     for (foot, low, high), *columns in solids.heights.parts(frame, ("pedestal",)):
         posts = _feet(room, foot, (low, high))
-        if posts and columns and low < min(bottom for _, bottom, _ in columns):  # under the bearing itself
+        if posts and columns and low < min(bottom for _, bottom, _ in columns):  # posts below the bearing itself
             posts = [post for outline, *_ in columns if (post := room.post(_xy(outline.centroid), low)) is not None] or posts
         feet += posts
     for part in solids.heights.parts(frame, ("rail", "block", "rod")):
@@ -98,21 +99,21 @@ def find_base(run: Run, solids: Solids, coils: Sequence[Coil], fixtures: Sequenc
     places = np.array([foot.at for foot in feet])
     bars = [LineString(places[list(pair)]).buffer(BAR_HALF_WIDTH * size, quad_segs=8) for pair in _tree(places)]
     across = [(shape, (room.back - BAR_DEPTH * size, room.back), BASE_COLOR) for shape in polygons(unary_union(bars))]
-    longest: dict[Vec2, PlacedOutline] = {}  # of the posts at one place
+    longest: dict[Vec2, PlacedOutline] = {}  # longest post at each place
     arms: list[PlacedOutline] = []
     for foot in feet:
         for upright in foot.parts[:1]:
             longest[foot.at] = max(longest.get(foot.at, upright), upright, key=lambda one: one[1][1])
         arms += foot.parts[1:]
     standing = [placed for placed in (*longest.values(), *arms) if placed[1][1] - placed[1][0] > 1e-3 * size]
-    return across + [  # each a hair shorter than the one before: no two parts share a corner
+    return across + [  # each slightly shorter than the one before, so that no two parts share a corner
         (shape, (low + k * HAIRLINE * size, high - k * HAIRLINE * size), color)
         for k, (shape, (low, high), color) in enumerate(standing, 1)
     ]
 
 
 def _covered(run: Run, solids: Solids, coil: Coil) -> tuple[shapely.Geometry, float, float]:
-    """The part of the plane [m] that a spring covers during the run, and its least and largest height [m]."""
+    """The area of the plane [m] that a spring sweeps during the run, and its least and greatest height [m]."""
     frames, _ = looks(run, solids.heights)
     start, angle = coil.pose[frames, :2], coil.pose[frames, 2]
     long, wide = coil.stretch[frames] * float(coil.vertices[:, 0].max()), float(np.abs(coil.vertices[:, 1]).max())
@@ -123,7 +124,7 @@ def _covered(run: Run, solids: Solids, coil: Coil) -> tuple[shapely.Geometry, fl
 
 
 def _feet(room: _Room, outline: Polygon, heights: tuple[float, float]) -> list[_Foot]:
-    """Where a part of the ground can stand on the bars: a long one at two places; none where something is in the way everywhere."""
+    """Supports of a part of the ground on the bars: two for a long part, none where every place is blocked."""
     size, (low, high) = room.solids.size, heights
     candidates = _post_candidates(outline, size)
     long = np.hypot(*np.subtract(candidates[0], candidates[-1])) > 6.0 * BAR_HALF_WIDTH * size
@@ -146,7 +147,7 @@ def _feet(room: _Room, outline: Polygon, heights: tuple[float, float]) -> list[_
 
 
 def _post_candidates(outline: Polygon, size: float) -> list[Vec2]:
-    """Places within the thickest part of an outline [m], from one end of it to the other."""
+    """Places [m] for posts within the core of an outline, from one end of it to the other."""
     cores = (polygons(outline.buffer(-part * size)) for part in CORE_RIMS)
     core = next((core[0] for core in cores if core), outline)
     corners = np.asarray(core.minimum_rotated_rectangle.exterior.coords)[:4]
@@ -162,7 +163,7 @@ def _xy(point: Point) -> Vec2:
 
 
 def _tree(places: Real) -> Iterator[tuple[int, int]]:
-    """Pairs of places (n, 2) on the shortest tree that joins all of them, by Prim."""
+    """Edges of the minimum spanning tree of places (n, 2), as pairs of their numbers (Prim)."""
     apart = np.hypot(*(places[:, None] - places).transpose(2, 0, 1))
     inside = [0]
     while len(inside) < len(places):

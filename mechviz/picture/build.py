@@ -36,7 +36,7 @@ HeightsByLink = Mapping[str, float]
 UNDRAWN = "undrawn"  # group of solids that no output draws
 
 COLLISION_FRAMES = 721
-"""Frames that the search for colliding solids looks at; more would cost time and find nothing else."""
+"""Frames at which solids are checked for collisions; more would cost time without finding others."""
 STRUT_LINE_COLORS = {
     "torsion spring": (196, 214, 236),
     "damper": (168, 176, 188),
@@ -56,10 +56,10 @@ DOT_RADIUS, DOT_COLOR = 0.0045, (250, 250, 250)
 
 
 def picture_of(run: Run, solids: Solids, arrows: Arrows | None = None, known: Picture | None = None) -> Picture:
-    """Everything that is seen of a run with its solids. Raises `MechanismError` where it reaches farther than can be drawn.
+    """The complete picture of a run with its solids. Raises `MechanismError` where a node reaches farther than can be drawn.
 
-    ``arrows``: where they have been found before; ``known``: the picture of a run of the same scene, of which heights and fixtures
-    are kept.
+    ``arrows``: those of the run, if they are known; ``known``: the picture of another run of the same scene, whose heights, widths
+    of springs and fixtures are reused.
     """
     heights = {} if known is None else {node.key: node.height for node in known.nodes}
     arrows = arrows or arrows_of(run, solids.size)
@@ -104,7 +104,7 @@ def picture_of(run: Run, solids: Solids, arrows: Arrows | None = None, known: Pi
 
 
 def bare_picture(run: Run, solids: Solids) -> Picture:
-    """Solids and joints alone: of a run of which the rest is not known yet."""
+    """A picture with only solids and joints, for a run whose other results are not known yet."""
     n, nodes = run.numbers, (*solid_nodes(run, solids), *joint_nodes(run, solids))
     scales = arrows_of(run, solids.size).scales
     bounds, marks = np.asarray(solids.bounds, float), run.scene.document.marks
@@ -112,8 +112,8 @@ def bare_picture(run: Run, solids: Solids) -> Picture:
 
 
 def solid_nodes(run: Run, solids: Solids, fixtures: Mapping[str, Sequence[Mesh]] | None = None) -> Iterator[Body]:
-    """The solids of the links with what is fixed to them; one that turns about an axis of its own in the plane has poses in the
-    axes of its link. Those that look like nothing are a group of their own."""
+    """The solids of the links with their fixtures. A solid that rotates about an axis of its own in the plane has poses in the axes
+    of its link. Links with the look "nothing" are in the group ``UNDRAWN``."""
     looks = looks_of(run)
     for name, solid in solids.links.items():
         if not len(solid.faces):
@@ -131,7 +131,7 @@ def solid_nodes(run: Run, solids: Solids, fixtures: Mapping[str, Sequence[Mesh]]
 
 
 def _springs(coils: list[Coil]) -> Iterator[Body]:
-    """Springs between two points, stretched along their axes."""
+    """Springs between two points, scaled along their axes."""
     for coil in coils:
         mesh = Mesh(coil.vertices, coil.faces, coil.normals, _one_color(COIL, len(coil.vertices)))
         poses = PoseTrack(_single(coil.places()), _single(about_z(coil.pose[:, 2])), _single(coil.scales()))
@@ -140,7 +140,7 @@ def _springs(coils: list[Coil]) -> Iterator[Body]:
 
 
 def _marks(run: Run, solids: Solids) -> Iterator[Body]:
-    """Marks on rollers and belts, which ride on their links."""
+    """Surface marks of rollers and belts, in the axes of their links."""
     for mark in find_surface_marks(run, solids):
         mesh = Mesh(mark.vertices, mark.faces, mark.normals, _one_color(mark.color, len(mark.vertices)))
         poses = PoseTrack(_single(mark.places()), _single(mark.turns()))
@@ -150,7 +150,7 @@ def _marks(run: Run, solids: Solids) -> Iterator[Body]:
 
 
 def _struts(run: Run, solids: Solids) -> Iterator[Lines]:
-    """Dampers, gas springs and torsion springs."""
+    """Dampers, gas springs, actuators, bushings and torsion springs, drawn as lines."""
     height = solids.z_top + 0.004 * solids.size
     frames = np.arange(run.motion.frames)
     for strut in find_strut_glyphs(run, solids.size):
@@ -170,9 +170,9 @@ def _struts(run: Run, solids: Solids) -> Iterator[Lines]:
 
 
 def _friction(run: Run, solids: Solids) -> Iterator[Lines]:
-    """The friction circle of every pin, true to scale, with the line of action of its reaction, which touches it.
+    """The friction circle of every pin, true to scale, and the line of action of its reaction, which is tangent to the circle.
 
-    Where friction falls with the speed it is the circle of sticking, through which the line goes."""
+    With Stribeck friction, which falls with the speed, it is the circle of static friction, and the line may intersect it."""
     if run.forces is None or run.forces.friction is None:
         return
     forces, friction = run.forces, run.forces.friction
@@ -207,7 +207,7 @@ def _friction(run: Run, solids: Solids) -> Iterator[Lines]:
 
 
 def _masses(run: Run, solids: Solids) -> Iterator[Points]:
-    """Point masses that a scene fixes to its links, as balls with their volumes in the ratio of the masses."""
+    """Point masses on links, as balls whose volumes are proportional to the masses."""
     document = run.scene.document
     points = {link.name: link.points for link in run.motion.mechanism.links}
     convert = Converter.of(document.units, run.scene.folder)
@@ -233,7 +233,7 @@ def _masses(run: Run, solids: Solids) -> Iterator[Points]:
 
 
 def _paths(run: Run, solids: Solids, heights: HeightsByLink) -> Iterator[Lines]:
-    """Paths of traced points over the run, on the fronts of their links."""
+    """Paths of traced points over the run, at the height of the front of their links."""
     for link, point in run.motion.mechanism.traced:
         name = point_name(link, point)
         key = f"path.{name}"
@@ -245,7 +245,7 @@ def _paths(run: Run, solids: Solids, heights: HeightsByLink) -> Iterator[Lines]:
 
 
 def joint_nodes(run: Run, solids: Solids) -> Iterator[Points]:
-    """A dot at every joint with its name, or all names at the first of those that lie at the same place all the time."""
+    """A dot with its name at every joint. Of joints that coincide at all frames, the first one has all names."""
     places = {name: run.motion.joint_position(name) for name in run.numbers.joints}
     near = 1e-6 * run.motion.model.length_scale
     heaps: list[tuple[Real, list[str]]] = []
@@ -266,7 +266,7 @@ def joint_nodes(run: Run, solids: Solids) -> Iterator[Points]:
 
 
 def _arrow_heights(run: Run, solids: Solids, arrows: Arrows, coils: list[Coil], known: HeightsByLink) -> HeightsByLink:
-    """Heights [m] of arrows and arcs by key."""
+    """Heights [m] of arrows and arcs by key; those in ``known`` are kept."""
     heights = {}
     for vector in arrows.vectors:
         key = arrow_key(vector)
@@ -280,7 +280,7 @@ def _arrow_heights(run: Run, solids: Solids, arrows: Arrows, coils: list[Coil], 
     for moment in arrows.moments:
         height = heights.get(arrow_key(moment), known.get(arrow_key(moment), 0.0))
         behind[owner_of(moment)] = max(behind.get(owner_of(moment), height), height)
-    for vector in arrows.vectors:  # forces lie before the couple of their joint, and before the spring that exerts them
+    for vector in arrows.vectors:  # forces are in front of the couple of their joint, and of the spring that exerts them
         key = arrow_key(vector)
         if key in heights:
             heights[key] = max(heights[key], behind.get(owner_of(vector), heights[key]))
@@ -296,8 +296,8 @@ def _single(values: Real) -> Single:
 
 
 def solids_of(run: Run) -> Solids:
-    """Meshes of all links, in layers that do not collide during the run. Raises `MechanismError` where there are too many, or one
-    goes farther away than can be drawn."""
+    """Meshes of all links, in layers that do not collide during the run. Raises `MechanismError` where there are too many links, or
+    where one moves farther away than can be drawn."""
     settings = run.kept
     solids = build_solids(
         run.motion.mechanism,
@@ -315,8 +315,8 @@ def solids_of(run: Run) -> Solids:
 
 
 def looked_at(run: Run) -> dict[str, Real]:
-    """The poses (F, 3) of all links at the frames at which the search for colliding solids looks. Raises `MechanismError` where
-    there are too many."""
+    """Poses (n, 3) of all links at the frames at which solids are checked for collisions. Raises `MechanismError` where there are
+    too many links."""
     motion = run.motion
     check_drawn(len(motion.mechanism.links))
     frames = np.unique(np.linspace(0, motion.frames - 1, min(motion.frames, COLLISION_FRAMES)).round().astype(int))

@@ -1,5 +1,5 @@
-"""Constructions about centres, drawn on the mechanism: instant centres with Kennedy's lines, evolutes, inflection circles, centres
-of percussion with the line of the inertia resultant. Their nodes are called by group, item and part, as their entities are."""
+"""Constructions of centres, drawn on the mechanism: instant centres with Kennedy's lines, evolutes, inflection circles, centres of
+percussion with the line of the inertia resultant. Keys of nodes consist of group, item and part, like their entities."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ CENTRE_GROUPS: Mapping[str, tuple[str, str]] = {
     "inflection": ("Inflection circles", "link"),
     "percussion": ("Centres of percussion", "point"),
 }
-"""By group: its words, and what its items are."""
+"""By group: its title, and the kind of its items."""
 
 PIN_COLOR, CENTRE_COLOR, LINE_COLOR = (255, 206, 92), (92, 214, 255), (150, 166, 190)
 CIRCLE_COLOR, CURVE_COLOR, RAY_COLOR, TANGENT_COLOR, AXIS_COLOR = (
@@ -35,16 +35,16 @@ CIRCLE_COLOR, CURVE_COLOR, RAY_COLOR, TANGENT_COLOR, AXIS_COLOR = (
     (190, 150, 255),
 )
 FORCE_COLOR, COMPONENT_COLOR = (208, 112, 246), (244, 178, 255)
-VISIBLE_RANGE = 2.5  # sizes of the mechanism from its middle: nothing is drawn farther off
-LINE_OVERHANG = 0.06  # by how much a line goes on beyond the centres on it, in sizes of the mechanism
-OPEN_OVERHANG = 0.35  # as far where one of them lies beyond the picture
-LONGEST_ARC = 1.6  # sizes of the mechanism: longest part of a circle that is drawn
+VISIBLE_RANGE = 2.5  # largest distance from the middle at which anything is drawn, in sizes of the mechanism
+LINE_OVERHANG = 0.06  # overhang of a line beyond the centres on it, in sizes of the mechanism
+OPEN_OVERHANG = 0.35  # the same where one of the centres is outside the picture
+LONGEST_ARC = 1.6  # longest arc of a circle that is drawn, in sizes of the mechanism
 ARC_POINTS = 73
 THIN_RADIUS, THICK_RADIUS, DOT_RADIUS = 0.0016, 0.0028, 0.009  # radii in sizes of the mechanism
 
 
 def centre_nodes(run: Run, solids: Solids) -> Iterator[Node]:
-    """Nodes of the constructions about centres on the mechanism; the colours are made for a dark ground."""
+    """Nodes of the constructions of centres on the mechanism, in colours for a dark background."""
     studies, height = run.studies, solids.z_top + 0.008 * solids.size
     for name, centre in studies.instant_centres.items():
         yield from _instant_centre(_Pen(run, solids, "instant_centres", name, height), centre, studies.instant_centres)
@@ -82,12 +82,12 @@ class _Pen:
         return {"key": ".".join(path), "owner": owner, "group": self.group, "entity": ("polygons", *path), "height": self.height}
 
     def near(self, z: Complex) -> Complex:
-        """Places (F,), NaN where they are too far off to be drawn."""
+        """Places (F,), NaN where they are too far away to be drawn."""
         with np.errstate(invalid="ignore"):
             return np.where(np.abs(z - self.middle) < VISIBLE_RANGE * self.size, z, np.nan)
 
     def lines(self, part: str, strips: Mapping[str, tuple[Complex, Color, float]]) -> Iterator[Lines]:
-        """Strips (F, n) by their labels, those that begin with a blank without one, each with its colour and radius."""
+        """A node of strips (F, n) by label, each with its colour and radius. A label that begins with a blank is not shown."""
         if strips:
             drawn, colors, radii = zip(*strips.values(), strict=True)
             words = tuple("" if text.startswith(" ") else text for text in strips)
@@ -96,7 +96,7 @@ class _Pen:
             yield Lines(strips=tuple(space(self._held(z), self.height) for z in drawn), **look, **self.common(part))
 
     def _held(self, z: Complex) -> Complex:
-        """Strips (F, n), shrunk to a point in the frames in which they run beyond the picture."""
+        """Strips (F, n), shrunk to a point at frames where they extend beyond the picture."""
         z = within(z, self.size)
         return np.where(np.abs(z[:, :1] - self.middle) < 2.0 * VISIBLE_RANGE * self.size, z, self.middle)
 
@@ -181,7 +181,7 @@ def _percussion(pen: _Pen, strike: Percussion, per_metre: float) -> Iterator[Nod
         ("W", strike.centre, CENTRE_COLOR),
         ("T", strike.meeting, FORCE_COLOR),
     ):
-        if part != "T" or carried:  # of a pivot that is at rest T is W
+        if part != "T" or carried:  # T coincides with W for a pivot at rest
             yield from pen.dot(part, place, color, part)
     arrows = [(np.where(np.isfinite(meeting), meeting, through), strike.force)]
     arrows += [(strike.mass_centre, strike.direct), (strike.centre, strike.turned)] if carried else []
@@ -197,15 +197,15 @@ def _percussion(pen: _Pen, strike: Percussion, per_metre: float) -> Iterator[Nod
 
 
 def _force_scale(studied: Mapping[str, Percussion], size: float) -> float:
-    """Newtons per metre of arrows: the largest is a third of the mechanism."""
+    """Newtons per metre of the arrows: the largest is a third of ``size`` [m] long."""
     parts = [np.abs(part) for p in studied.values() for part in (p.force, p.direct, p.turned)]
     largest = float(np.nanmax(parts, initial=0.0)) if parts else 0.0
     return 3.0 * largest / size if largest > 0.0 else 1.0
 
 
 def _arc(place: Complex, tangent: Complex, bend: Real, longest: float) -> Complex:
-    """A circle (F, n) through places (F,) along tangents (F,), of a signed curvature (F,) [1/m]: of one that is longer, the part
-    next to the place; a straight line where it is not curved."""
+    """Circles (F, n) through places (F,) [m] with unit tangents (F,) and signed curvatures (F,) [1/m]. Of a circle longer than
+    ``longest`` [m] it is the arc next to the place; zero curvature gives a straight line."""
     with np.errstate(invalid="ignore", divide="ignore"):
         length = np.fmin(longest, 2.0 * np.pi / np.abs(bend))
         turn = (bend * length)[:, None] * np.linspace(-0.5, 0.5, ARC_POINTS)
@@ -214,7 +214,8 @@ def _arc(place: Complex, tangent: Complex, bend: Real, longest: float) -> Comple
 
 
 def _through(*places: Complex) -> Complex:
-    """The straight line (F, 2) through points of it, from the first to the last of them; those that are not there left out."""
+    """Ends (F, 2) of the line segment through collinear points (F,), from the outermost point to the other; points that are not
+    finite are left out."""
     z = np.stack(places, axis=1)
     first = np.take_along_axis(z, np.argmax(np.isfinite(z), axis=1)[:, None], axis=1)
     away = np.where(np.isfinite(z), z - first, 0.0)

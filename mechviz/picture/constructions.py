@@ -1,11 +1,11 @@
 """Graphical constructions as drawings to scale: arrows with colours and labels in metres of a drawing plane, over all frames.
 
-Pure functions of a `Run`; the recorder and the viewer draw what they find here.
+The functions depend on a `Run` alone; recorder and viewer use them.
 
-The vertices of a contour graph stand as far from each other as there are edges between them, as nearly as that can be had in the
-plane (stress majorization, Gansner, Koren and North 2004); of several starts the layout with the fewest crossings. Where edges
-cross in all of them, the vertices of a loop stand on a circle and every other one in the middle of its neighbours (Tutte 1963). The
-frame stands at the bottom.
+The layout of a contour graph makes the distances of vertices as nearly as possible proportional to the number of edges between them
+(stress majorization, Gansner, Koren and North 2004). Several starts are tried, and the layout with the fewest crossings is chosen.
+Where edges cross in all layouts, those with the vertices of a loop on a circle and every other vertex at the mean of its neighbours
+(Tutte 1963) are tried too. The frame is at the bottom.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ VECTOR_COLORS: Mapping[str, Color] = {
     "before": (255, 110, 96),
     "after": (96, 222, 132),
 }
-"""Colours on a dark ground."""
+"""Colours for a dark background."""
 
 COLOR_LEGENDS: Mapping[str, Mapping[str, str]] = {
     "velocity": {"absolute": "absolute", "relative": "relative", "sliding": "sliding"},
@@ -62,9 +62,9 @@ COLOR_LEGENDS: Mapping[str, Mapping[str, str]] = {
 }  # fmt: skip
 """Meanings of the colours of a drawing, by the drawing's name."""
 
-USUAL_FRAMES = 0.9  # of the frames, on each side, for which a view has room where some frames run far out
-FARTHEST_ROOM = 1.7  # times the room of these frames: a drawing that reaches less far has room in all frames
-DRAWING_SIZE = 1.0  # size of a drawing in sizes of the mechanism
+USUAL_FRAMES = 0.9  # quantile of the frames, on each side, that a view covers where some frames extend far out
+FARTHEST_ROOM = 1.7  # in sizes of that view: a drawing that is no larger is covered at all frames
+DRAWING_SIZE = 1.0  # size of a drawing, in sizes of the mechanism
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,8 +89,8 @@ class NamedPoint:
 
 @dataclass(frozen=True, eq=False)
 class Drawing:
-    """Arrows and points, their size ``bounds`` (2, 2) [m] over the run, and the scale: units of the quantity per metre, 0 where it
-    has none."""
+    """Arrows and points in the drawing plane, and the scale ``per_metre``: units of the quantity per metre, 0 without a scale.
+    ``closing`` (F,): closure error of the polygons, relative to the longest side."""
 
     name: str
     title: str
@@ -100,18 +100,18 @@ class Drawing:
     unit: str
     closing: Real | None = None
 
-    least: float = 0.0  # [m] extent for which a view has room at least
-    whole: bool = False  # a view has room for all frames, however far they reach
+    least: float = 0.0  # least extent of a view [m]
+    whole: bool = False  # whether a view covers all frames in any case
 
     @property
     def curves(self) -> list[tuple[Color, Complex]]:
-        """Colours and points (F,) of the curves along which tips go: of a polar plot, the one drawing that shows them."""
+        """Colours and points (F,) of the paths of the arrow tips, which only the polar plot shows; empty for other drawings."""
         polar = self.name == "shaking"
         return [(i.color, i.start + i.vector) for i in self.strokes if not i.plain] if polar else []
 
     @property
     def legend(self) -> list[tuple[str, Color]]:
-        """Meanings of the colours that are there, where there are several: words and colour."""
+        """Meaning and colour of the colours in the drawing; empty where there is only one."""
         there = {stroke.color for stroke in self.strokes}
         entries = [
             (words, VECTOR_COLORS[key]) for key, words in COLOR_LEGENDS.get(self.name, {}).items() if VECTOR_COLORS[key] in there
@@ -120,7 +120,8 @@ class Drawing:
 
     @property
     def bounds(self) -> Real:
-        """Box (2, 2) [m] that holds the drawing in all frames; of one that runs far out in some, in nine of ten on every side."""
+        """Box (2, 2) [m] around the drawing at all frames; where some frames extend far out, around nine tenths of them on each
+        side."""
         ends = [z for stroke in self.strokes for z in (stroke.start, stroke.start + stroke.vector)] + [m.at for m in self.marks]
         if not ends:
             return np.zeros((2, 2))
@@ -138,7 +139,7 @@ class Drawing:
 
 
 def drawings_of(run: Run, size: float) -> dict[str, Drawing]:
-    """All drawings that a run's scene asks for, by the name of their entity under ``polygons``."""
+    """All drawings that the scene of a run names, by the name of their entity under ``polygons``."""
     studies = run.studies
     drawings = {name: draw_polygons(name, polygons, size, run.scene.units) for name, polygons in studies.polygons.items()}
     if "graph" in run.motion.mechanism.studies.polygons:
@@ -151,7 +152,8 @@ def drawings_of(run: Run, size: float) -> dict[str, Drawing]:
 
 
 def draw_polygons(name: str, polygons: Sequence[Polygon], size: float, units: Units) -> Drawing:
-    """Polygons side by side in one scale, labelled in ``units``, all about as large as the mechanism (``size`` [m])."""
+    """Drawing of polygons side by side at one scale, together about as large as the mechanism (``size`` [m]); labels in
+    ``units``."""
     shown = [_worth_drawing(polygon.edges) for polygon in polygons]
     boxes = [_box(edges) for edges in shown]
     widths = [float((high - low).real) for low, high in boxes]
@@ -189,7 +191,8 @@ def draw_polygons(name: str, polygons: Sequence[Polygon], size: float, units: Un
 
 
 def draw_graph(graph: ContourGraph, frames: int, size: float) -> Drawing:
-    """The contour graph, about as large as the mechanism: edges with the names of joints, numbered links, numbers of loops."""
+    """Drawing of the contour graph, about as large as the mechanism (``size`` [m]): edges with the names of joints, numbered links,
+    loop numbers."""
     places = graph_layout(graph)
     ends = np.concatenate([places.vertices, *places.edges])
     scale = DRAWING_SIZE * size / max(float(np.ptp(ends.real)), float(np.ptp(ends.imag)), 1.0)
@@ -197,7 +200,7 @@ def draw_graph(graph: ContourGraph, frames: int, size: float) -> Drawing:
     strokes = []
     for edge, z in zip(graph.edges, places.edges, strict=True):
         color = VECTOR_COLORS["reaction" if edge.driven else "load" if edge.higher else "ray"]
-        for k, (a, b) in enumerate(pairwise(scale * z)):  # the name stands in the middle
+        for k, (a, b) in enumerate(pairwise(scale * z)):  # the middle segment has the label
             label = edge.joint if k == (len(z) - 1) // 2 else ""
             strokes.append(DrawnArrow(label, color, a * still, (b - a) * still, plain=True))
     marks = [
@@ -208,13 +211,13 @@ def draw_graph(graph: ContourGraph, frames: int, size: float) -> Drawing:
 
 
 def draw_funicular(run: Run, size: float) -> Drawing:
-    """Force polygons with poles and rays of all force systems."""
+    """Drawing of the force polygons of all force systems, with poles and rays."""
     drawing = draw_polygons("funicular", [s.drawing.polygon() for s in run.studies.systems.values()], size, run.scene.units)
     systems = run.studies.systems.values()
     drawn = [s for s in systems if any(e.kind == "resultant" for e in _worth_drawing(s.drawing.polygon().edges))]
     aside = [_aside(s.drawing) * 0.02 * size for s in drawn]
     strokes: list[DrawnArrow] = []
-    for i in drawing.strokes:  # where all forces are parallel the resultant stands beside them
+    for i in drawing.strokes:  # the resultant of parallel forces is drawn beside them
         shift = aside.pop(0) if i.color == VECTOR_COLORS["resultant"] else 0j
         strokes.append(DrawnArrow(i.label, i.color, i.start + shift, i.vector, plain=i.color == VECTOR_COLORS["ray"]))
     title = f"Force polygon with pole and rays: {scale_title(run.scene.units, drawing.per_metre, 'N')}"
@@ -223,12 +226,12 @@ def draw_funicular(run: Run, size: float) -> Drawing:
 
 
 def draw_shaking(run: Run, size: float) -> Drawing:
-    """The shaking force as an arrow from the origin of its polar plot, without and with counterweights."""
+    """Polar plot of the shaking force without and with counterweights: arrows from the origin."""
     shown = [("before", run.studies.shaking), ("after", run.studies.balanced)]
     forces = [(key, s.force @ np.array([1.0, 1.0j])) for key, s in shown if s is not None]
     largest = max(float(np.nanmax(np.abs(f), initial=0.0)) for _, f in forces)
     single = max(s.single for _, s in shown if s is not None)
-    if largest <= 1e-9 * single:  # balanced: drawn in the scale of the links' own inertia forces, not of the rounding
+    if largest <= 1e-9 * single:  # balanced: the scale is that of the links' own inertia forces, not that of rounding
         largest = single
     per_metre = largest / (0.5 * DRAWING_SIZE * size) if largest > 0.0 else 1.0
     names = {"before": "shaking force", "after": "with counterweights"}
@@ -239,7 +242,7 @@ def draw_shaking(run: Run, size: float) -> Drawing:
 
 
 def _aside(f: Funicular) -> complex:
-    """The direction away from the pole where all forces are parallel in every frame, else zero."""
+    """Unit direction away from the pole where all forces are parallel at every frame; else zero."""
     across = np.abs(np.imag(f.forces * np.conj(f.forces[:, :1])))
     if np.any(across > 1e-9 * np.abs(f.forces).max(initial=0.0) ** 2):
         return 0j
@@ -248,7 +251,7 @@ def _aside(f: Funicular) -> complex:
 
 
 def scale_title(units: Units, per_metre: float, si: str) -> str:
-    """A scale, of so many ``si`` units per metre, for people: "1 m of the drawing = 48.7 kN"."""
+    """A scale of ``per_metre`` units ``si`` per metre in words, such as "1 m of the drawing = 48.7 kN"."""
     (unit, factor), (length, per) = units.reads(si), units.reads("m", small=True)
     value = per_metre * factor / per
     amount = f"{value / 1e3:.4g} kN" if unit == "N" and value >= 1e4 else f"{value:.4g} {unit}"
@@ -256,12 +259,12 @@ def scale_title(units: Units, per_metre: float, si: str) -> str:
 
 
 def pretty(name: str) -> str:
-    """``a_CB^n`` as it is written by hand, as far as plain text can."""
+    """A name such as ``a_CB^n`` with superscript characters."""
     return name.replace("^n", "ⁿ").replace("^t", "ᵗ").replace("^c", "ᶜ").replace("^r", "ʳ")
 
 
 def _worth_drawing(edges: Sequence[Edge]) -> list[Edge]:
-    """Sides without those that vanish all the time and those that repeat another one."""
+    """The sides of a polygon without those that are zero at all frames, and those that equal another one at all frames."""
     largest = max((float(np.nanmax(np.abs(e.vector), initial=0.0)) for e in edges), default=0.0)
     kept: list[Edge] = []
     for e in edges:
@@ -285,7 +288,7 @@ def _box(edges: Sequence[Edge]) -> tuple[complex, complex]:
 
 
 def grid_columns(widths: Sequence[float], heights: Sequence[float]) -> list[list[int]]:
-    """Which boxes of these sizes stand beside each other: the number of columns that makes the whole most nearly square."""
+    """Rows of a grid of boxes, each the indices of its boxes; the number of columns makes the grid most nearly square."""
     n = len(widths)
     best, least = [list(range(n))], np.inf
     for columns in range(1, n + 1):
@@ -297,20 +300,20 @@ def grid_columns(widths: Sequence[float], heights: Sequence[float]) -> list[list
 
 
 LAYOUT_STARTS, LAYOUT_ROUNDS = 24, 120
-"""Layouts that are tried, and steps of each."""
+"""Number of layouts that are tried, and of iterations for each."""
 EDGE_BEND = 0.22
-"""How far edges between the same two vertices bend apart, in lengths of an edge."""
+"""Distance by which edges between the same two vertices bend apart, in edge lengths."""
 LOOP_NUMBER_SPACING = 0.45
-"""Least distance of loop numbers from each other, in lengths of an edge."""
+"""Least distance of loop numbers from each other, in edge lengths."""
 VERTEX_CLEARANCE = 0.15
-"""A vertex this near to another one or to an edge, in lengths of an edge, counts as lying on it."""
+"""Distance from another vertex or an edge, in edge lengths, below which a vertex counts as lying on it."""
 CURVE_POINTS = 15
 
 
 @dataclass(frozen=True, eq=False)
 class GraphLayout:
-    """Places in lengths of an edge, about the middle: of ``vertices`` (n,), along ``edges`` (points,) each, of ``numbers`` of the
-    loops (m,)."""
+    """Layout of a graph in edge lengths, centred at the origin: positions of ``vertices`` (n,), points along each of the ``edges``,
+    and positions of the loop ``numbers`` (m,)."""
 
     vertices: Complex
     edges: tuple[Complex, ...]
@@ -318,12 +321,12 @@ class GraphLayout:
 
 
 def loop_number(k: int) -> str:
-    """I, II, III ... of the loop with the index k."""
+    """Roman numeral I, II, III, ... of the loop with index k."""
     return ROMAN[k + 1] if k + 1 < len(ROMAN) else str(k + 1)
 
 
 def graph_layout(graph: ContourGraph) -> GraphLayout:
-    """The drawing of a graph; the same for the same graph."""
+    """The layout of a graph; deterministic."""
     pairs = [edge.ends for edge in graph.edges]
     places = _spread(len(graph.links), pairs, [vertices for vertices, _ in graph.loops])
     curves: list[Complex] = []
@@ -333,7 +336,7 @@ def graph_layout(graph: ContourGraph) -> GraphLayout:
         along = np.linspace(0.0, 1.0, CURVE_POINTS if aside else 2)
         curves.append(places[p] + (along + 4j * aside * along * (1.0 - along)) * (places[q] - places[p]))
     numbers = np.array([_middle([curves[e] for e in edges]) for _, edges in graph.loops], complex)
-    for _ in range(60):  # loops within each other: their numbers side by side
+    for _ in range(60):  # moves the numbers of nested loops apart
         for a, b in combinations(range(len(numbers)), 2):
             gap = numbers[b] - numbers[a]
             if abs(gap) < LOOP_NUMBER_SPACING:
@@ -348,7 +351,7 @@ def _middle(curves: Sequence[Complex]) -> complex:
 
 
 def _spread(count: int, pairs: Sequence[tuple[int, int]], loops: Sequence[Sequence[int]]) -> Complex:
-    """Places (n,) of vertices, about their middle, the first one at the bottom."""
+    """Positions (n,) of vertices, centred at the origin, the first vertex at the bottom."""
     far = _distances(count, pairs)
     random = np.random.default_rng(1)
     best, least = np.zeros(count, complex), (np.inf, np.inf)
@@ -367,7 +370,7 @@ def _spread(count: int, pairs: Sequence[tuple[int, int]], loops: Sequence[Sequen
 
 
 def _around(count: int, pairs: Sequence[tuple[int, int]], loop: Sequence[int]) -> Complex:
-    """Places (n,) with the vertices of a loop on a circle and every other one in the middle of its neighbours."""
+    """Positions (n,) with the vertices of a loop on a circle, and every other vertex at the mean of its neighbours."""
     z = np.zeros(count, complex)
     z[list(loop)] = 0.3 * count * np.exp(2j * np.pi * np.arange(len(loop)) / len(loop))
     inner = [k for k in range(count) if k not in loop]
@@ -381,7 +384,7 @@ def _around(count: int, pairs: Sequence[tuple[int, int]], loop: Sequence[int]) -
 
 
 def _distances(count: int, pairs: Sequence[tuple[int, int]]) -> Real:
-    """Edges (n, n) on the shortest path between any two vertices (Floyd and Warshall)."""
+    """Number of edges (n, n) on the shortest path between any two vertices (Floyd and Warshall)."""
     far = np.full((count, count), float(count))
     np.fill_diagonal(far, 0.0)
     for p, q in pairs:
@@ -393,7 +396,7 @@ def _distances(count: int, pairs: Sequence[tuple[int, int]]) -> Real:
 
 
 def _majorized(z: Complex, far: Real) -> Complex:
-    """Places moved to less stress, sum of ((distance - wanted) / wanted)^2."""
+    """Positions after iterations that reduce the stress, the sum of ((distance - ``far``) / ``far``)^2."""
     count = len(z)
     if count < 2:
         return z
@@ -414,7 +417,7 @@ def _stress(z: Complex, far: Real) -> float:
 
 
 def _crossings(z: Complex, pairs: Sequence[tuple[int, int]]) -> int:
-    """Pairs of edges without a common end that cross, and vertices on others or on edges that are not theirs."""
+    """Number of crossings: of edges without a common end, of vertices on other vertices, and of vertices on edges of others."""
     apart = np.abs(z[:, None] - z) + len(z) * np.eye(len(z))
     count = int((apart < VERTEX_CLEARANCE).sum()) // 2
     for p, q in pairs:

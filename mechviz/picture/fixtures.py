@@ -1,4 +1,4 @@
-"""Solids beside the links: seats of springs, brackets, anvils, and flywheels and fans where a scene names them."""
+"""Solids that are fixed to links: seats of springs, brackets, stops, and flywheels and fans where a scene names them."""
 
 from __future__ import annotations
 
@@ -28,20 +28,20 @@ from mechviz.picture.springs import Coil, find_struts
 if TYPE_CHECKING:
     from mechviz.runs import Run
 
-STEADY_ANGLE = 0.02  # [rad]: a spring that turns no further against a link has a seat on it
-ASKEW_ANGLE = 0.35  # [rad]: and this far against the ground, on which a seat stands across the mean direction
-SEAT_HALF_WIDTH = 1.5  # of a seat on the ground, in radii of the coil
-STEM_GAPS = (0.62, 0.95)  # half widths of the gap for a stem through it that are tried, in radii of the coil
+STEADY_ANGLE = 0.02  # [rad] largest rotation of a spring relative to a moving link on which it has a seat
+ASKEW_ANGLE = 0.35  # [rad] the same for the ground, where the seat is perpendicular to the mean direction of the spring
+SEAT_HALF_WIDTH = 1.5  # half width of a seat on the ground, in radii of the coil
+STEM_GAPS = (0.62, 0.95)  # half widths of the gap for a stem through the seat that are tried, in radii of the coil
 # Half the width of a bracket of the ground for dampers, gas springs and actuators, in sizes of the mechanism
 HINGE_HALF_WIDTH = 0.02
-ANVIL_HALF_WIDTH = 0.045  # half the width of an anvil, in sizes of the mechanism
-ANVIL_ARM = 0.82  # of the arm of a link: where it meets its anvil
+ANVIL_HALF_WIDTH = 0.045  # half the width of the block of a stop, in sizes of the mechanism
+ANVIL_ARM = 0.82  # place on a link where it meets the stop, relative to the length of its arm
 WASHER_COLOR: SolidColor = (150, 156, 164, 255)
-ANVIL_GAP = 1e-3  # in sizes of the mechanism, between a link and the anvil that it rests on
+ANVIL_GAP = 1e-3  # gap between a stop and the link that rests on it, in sizes of the mechanism
 
 
 def find_fixtures(run: Run, solids: Solids, coils: Sequence[Coil]) -> Mapping[str, list[Mesh]]:
-    """Meshes in the frames of links, by the links that they are fixed to."""
+    """Meshes of all fixtures and of the base, in the frames of links, by the link that they are fixed to."""
     frame = run.motion.mechanism.frame
     meshes: dict[str, list[Mesh]] = {}
     with shaped(run.motion.mechanism):
@@ -79,7 +79,7 @@ def joined_meshes(meshes: Sequence[Mesh]) -> Mesh:
 
 
 def bounds_with(run: Run, solids: Solids, fixtures: Mapping[str, Sequence[Mesh]]) -> Real:
-    """The box (2, 3) [m] around the solids and what is fixed to them, over the run."""
+    """Box (2, 3) [m] around the solids and their fixtures, over the run."""
     low, high = np.array(solids.bounds, float)
     frames = looks(run, solids.heights)[0]
     for link, meshes in fixtures.items():
@@ -94,7 +94,7 @@ def bounds_with(run: Run, solids: Solids, fixtures: Mapping[str, Sequence[Mesh]]
 
 
 def _hinges(run: Run) -> set[Vec2]:
-    """Where dampers, gas springs and actuators end on the ground [m]."""
+    """End points [m] of dampers, gas springs and actuators on the ground."""
     mechanism = run.motion.mechanism
     points = next(link for link in mechanism.links if link.name == mechanism.frame).points
     struts = find_struts(mechanism) if run.forces is not None else ()
@@ -110,11 +110,11 @@ def _mesh(outline: Polygon, z: tuple[float, float], color: SolidColor) -> Mesh:
 
 # -- springs --------------------------------------------------------------------------------------------------------------
 def _seat(run: Run, solids: Solids, load: Spring, coil: Coil, end: int) -> Iterator[tuple[str, PlacedOutline]]:
-    """The seat of one end of a spring: a plate or a bracket of the ground, a washer on a link against which it
-    does not turn."""
+    """The seat at one end (0 or 1) of a spring: a plate or a bracket on the ground, or a washer on a moving link relative to which
+    the spring does not rotate."""
     link, frame = load.links[end], run.motion.mechanism.frame
     at = next(spec for spec in run.motion.mechanism.links if spec.name == link).points[load.points[end]]
-    turned = np.unwrap(coil.pose[:, 2] + np.pi * end - run.motion.pose(link)[:, 2])  # into the spring, as the link sees it
+    turned = np.unwrap(coil.pose[:, 2] + np.pi * end - run.motion.pose(link)[:, 2])  # direction into the spring, in the link's axes
     turned = turned[np.isfinite(turned)]
     radius = float(np.abs(coil.vertices[:, 1]).max())
     heights = coil.height - radius, coil.height + radius
@@ -142,7 +142,8 @@ def _seat(run: Run, solids: Solids, load: Spring, coil: Coil, end: int) -> Itera
 
 
 def _bracket(run: Run, solids: Solids, at: Vec2, half: float, heights: tuple[float, float]) -> Iterator[tuple[str, PlacedOutline]]:
-    """A foot of the ground about a point between two heights [m], ``half`` as wide [m]."""
+    """A pedestal on the ground about a point, between two heights [m]; ``half``: its half width [m]. Nothing where a link
+    passes."""
     shape = pedestal(at, half, 64)
     if not blocked(run, solids, shape, heights):
         yield run.motion.mechanism.frame, (shape, heights, FRAME_COLOR)
@@ -150,7 +151,7 @@ def _bracket(run: Run, solids: Solids, at: Vec2, half: float, heights: tuple[flo
 
 # -- end stops ------------------------------------------------------------------------------------------------------------
 def _anvil(run: Run, solids: Solids, stop: EndStop) -> Iterator[tuple[str, PlacedOutline]]:
-    """The block of the ground that a link strikes at an end stop of its joint with the ground."""
+    """The block on the ground that a link strikes at a stop of its joint with the ground."""
     mechanism, motion, size = run.motion.mechanism, run.motion, solids.size
     joint = run.numbers.joints[stop.joint]
     if mechanism.frame not in joint.links or stop.joint in mechanism.ends:
@@ -161,7 +162,7 @@ def _anvil(run: Run, solids: Solids, stop: EndStop) -> Iterator[tuple[str, Place
     pose, pivot, left = motion.pose(link)[frame], complex(places[frame]), float(stop.at - coordinate[frame])
     beyond = 1.0 if stop.side == "upper" else -1.0
     if run.numbers.slides(stop.joint):
-        along = complex(np.nansum(np.diff(places) * np.sign(np.diff(coordinate))))  # as the coordinate grows
+        along = complex(np.nansum(np.diff(places) * np.sign(np.diff(coordinate))))  # direction of increasing coordinate
         if not along:
             return
         along /= abs(along)
@@ -194,10 +195,11 @@ def _reach(
     moved: tuple[complex, float],
     strip: tuple[complex, float],
 ) -> tuple[float, tuple[float, float]] | None:
-    """How far a link reaches along a direction within a strip, and the heights [m] of what does.
+    """Largest extent [m] of a link from a pivot along a direction, within a strip, and the heights [m] of the part of the link
+    there; None where no part is in the strip.
 
-    ``moved``: a pivot, from which is counted, and the turn about it [rad] that brings the link from its ``pose`` (3,) to the stop;
-    ``strip``: its direction, and how far to the right of the pivot it lies [m].
+    ``moved``: the pivot, and the rotation about it [rad] that brings the link from its ``pose`` (3,) to the stop; ``strip``: its
+    direction, and its distance to the right of the pivot [m].
     """
     (x, y, angle), (pivot, turn), (normal, middle) = pose, moved, strip
     best: tuple[float, tuple[float, float]] | None = None
@@ -212,27 +214,28 @@ def _reach(
 
 
 WHEEL_SPOKES, FAN_BLADES = 5, 6
-WHEEL_RIM_SIDES = 192  # of a rim
-# Radius of a flywheel, in sizes of the mechanism: at most, at least, of no known inertia
+WHEEL_RIM_SIDES = 192  # sides of the polygon of a rim
+# Radius of a flywheel, in sizes of the mechanism: largest, least, and that without a known inertia
 LARGEST_FLYWHEEL, LEAST_FLYWHEEL, USUAL_FLYWHEEL = 0.55, 0.22, 0.38
-FAN_RADIUS = 0.8  # radius of a fan, in those of a flywheel
-WHEEL_THICKNESS, WHEEL_CLEARANCE = 0.05, 0.02  # of a wheel along its shaft, and before it, in sizes of the mechanism
+FAN_RADIUS = 0.8  # radius of a fan, relative to that of a flywheel
+WHEEL_THICKNESS, WHEEL_CLEARANCE = 0.05, 0.02  # thickness of a wheel and clearance in front of it, in sizes of the mechanism
 WHEEL_SHAFT_RADIUS = 0.022  # radius, in sizes of the mechanism
 
 
 def looks_of(run: Run) -> dict[str, tuple[str, ...]]:
-    """Looks of a scene's links, by their names."""
+    """Looks of the links of a scene (such as "flywheel"), by link."""
     links = run.scene.document.links
     return {name: (link.looks,) if isinstance(link.looks, str) else tuple(link.looks) for name, link in links.items() if link.looks}
 
 
 def has_spindle(run: Run) -> bool:
-    """Whether the ground is to guide its blocks by rods through them."""
+    """Whether the ground guides its blocks by rods through them (look "spindle")."""
     return "spindle" in looks_of(run).get(run.motion.mechanism.frame, ())
 
 
 def _named_wheels(run: Run, solids: Solids, back: float) -> Iterator[tuple[str, PlacedOutline]]:
-    """The parts of flywheels and fans, each with its link, about the link's pin on the ground, behind a height [m]."""
+    """Solids of flywheels, fans and their shafts, each with its link, about the link's pin on the ground; ``back``: the height [m]
+    behind which the wheels are."""
     mechanism, size = run.motion.mechanism, solids.size
     for link, kinds in looks_of(run).items():
         centre = _pin_on_ground(mechanism, link)
@@ -260,7 +263,7 @@ def _named_wheels(run: Run, solids: Solids, back: float) -> Iterator[tuple[str, 
 
 
 def _pin_on_ground(mechanism: Mechanism, link: str) -> Vec2 | None:
-    """Where a link is pinned to the frame, in its own axes [m]."""
+    """Position [m], in the link's axes, of the revolute joint between a link and the frame; None where there is none."""
     for joint in build_joints(mechanism).joints:
         if joint.kind == "revolute" and set(joint.links) == {mechanism.frame, link}:
             at = joint.a if joint.links[0] == link else joint.b
@@ -269,14 +272,14 @@ def _pin_on_ground(mechanism: Mechanism, link: str) -> Vec2 | None:
 
 
 def _radius(mechanism: Mechanism, link: str, size: float) -> float:
-    """Radius [m] of a rim that has the link's mass and moment of inertia, within what can be drawn."""
+    """Radius [m] of a rim with about the link's radius of gyration, limited to radii that can be drawn."""
     spec = next(spec for spec in mechanism.links if spec.name == link)
     gyration = np.sqrt(spec.inertia / spec.mass) if spec.mass > 0.0 and spec.inertia > 0.0 else USUAL_FLYWHEEL * size
     return float(np.clip(1.1 * gyration, LEAST_FLYWHEEL * size, LARGEST_FLYWHEEL * size))
 
 
 def _flywheel(centre: Vec2, radius: float) -> Polygon:
-    """A rim on spokes."""
+    """Outline of a flywheel: a rim on spokes."""
     rim = (
         Point(0.0, 0.0)
         .buffer(radius, quad_segs=WHEEL_RIM_SIDES // 4)
@@ -288,7 +291,7 @@ def _flywheel(centre: Vec2, radius: float) -> Polygon:
 
 
 def _fan(centre: Vec2, radius: float) -> Polygon:
-    """Blades on a hub."""
+    """Outline of a fan: blades on a hub."""
     along = np.linspace(0.0, 1.0, 25)
     width = 0.2 * radius * np.sin(np.pi * np.sqrt(along)) * (0.4 + 0.6 * along)
     bend = 0.16 * radius * along**2

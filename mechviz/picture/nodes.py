@@ -1,4 +1,4 @@
-"""Parts of a picture: a flat list of nodes, each with a key, an owner, the group that switches it, and a track."""
+"""Parts of a picture: a flat list of nodes, each with a key, an owner, the group with which it is shown or hidden, and a track."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ class Mesh:
     colors: NDArray[np.uint8]
 
     def pieces(self) -> Iterator[tuple[Color, Index, NDArray[np.uint32]]]:
-        """The parts of one colour each: the colour, the numbers (n,) of its vertices, and faces (m, 3) among these. A face has the
-        colour of its first corner."""
+        """The parts of one colour each: colour, indices (n,) of its vertices, and faces (m, 3) with indices into these. A face has
+        the colour of its first corner."""
         shades, piece = np.unique(self.colors, axis=0, return_inverse=True)
         piece = piece.reshape(-1)
         for k, (red, green, blue) in enumerate(shades.tolist()):
@@ -45,7 +45,7 @@ class Mesh:
 
 @dataclass(frozen=True, eq=False)
 class PoseTrack:
-    """Where a body is at every frame: ``places`` (F, 3) [m], ``turns`` (F, 4) as quaternions x, y, z, w, ``scales`` (F, 3)."""
+    """Poses of a body at every frame: ``places`` (F, 3) [m], ``turns`` (F, 4) as quaternions x, y, z, w, ``scales`` (F, 3)."""
 
     places: Single
     turns: Single
@@ -53,7 +53,7 @@ class PoseTrack:
 
 
 class NodeKind(StrEnum):
-    """Kinds of nodes, as recordings name them, whatever the classes are called."""
+    """Kinds of nodes, by their names in recordings, which do not change with the names of classes."""
 
     BODY = "body"
     LINES = "lines"
@@ -65,8 +65,8 @@ class NodeKind(StrEnum):
 
 @dataclass(frozen=True, eq=False)
 class Node:
-    """Something that is drawn. ``key`` is unique in its picture; ``owner``: a kind (link, joint, load, point) and a name;
-    ``group``: what it is shown and hidden with; ``entity``: parts of its path in a recording; ``height`` z [m] at which it lies."""
+    """A drawn item. ``key``: unique in its picture; ``owner``: kind (link, joint, load, point, construction) and name; ``group``:
+    the group with which it is shown or hidden; ``entity``: entity path in a recording, in parts; ``height``: its z [m]."""
 
     key: str
     owner: tuple[str, str]
@@ -79,7 +79,8 @@ class Node:
 
 @dataclass(frozen=True, eq=False)
 class Body(Node):
-    """A solid in the axes of the link ``parent``, or in the world where that is empty; at rest there without ``poses``."""
+    """A solid in the axes of the link ``parent``, or in the world where ``parent`` is empty; without ``poses`` it is at rest
+    there."""
 
     KIND = NodeKind.BODY
 
@@ -88,7 +89,7 @@ class Body(Node):
     poses: PoseTrack | None = None
 
     def reach(self) -> Real:
-        """The box (2, 2) [m] around a body that is stretched along its axis in the plane, over the run."""
+        """Box (2, 2) [m] over the run around a body that is scaled along its axis in the plane. The body must have scales."""
         assert self.poses is not None and self.poses.scales is not None
         places, (z, w) = self.poses.places[:, :2], self.poses.turns[:, 2:].T
         long, wide = self.poses.scales[:, 0] * self.mesh.vertices[:, 0].max(), float(self.mesh.vertices[:, 1].max())
@@ -100,7 +101,7 @@ class Body(Node):
 class Lines(Node):
     """Strips (F, n, 3) [m] in the world at every frame, or (1, n, 3) at rest in the world or in the axes of the link ``parent``.
 
-    ``colors`` and ``radii`` [m]: one of each strip, or one of all; ``shown`` (F,): at which frames.
+    ``colors`` and ``radii`` [m]: one for each strip, or one for all; ``shown`` (F,): whether the lines are drawn at a frame.
     """
 
     KIND = NodeKind.LINES
@@ -119,8 +120,8 @@ class Lines(Node):
 
 @dataclass(frozen=True, eq=False)
 class Points(Node):
-    """Points (F, n, 3) [m] in the world at every frame, or (1, n, 3) at rest in the axes of the link ``parent``; at frames where
-    they are not there all are NaN. ``colors``: one of each point, or one of all."""
+    """Points (F, n, 3) [m] in the world at every frame, or (1, n, 3) at rest in the axes of the link ``parent``. All are NaN at
+    frames where they do not exist. ``colors``: one for each point, or one for all."""
 
     KIND = NodeKind.POINTS
 
@@ -133,7 +134,7 @@ class Points(Node):
 
 @dataclass(frozen=True, eq=False)
 class ArrowSet(Node):
-    """Arrows of a construction from ``origins`` along ``vectors`` (F, n, 3) [m]; ``colors``: one of each, or one of all."""
+    """Arrows of a construction from ``origins`` along ``vectors`` (F, n, 3) [m]; ``colors``: one for each arrow, or one for all."""
 
     KIND = NodeKind.ARROWS
 
@@ -146,7 +147,7 @@ class ArrowSet(Node):
 
 @dataclass(frozen=True, eq=False)
 class Arrow(Node):
-    """A vector over the frames, drawn ``aside`` [m] of its line, to its left, where another one lies on that."""
+    """A vector over the frames. ``aside``: offset [m] to the left of its line, where another arrow lies on that."""
 
     KIND = NodeKind.ARROW
 
@@ -155,11 +156,11 @@ class Arrow(Node):
 
     @property
     def origin(self) -> Real:
-        """Where it is drawn from (F, 2) [m]."""
+        """Start of the drawn arrow (F, 2) [m]."""
         return self.origin_at(slice(None))
 
     def origin_at(self, frames: slice) -> Real:
-        """Where it is drawn from at some frames (n, 2) [m]."""
+        """Start of the drawn arrow at some frames (n, 2) [m]."""
         origin = self.vector.origin[frames]
         if not self.aside:
             return origin
@@ -171,7 +172,7 @@ class Arrow(Node):
 
 @dataclass(frozen=True, eq=False)
 class MomentArc(Node):
-    """A moment over the frames, drawn as an arc of a ``radius`` [m]: moments at one place have circles of their own."""
+    """A moment over the frames, drawn as an arc of a ``radius`` [m]; moments at one place have different radii."""
 
     KIND = NodeKind.ARC
 
@@ -180,7 +181,7 @@ class MomentArc(Node):
 
 
 def farthest(node: Node) -> float:
-    """How far a node reaches from the origin [m], along the axis where it reaches farthest."""
+    """Largest coordinate [m] of a node's places, in absolute value; 0 for nodes without a track."""
     places: tuple[Real | Single, ...] = ()
     match node:
         case Body(poses=PoseTrack(places=at)):
@@ -201,12 +202,13 @@ N = TypeVar("N", bound=Node)
 
 @dataclass(frozen=True, eq=False)
 class Picture:
-    """Everything seen over the frames at ``time`` (F,) [s]: ``poses`` x, y, angle (F, 3) [m, m, rad] of all links, and the nodes.
+    """The picture of a run over the frames at ``time`` (F,) [s]: ``poses`` x, y, angle (F, 3) [m, m, rad] of all links, and the
+    nodes.
 
-    ``frame`` is the fixed link, ``size`` [m] the mechanism's, ``bounds`` (2, 3) [m] the box around all solids over the run, ``top``
-    [m] the height before which there is nothing solid; ``scales``: how large arrows are drawn. Where they are known: ``widths`` of
-    springs by name, over that of one around a stem only; ``fixtures``, what is drawn with links beside their solids. ``marks``:
-    names of joints and arrows are shown at first.
+    ``frame``: the fixed link; ``size``: of the mechanism [m]; ``bounds`` (2, 3) [m]: box around all solids over the run; ``top``:
+    height [m] of the front of the solids; ``scales``: of the arrows; ``widths``: of springs by name, relative to that of a spring
+    around a stem only; ``fixtures``: meshes that are drawn with the solids of links; both are empty where they are not known.
+    ``marks``: whether names of joints and arrows are shown at first.
     """
 
     time: Real
@@ -226,5 +228,5 @@ class Picture:
         return {node.key: node for node in self.nodes}
 
     def of(self, kind: type[N], *groups: str) -> Iterator[N]:
-        """The nodes of a kind, of some groups or of all."""
+        """The nodes of a class, in the given groups or, without groups, in all."""
         return (node for node in self.nodes if isinstance(node, kind) and (not groups or node.group in groups))

@@ -22,18 +22,18 @@ if TYPE_CHECKING:
     from mechviz.meshes.solids import Solids
     from mechviz.runs import Run
 
-FIXED_CENTRODE_COLOR, MOVING_CENTRODE_COLOR = (255, 206, 92), (92, 214, 255)  # of the two rolling curves
+FIXED_CENTRODE_COLOR, MOVING_CENTRODE_COLOR = (255, 206, 92), (92, 214, 255)
 EQUIVALENT_COLOR = (120, 255, 190)  # equivalent linkages
-EQUIVALENT_RANGE = 4.0  # sizes of the mechanism, beyond which nothing of an equivalent linkage is drawn
+EQUIVALENT_RANGE = 4.0  # largest distance at which equivalent linkages are drawn, in sizes of the mechanism
 EQUIVALENT_BLOCK = (0.05, 0.025)  # half length and half width of a block of an equivalent linkage, in sizes of the mechanism
-CENTRODE_RANGE = 1.5  # sizes of the mechanism beyond its bounds, where centrodes are cut off
+CENTRODE_RANGE = 1.5  # distance beyond the bounds where centrodes are cut off, in sizes of the mechanism
 # Resultants, substitute masses
 RESULTANT_COLOR, NEGATIVE_MASS_COLOR, POSITIVE_MASS_COLOR = (255, 255, 255), (255, 96, 150), (236, 238, 244)
 SUBSTITUTE_FORCE_COLOR = (244, 178, 255)
 
 
 def overlay_nodes(run: Run, solids: Solids) -> Iterator[Node]:
-    """Nodes of the scene's constructions on the mechanism; the colours are made for a dark ground."""
+    """Nodes of the scene's constructions on the mechanism, in colours for a dark background."""
     size, top = solids.size, solids.z_top
     yield from _funicular(run, size, top + 0.01 * size)
     yield from _centrodes(run, solids, top + 0.006 * size)
@@ -79,7 +79,7 @@ def _centrodes(run: Run, solids: Solids, height: float) -> Iterator[Node]:
                 colors=(FIXED_CENTRODE_COLOR,),
                 **common,
             )
-        if moving:  # it moves with its link and rolls on the fixed one
+        if moving:  # moves with its link, and rolls on the fixed centrode
             common |= {"group": "polode", "colors": (MOVING_CENTRODE_COLOR,), "parent": name}
             yield Lines(key=f"polode.{name}.moving", entity=("mechanism", "links", name, "polode"), strips=moving, **common)
 
@@ -119,7 +119,7 @@ def _substitutes(run: Run, size: float, height: float) -> Iterator[Node]:
 
 
 def space(z: Complex, height: float) -> Single:
-    """Places of the plane (...) as (..., 3); a place that is not finite is the origin."""
+    """Complex places (...) of the plane at a height, as (..., 3); a place that is not finite becomes the origin."""
     out = np.full((*z.shape, 3), height, np.float32)
     known = np.where(np.isfinite(z), z, 0.0)
     out[..., 0], out[..., 1] = known.real, known.imag
@@ -127,8 +127,8 @@ def space(z: Complex, height: float) -> Single:
 
 
 def overlay_box(run: Run, solids: Solids) -> Real:
-    """The box (2, 3) [m] around the mechanism and what is drawn on it: springs, strings, resultants, centrodes, substitute
-    masses."""
+    """Box (2, 3) [m] around the mechanism and the items drawn on it: springs, equivalent linkages, strings, resultants, centrodes,
+    substitute masses."""
     low, high = (np.array(b, float) for b in solids.bounds)
     size = solids.size
     points: list[Real] = [*strut_ends(run)]
@@ -146,14 +146,15 @@ def overlay_box(run: Run, solids: Solids) -> Real:
     for xy in points:
         xy = xy[np.isfinite(xy).all(axis=1)]
         if len(xy):
-            near, far = np.quantile(xy, [0.03, 0.97], axis=0)  # a knot that runs far out in a few frames may leave the picture
+            near, far = np.quantile(xy, [0.03, 0.97], axis=0)  # a point that moves far out at a few frames may leave the picture
             low[:2] = np.minimum(low[:2], np.maximum(near, low[:2] - 0.5 * size))
             high[:2] = np.maximum(high[:2], np.minimum(far, high[:2] + 0.5 * size))
     return np.array([low, high])
 
 
 def strings(run: Run, size: float) -> list[Complex]:
-    """Strings between the knots, the outer ones out to where they meet, and the lines of the forces."""
+    """Strips (F, 2) of the funicular polygons: strings between the knots, outer strings extended to their intersection, and the
+    lines of action of the forces."""
     out: list[Complex] = []
     for s in run.studies.systems.values():
         d = s.drawing
@@ -173,7 +174,7 @@ def strings(run: Run, size: float) -> list[Complex]:
 
 
 def _outer(knot: Complex, ray: Complex, meeting: Complex, size: float) -> Complex:
-    """An outer string: through its knot, and out to where the outer strings meet if that is near enough to be drawn."""
+    """An outer string (F, 2): through its knot, extended to the intersection of the outer strings as far as it is drawn."""
     away = np.where(np.isfinite(meeting), np.real((meeting - knot) * np.conj(ray)), 0.0)
     away = np.clip(np.nan_to_num(away), -2.0 * size, 2.0 * size)
     low, high = np.minimum(away, 0.0) - 0.15 * size, np.maximum(away, 0.0) + 0.15 * size
@@ -181,8 +182,8 @@ def _outer(knot: Complex, ray: Complex, meeting: Complex, size: float) -> Comple
 
 
 def resultants(run: Run, size: float) -> list[tuple[Complex, Complex]]:
-    """Arrows of the resultants through the places where the outer strings meet, the largest 0.4 of the mechanism long; nothing
-    where there is no single force, or far outside the picture."""
+    """Starts and vectors (F,) of the arrows of the resultants, at the intersections of the outer strings; the largest is 0.4 of
+    ``size`` long. An arrow is zero where there is no single resultant force, or far outside the picture."""
     drawings = [s.drawing for s in run.studies.systems.values()]
     largest = max(float(np.abs(d.resultant).max(initial=0.0)) for d in drawings) or 1.0
     out = []
@@ -193,7 +194,8 @@ def resultants(run: Run, size: float) -> list[tuple[Complex, Complex]]:
 
 
 def chain_strips(run: Run, size: float) -> list[tuple[str, list[Complex]]]:
-    """Equivalent linkages by joint: bars and outlines of blocks as strips (F, points), shrunk to a point where at infinity."""
+    """Equivalent linkages by joint: bars and outlines of blocks as strips (F, points), shrunk to a point where they extend to
+    infinity."""
     out = []
     half, width = EQUIVALENT_BLOCK[0] * size, EQUIVALENT_BLOCK[1] * size
     corners = np.array([half + 1j * width, -half + 1j * width, -half - 1j * width, half - 1j * width, half + 1j * width])
@@ -205,8 +207,8 @@ def chain_strips(run: Run, size: float) -> list[tuple[str, list[Complex]]]:
 
 
 def chain_pins(run: Run, size: float) -> list[tuple[str, list[tuple[str, Complex]]]]:
-    """Pins of equivalent linkages by joint, each with its label (F,), NaN beyond any picture. Only those that are no pins
-    anyway."""
+    """Pins of equivalent linkages by joint: label and places (F,), NaN far outside the picture. Only pins that are not joints of
+    the mechanism."""
     shown = ("K", "N1", "N2")
     named = []
     for name, chain in run.studies.equivalents.items():
@@ -222,7 +224,7 @@ def chain_pins(run: Run, size: float) -> list[tuple[str, list[tuple[str, Complex
 
 
 def within(z: Complex, size: float) -> Complex:
-    """Strips (F, points), shrunk to one of their finite points in the frames in which they run beyond any picture."""
+    """Strips (F, points), shrunk to one of their finite points at frames where they extend far outside the picture."""
     finite = np.isfinite(z)
     inner = np.where(finite, z, 0.0)
     home = np.take_along_axis(inner, np.argmax(finite, axis=1)[:, None], axis=1)
@@ -231,15 +233,15 @@ def within(z: Complex, size: float) -> Complex:
 
 
 def substitute_scale(run: Run, size: float) -> float:
-    """Newtons per metre of the arrows at substitute masses: the largest is a third of the mechanism."""
+    """Newtons per metre of the arrows at substitute masses: the largest is a third of ``size`` [m] long."""
     largest = max(float(np.abs(f.forces @ np.array([1.0, 1.0j])).max(initial=0.0)) for f in run.studies.substitutes.values())
     return largest / (size / 3.0) if largest > 0.0 else 1.0
 
 
 def centrode_strips(path: Real, place: Real, solids: Solids, *, z: float) -> list[Single]:
-    """A centrode (F, 2) as strips, cut where it runs far out of the picture or jumps through infinity.
+    """A centrode ``path`` (F, 2) as strips (n, 3), cut where it leaves the surroundings of the mechanism or jumps through infinity.
 
-    ``place`` (F, 2): the fixed one, of both. It is judged in the world, so that both are cut at the same frames.
+    ``place`` (F, 2): the fixed centrode, which decides where both centrodes are cut, so that they are cut at the same frames.
     """
     low, high = np.asarray(solids.bounds)[:, :2]
     room = CENTRODE_RANGE * solids.size
@@ -257,7 +259,8 @@ def centrode_strips(path: Real, place: Real, solids: Solids, *, z: float) -> lis
 
 
 class SectionDiagram(NamedTuple):
-    """A kind of diagram: its title, letter, unit and colour, and what is drawn to the left of the axis (F, n)."""
+    """A kind of diagram: title, letter, unit and colour, and a function for the ordinates (F, n), positive to the left of the
+    axis."""
 
     title: str
     letter: str
@@ -267,29 +270,30 @@ class SectionDiagram(NamedTuple):
 
 
 SECTION_DIAGRAMS = {
-    "bending_moment": SectionDiagram("Bending moments", "M", "N m", (255, 186, 66), lambda s: -s.moment),  # on the stretched side
+    "bending_moment": SectionDiagram("Bending moments", "M", "N m", (255, 186, 66), lambda s: -s.moment),  # on the tension side
     "shear_force": SectionDiagram("Shear forces", "V", "N", (126, 226, 140), lambda s: s.shear),
     "normal_force": SectionDiagram("Normal forces", "N", "N", (120, 184, 255), lambda s: s.normal),
 }
-"""By the group of the picture."""
+"""Diagrams by group of the picture."""
 HIDDEN_DIAGRAMS = ("shear_force", "normal_force")
-"""Those that are not shown at first: three diagrams over each other are hard to read."""
-TALLEST_ORDINATE = 0.16  # the largest ordinate of a kind over the run, in sizes of the mechanism
-ORDINATE_COUNT = 17  # evenly spaced
+"""Diagrams that are hidden at first, because three superposed diagrams are hard to read."""
+TALLEST_ORDINATE = 0.16  # largest ordinate of a kind over the run, in sizes of the mechanism
+ORDINATE_COUNT = 17  # evenly spaced ordinates
 ORDINATE_RADIUS = 0.0026  # radius of lines, in sizes of the mechanism
 
 
 def section_nodes(run: Run, solids: Solids) -> Iterator[Lines | Points]:
-    """For each diagram of each link its outline and ordinates, and a dot at its largest with what that comes to over the run.
+    """Nodes of the diagrams of section forces of each link: outline and ordinates, and a dot at the largest ordinate whose label is
+    the peak over the run.
 
-    All diagrams of a kind have one scale.
+    All diagrams of a kind have the same scale.
     """
     sections = run.studies.sections
     for group, diagram in SECTION_DIAGRAMS.items():
         peaks = {link: float(np.nanmax(np.abs(diagram.ordinates(s)), initial=0.0)) for link, s in sections.items()}
         largest = max(peaks.values(), default=0.0)
         for link, section in sections.items():
-            shares = np.nan_to_num(diagram.ordinates(section)) / (largest or 1.0)  # of the largest, which may be next to nothing
+            shares = np.nan_to_num(diagram.ordinates(section)) / (largest or 1.0)  # first, as the largest may be tiny
             strips = [_in_world(run, link, strip) for strip in _strips(section, TALLEST_ORDINATE * solids.size * shares)]
             height = _height(run, solids, link, strips[0])
             outline, ordinates, tip = (in_space(np.stack([z.real, z.imag], axis=-1), height) for z in strips)
@@ -303,7 +307,8 @@ def section_nodes(run: Run, solids: Solids) -> Iterator[Lines | Points]:
 
 
 def _strips(section: SectionForces, ordinates: Real) -> tuple[Complex, Complex, Complex]:
-    """Outline, ordinates and tip of the largest (F, n), complex in the link's axes, of lengths (F, n) [m] to the axis' left."""
+    """Outline, ordinates and tip of the largest ordinate, as complex strips (F, points) in the link's axes. ``ordinates`` (F, n)
+    [m]: lengths to the left of the axis at the stations."""
     tips = section.places + 1j * section.directions * ordinates
     outline = np.concatenate([section.places[:, :1], tips, section.places[:, -1:]], axis=1)
     even = np.linspace(0.0, section.axis.length, ORDINATE_COUNT)
@@ -322,7 +327,7 @@ def _in_world(run: Run, link: str, strip: Complex) -> Complex:
 
 
 def _height(run: Run, solids: Solids, link: str, outline: Complex) -> float:
-    """On the front of the link, or as far before it as is needed for the outline to be seen."""
+    """Height [m] of a diagram: the front of the link, or as far in front of it as the outline needs to be visible."""
     frames, known = looks(run, solids.heights)
     z = outline[frames]
     spec = {k.name: k for k in run.motion.mechanism.links}[link]
@@ -341,7 +346,7 @@ PROFILE_POINTS = 361
 
 
 def inversion_nodes(run: Run, solids: Solids) -> Iterator[Lines]:
-    """Lines at rest on the cam's link, of each cam that the scene names."""
+    """Nodes of the construction by inversion of each cam that the scene names: lines at rest on the cam's link."""
     height = solids.z_top + 0.004 * solids.size
     for name, inversion in run.studies.inversion.items():
         for part, (strips, color, width) in _parts(inversion, solids.size).items():
@@ -362,7 +367,7 @@ def inversion_nodes(run: Run, solids: Solids) -> Iterator[Lines]:
 
 
 def _parts(drawn: CamInversion, size: float) -> dict[str, tuple[Sequence[Complex], Color, float]]:
-    """Strips (points,) in the axes of the cam's link, their colour and radius, by what they are."""
+    """Strips (points,) in the axes of the cam's link, with colour and radius, by the part of the construction."""
     ends = zip(drawn.origins, drawn.references, strict=True)
     rays = [np.array([origin, reference]) for origin, reference in ends]
     if drawn.faces is not None:
@@ -384,6 +389,6 @@ def _parts(drawn: CamInversion, size: float) -> dict[str, tuple[Sequence[Complex
 
 
 def _edge(along: complex) -> Complex:
-    """A knife's edge that points against a direction: two lines of unit length."""
+    """A knife edge: two lines of unit length whose common point is the origin and which open in the direction ``along``."""
     unit = along / abs(along) if abs(along) > 0.0 else 1j
     return unit * np.array([np.exp(0.35j), 0.0, np.exp(-0.35j)])

@@ -21,29 +21,29 @@ if TYPE_CHECKING:
     from mechviz.runs import Run
 
 SPRING_COLOR = (172, 188, 206)
-COIL_RADIUS = 0.034  # of the wire's middle line around the axis, in sizes of the mechanism: a stem goes through it
-STOUTEST_COIL = 0.4  # that radius at most, in mean lengths of the spring
-WIRE_DIAMETER = 0.3  # diameter of the wire in radii of the coil
-COIL_PITCH = 1.9  # of the turns that give way, in diameters of the wire, where their number allows it
-WIDEST_COIL = 0.55  # radius of such a coil at most, in mean lengths of the spring
-GUIDED_COIL_WIDTHS = (1.5, 2.0, 2.4)  # of coils that have to go around a guide, too
-FEWEST_TURNS, MOST_TURNS = 4, 12  # turns that give way
-LEAST_LENGTH = 1e-4  # of its mean length: how short a spring is drawn at least
+COIL_RADIUS = 0.034  # mean radius of a coil, in sizes of the mechanism; a stem fits through it
+STOUTEST_COIL = 0.4  # largest mean radius, in mean lengths of the spring
+WIRE_DIAMETER = 0.3  # diameter of the wire, in radii of the coil
+COIL_PITCH = 1.9  # pitch of the active turns, in diameters of the wire, where their number allows it
+WIDEST_COIL = 0.55  # largest radius of a coil around a guide, in mean lengths of the spring
+GUIDED_COIL_WIDTHS = (1.5, 2.0, 2.4)  # widths of coils around a guide that are tried, relative to the usual width
+FEWEST_TURNS, MOST_TURNS = 4, 12  # active turns
+LEAST_LENGTH = 1e-4  # least drawn length, in mean lengths of the spring
 
 
 @dataclass(frozen=True, eq=False)
 class Coil:
-    """A spring: its mesh about the x axis from 0 to the mean length, and how it lies and is stretched at every frame."""
+    """A spring: its mesh about the x axis from 0 to the mean length, and its pose and scale at every frame."""
 
     name: str
-    pose: Real  # (F, 3): its start [m] and direction [rad] in the plane, continuous
+    pose: Real  # (F, 3): start [m] and direction [rad] in the plane; the direction is continuous
     stretch: Real  # (F,): length over the mean length
     height: float  # of its axis [m]
-    width: float  # of the coil, over that of a spring that goes around a stem only
+    width: float  # of the coil, relative to that of a spring around a stem only
     vertices: Single  # (V, 3) [m]
     faces: NDArray[np.uint32]  # (N, 3)
     normals: Single  # (V, 3), unit
-    straight: bool  # hung up by straight ends on its axis, not pressed between flat ones
+    straight: bool  # tension spring with straight ends on its axis; else compression spring with flat ends
 
     def scales(self) -> Real:
         """Factors along x, y and z (F, 3)."""
@@ -51,23 +51,23 @@ class Coil:
 
     @property
     def front(self) -> float:
-        """The height [m] before which nothing of it lies."""
+        """Height [m] of its front."""
         return self.height + float(self.vertices[:, 2].max())
 
     def reach(self) -> Real:
-        """The box (2, 2) [m] around the spring in the plane, over the run."""
+        """Box (2, 2) [m] around the spring in the plane, over the run."""
         long, wide = self.stretch * float(self.vertices[:, 0].max()), float(self.vertices[:, 1].max())
         end = self.pose[:, :2] + long[:, None] * np.column_stack([np.cos(self.pose[:, 2]), np.sin(self.pose[:, 2])])
         points = np.concatenate([self.pose[:, :2], end])
         return np.array([np.nanmin(points, axis=0) - wide, np.nanmax(points, axis=0) + wide])
 
     def places(self) -> Real:
-        """Where the spring starts (F, 3) [m]."""
+        """Start of the spring (F, 3) [m]."""
         return np.column_stack([self.pose[:, :2], np.full(len(self.pose), self.height)])
 
 
 def find_coils(run: Run, solids: Solids, known: Mapping[str, tuple[float, float]] | None = None) -> list[Coil]:
-    """The springs of a run in which forces are computed. ``known``: height [m] and width of those found before, by name."""
+    """The springs of a run; none where no forces are computed. ``known``: height [m] and width of springs found before, by name."""
     if run.forces is None:
         return []
     coils = []
@@ -84,7 +84,7 @@ def _coil(run: Run, solids: Solids, load: Spring, known: tuple[float, float] | N
     length = np.hypot(d[:, 0], d[:, 1])
     seen = length[np.isfinite(length)]
     mean = 0.5 * float(seen.min() + seen.max()) if len(seen) else 0.0
-    if mean <= LEAST_LENGTH * solids.size:  # its ends stay together: nothing to be seen
+    if mean <= LEAST_LENGTH * solids.size:  # its ends coincide: nothing to draw
         return None
     radius = min(COIL_RADIUS * solids.size, STOUTEST_COIL * mean)
     wire = WIRE_DIAMETER * radius
@@ -112,8 +112,8 @@ def _coil(run: Run, solids: Solids, load: Spring, known: tuple[float, float] | N
 def _place(
     run: Run, solids: Solids, load: Spring, ends: tuple[Real, Real], coil: tuple[float, float], widths: list[float]
 ) -> tuple[float, float]:
-    """Height [m] of a spring's axis and its width: in the middle of what it acts on where its coil, or a wider one around a guide,
-    meets nothing there; else before all that it would hit."""
+    """Height [m] of a spring's axis, and its width. The axis is in the middle of one of its links if the coil, or a wider one
+    around a guide, does not collide there; otherwise in front of all parts that it would hit."""
     heights, (radius, wire) = solids.heights, coil
     frames, known = looks(run, heights)
     a, b = (end[frames] for end in ends)
@@ -144,7 +144,7 @@ BUSHING_RADIUS = 0.03  # radius of a bushing's ring, in sizes of the mechanism
 
 @dataclass(frozen=True)
 class Strut:
-    """A load that is drawn as a pot with a rod between two points, each (link, point)."""
+    """A load that is drawn as a cylinder with a rod between two points, each (link, point)."""
 
     name: str
     kind: str  # "damper", "gas spring", "actuator"
@@ -162,7 +162,8 @@ def find_struts(mechanism: Mechanism) -> Iterator[Strut]:
 
 @dataclass(frozen=True, eq=False)
 class StrutGlyph:
-    """A load that is drawn as lines: ``strips(frames)`` gives polylines (n, points, 2) [m], as many arrays as it has lines."""
+    """A load that is drawn as lines: ``strips(frames)`` gives its polylines at n frames, one array (n, points, 2) [m] for each
+    line."""
 
     name: str
     kind: str  # "damper", "gas spring", "actuator", "bushing", "torsion spring"
@@ -170,7 +171,7 @@ class StrutGlyph:
 
 
 def find_strut_glyphs(run: Run, size: float) -> Iterator[StrutGlyph]:
-    """The linkers of a run in which forces are computed; ``size`` [m] is the mechanism's."""
+    """The loads of a run that are drawn as lines; none where no forces are computed. ``size``: of the mechanism [m]."""
     if run.forces is None:
         return
     motion = run.motion
@@ -188,7 +189,7 @@ def find_strut_glyphs(run: Run, size: float) -> Iterator[StrutGlyph]:
 
 
 def _bushings(run: Run, size: float) -> Iterator[StrutGlyph]:
-    """A ring about the first point of each bushing, and a cross on the second link at the second point."""
+    """For each bushing a ring about its first point, and a cross on its second link at its second point."""
     for load in run.motion.mechanism.loads:
         if isinstance(load, Bushing):
             (first, a), (second, b) = zip(load.links, load.points, strict=True)
@@ -197,7 +198,8 @@ def _bushings(run: Run, size: float) -> Iterator[StrutGlyph]:
 
 
 def bushing_strips(centre: Real, place: Real, angle: Real, radius: float, frames: Integers) -> tuple[Real, Real, Real]:
-    """A ring of a ``radius`` [m] about ``centre`` and the two bars of a cross at ``place`` (F, 2), turned by ``angle`` (F,)."""
+    """Strips of a bushing at some frames: a ring of a ``radius`` [m] about ``centre`` (F, 2) [m], and the two bars of a cross at
+    ``place`` (F, 2) [m], rotated by ``angle`` (F,) [rad]."""
     around = radius * np.exp(1j * np.linspace(0.0, 2.0 * np.pi, RING_POINTS))
     arms = radius * np.exp(1j * angle[frames])[:, None] * np.array([-1.0, 1.0])
     middle = place[frames] @ [1.0, 1.0j]
@@ -207,7 +209,7 @@ def bushing_strips(centre: Real, place: Real, angle: Real, radius: float, frames
 
 
 def strut_ends(run: Run) -> list[Real]:
-    """Where springs, dampers, gas springs and actuators between two points end, (F, 2) [m] each."""
+    """End points (F, 2) [m] of springs, dampers, gas springs and actuators between two points."""
     if run.forces is None:
         return []
     mechanism = run.motion.mechanism
@@ -227,7 +229,7 @@ def _around(centre: Real, first: Real, second: Real, size: float) -> Callable[[I
 
 
 def _axes(a: Real, b: Real) -> tuple[Real, Real, Real]:
-    """Distances (n,), unit vectors along (n, 2) and across (n, 2) from a to b; where the points meet, along x."""
+    """Distances (n,) from a to b, and unit vectors (n, 2) along and across; where the points coincide, along is the x direction."""
     d = b - a
     length = np.hypot(d[:, 0], d[:, 1])
     along = np.where((length > 0.0)[:, None], d / np.where(length > 0.0, length, 1.0)[:, None], [1.0, 0.0])
@@ -235,20 +237,20 @@ def _axes(a: Real, b: Real) -> tuple[Real, Real, Real]:
 
 
 def _placed(a: Real, along: Real, across: Real, u: Real, v: Real) -> Real:
-    """Points (n, p, 2) at distances u along and v across [m], each (n, p), from points a (n, 2)."""
+    """Points (n, p, 2) at the distances u along and v across [m], each (n, p), from the points a (n, 2)."""
     return a[:, None] + u[..., None] * along[:, None] + v[..., None] * across[:, None]
 
 
 def strut_strips(a: Real, b: Real, least: float, most: float, width: float, *, closed: bool) -> tuple[Real, Real]:
-    """A damper (a pot with a piston in it) or a gas spring (a closed cylinder with its rod) between points (n, 2).
+    """Strips (cylinder, rod) of a damper (open cylinder with a piston) or a gas spring (``closed`` cylinder) between points (n, 2).
 
-    Pot and rod keep their lengths while the points move between their ``least`` and ``most`` distance.
+    Cylinder and rod keep their lengths while the distance of the points varies between ``least`` and ``most``.
     """
     length, along, across = _axes(a, b)
     pot = pot_length(least, most)
-    plate = np.clip(length - (most - 0.92 * pot), 0.05 * pot, 0.95 * pot)  # where the piston is in the pot
+    plate = np.clip(length - (most - 0.92 * pot), 0.05 * pot, 0.95 * pot)  # position of the piston in the cylinder
     ones = np.ones_like(length)
-    start = 0.0 if closed else 0.12 * pot  # a damper's pot hangs on a short rod of its own
+    start = 0.0 if closed else 0.12 * pot  # a damper's cylinder is attached by a short rod
     outline = [(0.0, 0.0), (start, 0.0), (start, width), (pot, width), (pot, -width), (start, -width), (start, 0.0)]
     if not closed:  # open at the end where the rod enters
         outline = [(pot, width), (start, width), (start, 0.0), (0.0, 0.0), (start, 0.0), (start, -width), (pot, -width)]
@@ -261,13 +263,13 @@ def strut_strips(a: Real, b: Real, least: float, most: float, width: float, *, c
 
 
 def ends_of_strut(body: Real, rod: Real, *, closed: bool) -> tuple[Real, Real]:
-    """The points (n, 2) between which `strut_strips` has drawn a ``body`` and its ``rod``."""
+    """The end points (n, 2) from which `strut_strips` made a ``body`` and its ``rod``."""
     return body[:, 0 if closed else 3], rod[:, 0]
 
 
 def spiral_strips(centre: Real, first: Real, second: Real, size: float) -> Real:
-    """A spiral spring about centres (n, 2) from a link at angle ``second`` (n,) inside to one at ``first`` outside, in a mechanism
-    of a ``size`` [m]."""
+    """A spiral spring (n, points, 2) [m] about centres (n, 2) [m], from the angle ``second`` (n,) [rad] of one link inside to the
+    angle ``first`` (n,) of the other outside; ``size``: of the mechanism [m]."""
     part = np.linspace(0.0, 1.0, SPIRAL_POINTS)
     angle = second[:, None] + (first - second + 2.0 * np.pi * SPIRAL_TURNS)[:, None] * part
     r = spiral_radius(part, size)
@@ -275,10 +277,10 @@ def spiral_strips(centre: Real, first: Real, second: Real, size: float) -> Real:
 
 
 def axis_of_spiral(spiral: Real, size: float) -> tuple[Real, Real, Real]:
-    """Centres (n, 2) [m] of spirals (n, points, 2) that `spiral_strips` has drawn in a mechanism of a ``size`` [m], the angles (n,)
-    [rad] at which they begin inside, and those through which they are wound.
+    """Centres (n, 2) [m] of spirals (n, points, 2) made by `spiral_strips` with a ``size`` [m], the angles (n,) [rad] at which they
+    begin inside, and the angles (n,) [rad] through which they are wound.
 
-    ``|z - c|^2 = r^2`` at the known radii r is linear in the centre c and in |c|^2.
+    ``|z - c|^2 = r^2`` at the known radii r is linear in the centre c and in |c|^2, and is solved by least squares.
     """
     r = spiral_radius(np.linspace(0.0, 1.0, spiral.shape[1]), size)
     middle = spiral.mean(axis=1)
@@ -290,18 +292,18 @@ def axis_of_spiral(spiral: Real, size: float) -> tuple[Real, Real, Real]:
     return middle + size * centre[:, :2, 0], np.unwrap(np.angle(from_centre[:, 0])), steps.sum(axis=1)
 
 
-WIRE_SIDES = 8  # of the wire
-STEPS_IN_TURN = 18  # places of the wire in a turn
-CLOSED_TURNS = 1.0  # turns at each end of a compression spring that lie against their neighbours
-GROUND_END = 0.15  # of the wire's diameter that is left of it where it is ground off
-STEM_LENGTH = 0.12  # part of the length at each end of a tension spring that is straight, on the axis
+WIRE_SIDES = 8  # sides of the wire's cross-section
+STEPS_IN_TURN = 18  # cross-sections of the wire per turn
+CLOSED_TURNS = 1.0  # closed turns at each end of a compression spring
+GROUND_END = 0.15  # thickness of the wire at a ground end, in diameters of the wire
+STEM_LENGTH = 0.12  # straight fraction of the length at each end of a tension spring
 
 
 def coil_shell(length: float, radius: float, wire: float, turns: float, *, straight: bool) -> tuple[Shell, Real]:
-    """A spring from x = 0 to ``length`` around the x axis, and outward unit normals at its vertices (V, 3).
+    """Shell of a spring from x = 0 to ``length`` [m] around the x axis, and outward unit normals at its vertices (V, 3).
 
-    radius: of the wire's middle line around the axis; wire: its diameter; turns: those that give way. Closed turns at both ends are
-    ground flat; with ``straight`` the wire goes over into the axis there instead.
+    ``radius``: mean radius of the coil [m]; ``wire``: diameter of the wire [m]; ``turns``: number of active turns. Closed turns at
+    both ends are ground flat; with ``straight`` the wire leads into the axis instead.
     """
     line, phase = _pulled(length, radius, turns) if straight else _pushed(length, radius, wire, turns)
     along = np.gradient(line, axis=0)
@@ -336,8 +338,8 @@ def coil_shell(length: float, radius: float, wire: float, turns: float, *, strai
 
 
 def _pushed(length: float, radius: float, wire: float, turns: float) -> tuple[Real, Real]:
-    """The middle line of a compression spring, and its angle about the axis [rad]: it rises by the wire's diameter in closed turns,
-    evenly in between."""
+    """Centre line (n, 3) of the wire of a compression spring, and its angle (n,) about the axis [rad]. It rises by the wire's
+    diameter per closed turn, and evenly in the active turns."""
     whole = turns + 2.0 * CLOSED_TURNS
     t = np.linspace(0.0, whole, round(whole * STEPS_IN_TURN) + 1)
     low = (GROUND_END - 0.5) * wire
@@ -349,7 +351,8 @@ def _pushed(length: float, radius: float, wire: float, turns: float) -> tuple[Re
 
 
 def _pulled(length: float, radius: float, turns: float) -> tuple[Real, Real]:
-    """The same of a tension spring: along the axis, out to the coil over half a turn, and back at the other end."""
+    """Centre line (n, 3) of the wire of a tension spring, and its angle (n,) about the axis [rad]: along the axis, out to the coil
+    over half a turn, and back at the other end."""
     t = np.linspace(0.0, turns, round(turns * STEPS_IN_TURN) + 1)
     blend = np.clip(np.minimum(t, turns - t) / 0.5, 0.0, 1.0)
     r = radius * blend**2 * (3.0 - 2.0 * blend)

@@ -1,5 +1,5 @@
-"""Marks that show motion: surface marks, which move on a body by themselves (rollers that roll, belts that run), and the ink of
-pens, lines that grow with the frames, on their sheet."""
+"""Marks that show motion: surface marks, which move relative to their link (on rolling rollers and running belts), and the ink of
+pens, lines on a sheet that grow with the frames."""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ MARK_COLORS: dict[MarkKind, tuple[int, int, int]] = {"roller": (60, 66, 74), "be
 
 @dataclass(frozen=True, eq=False)
 class SurfaceMark:
-    """A mark below a link: the mesh about ``centre`` (x, y, z) [m] in the link's axes, or about the places ``path`` (F, 3) [m] that
-    it goes to; turned by ``angle`` (F) [rad] against the link, about z or about the direction ``axis`` in the plane."""
+    """A mark in the axes of a link: its mesh about ``centre`` (x, y, z) [m], or about the places ``path`` (F, 3) [m] over the
+    frames, rotated by ``angle`` (F,) [rad] relative to the link, about z or about the direction ``axis`` in the plane."""
 
     kind: MarkKind
     name: str
@@ -49,7 +49,7 @@ class SurfaceMark:
 
     @property
     def title(self) -> str:
-        """Kind and name: what it is called below its link."""
+        """Kind and name, which name the mark's entity below that of its link."""
         return f"{self.kind} {self.name}"
 
     @property
@@ -64,25 +64,25 @@ class SurfaceMark:
         return np.column_stack([self.axis[0] * s, self.axis[1] * s, np.zeros_like(s), c])
 
     def places(self) -> Real:
-        """Where it is in the link's axes (F, 3) [m]."""
+        """Places (F, 3) [m] in the link's axes."""
         return np.tile(np.array(self.centre, float), (len(self.angle), 1)) if self.path is None else self.path
 
 
 def find_surface_marks(run: Run, solids: Solids) -> list[SurfaceMark]:
-    """All that rides on the links of a run."""
+    """All surface marks of a run."""
 
     return [*find_rollers(run, solids), *find_belt_marks(run, solids)]
 
 
-RING_INNER, RING_OUTER = 0.55, 0.93  # of the marked ring, in radii of the roller
+RING_INNER, RING_OUTER = 0.55, 0.93  # radii of the marked ring, in radii of the roller
 RING_SECTORS, RING_SIDES = 3, 16
-MARK_THICKNESS = 0.012  # of a mark, in radii
+MARK_THICKNESS = 0.012  # of a mark, in radii of the roller
 
 
 def find_rollers(run: Run, solids: Solids) -> list[SurfaceMark]:
-    """The rollers of all cams of a run, both of conjugate ones and of ribs; none where forces decide the motion.
+    """Marks of the rollers of all cams of a run, of both rollers of conjugate cams and of ribs; none for motions under forces.
 
-    Those of turrets have none: they take turns.
+    Rollers of turrets have no marks, because they engage one after the other.
     """
     if run.simulation is not None or not any(r.geometry is not None for r in run.motion.model.relations):
         return []
@@ -116,7 +116,7 @@ def find_rollers(run: Run, solids: Solids) -> list[SurfaceMark]:
 def _beside(
     run: Run, solids: Solids, cam: PlacedSpatial, link: str, at: tuple[float, float], force: Values
 ) -> Iterator[SurfaceMark]:
-    """Stripes on the mantles of rollers that stand before a cam whose axis lies in the plane."""
+    """Stripes on the cylindrical surfaces of rollers in front of a cam whose axis is in the plane."""
     solid, radius = solids.links[link], cam.face.radius
     for kind, part in zip(solid.kinds, solid.shells, strict=True):
         x, y = part.bounds[:, :2].mean(axis=0)
@@ -136,7 +136,7 @@ def _beside(
 def _along(
     run: Run, solids: Solids, cam: PlacedSpatial, link: str, at: tuple[float, float], force: Values
 ) -> Iterator[SurfaceMark]:
-    """Stripes on the mantle of a roller whose axis lies in the plane, along its arm."""
+    """Stripes on the cylindrical surface of a roller whose axis is in the plane, along its arm."""
     assert cam.pivot is not None
     solid, radius = solids.links[link], cam.face.radius
     part = next(p for k, p in zip(solid.kinds, solid.shells, strict=True) if k == "roller")
@@ -159,7 +159,7 @@ def _along(
 
 
 def _face(solids: Solids, link: str, at: tuple[float, float], radius: float) -> float | None:
-    """Height of the front of the part of a link that is a roller about a point [m]."""
+    """Height [m] of the front of the roller about a point ``at`` of a link; None where the link has no such part."""
     for part in solids.links[link].shells:
         low, high = part.bounds
         round_it = np.allclose(0.5 * (low + high)[:2], at, atol=0.02 * radius)
@@ -169,7 +169,7 @@ def _face(solids: Solids, link: str, at: tuple[float, float], radius: float) -> 
 
 
 def _sectors(radius: float) -> tuple[Single, NDArray[np.uint32], Single]:
-    """Flat ring sectors just before the roller's face, seen from the front."""
+    """Vertices, faces and normals of flat ring sectors just in front of a roller's face."""
     vertices: list[Real] = []
     faces: list[Integers] = []
     for k in range(RING_SECTORS):
@@ -186,7 +186,7 @@ def _sectors(radius: float) -> tuple[Single, NDArray[np.uint32], Single]:
 
 
 def _stripes(radius: float, height: float) -> tuple[Single, NDArray[np.uint32], Single]:
-    """Stripes on a mantle that stands on the plane, from end to end, and sectors on the face at its upper end."""
+    """Vertices, faces and normals of stripes along a cylinder from z = 0 to ``height``, and of sectors on its upper face."""
     vertices: list[Real] = []
     normals: list[Real] = []
     faces: list[Integers] = []
@@ -212,8 +212,8 @@ def _stripes(radius: float, height: float) -> tuple[Single, NDArray[np.uint32], 
 
 
 def held(values: Real, known: Flags) -> Real:
-    """Values (F, ...) with those that are not known taken from the nearest one before, at the start from the first known; zero
-    where none is."""
+    """Values (F, ...) in which unknown ones are replaced by the last known value before them, at the start by the first known one;
+    all zero where none is known."""
     if known.all():
         return np.asarray(values, float)
     if not known.any():
@@ -222,13 +222,13 @@ def held(values: Real, known: Flags) -> Real:
     return np.asarray(values[np.where(last < 0, int(np.argmax(known)), last)], float)
 
 
-BELT_MARKS = 8  # on a belt
-BELT_MARK_LENGTH = 1.1  # of a mark, in thicknesses of the belt
-BELT_MARK_HEIGHT = 0.09  # how far it stands out, in thicknesses
+BELT_MARKS = 8  # marks on a belt
+BELT_MARK_LENGTH = 1.1  # length of a mark, in thicknesses of the belt
+BELT_MARK_HEIGHT = 0.09  # height of a mark above the belt, in thicknesses of the belt
 
 
 def find_belt_marks(run: Run, solids: Solids) -> Iterator[SurfaceMark]:
-    """The marks of all belts of a run, below the links that carry the pulleys."""
+    """The marks of all belts of a run, in the axes of the links that carry the pulleys."""
     for loop in solids.loops:
         closed = belt_travel(run, loop)
         over = BELT_MARK_HEIGHT * loop.thick
@@ -242,8 +242,8 @@ def find_belt_marks(run: Run, solids: Solids) -> Iterator[SurfaceMark]:
 
 
 def belt_travel(run: Run, loop: BeltLoop) -> Real:
-    """How far a belt has run at every frame (F,) [m]: as far as the rim of its first pulley has turned against the carrier. It
-    stands still at frames that could not be assembled."""
+    """Travel of a belt (F,) [m]: that of the rim of its first pulley relative to the carrier. It does not change at frames that
+    cannot be assembled."""
     turned = run.motion.pose(loop.pulley)[:, 2] - run.motion.pose(loop.carrier)[:, 2]
     turned = held(turned, np.isfinite(turned))
     return np.asarray(loop.radii[0] * (turned - turned[0]))
@@ -268,14 +268,14 @@ STROKE_COLOR: Color = (44, 66, 138)
 SHEET_COLOR: Color = (150, 156, 168)
 PAPER_COLOR: Color = (252, 249, 240)
 STROKE_RADIUS, SHEET_EDGE_RADIUS = 0.0022, 0.0012  # radii of ink and of the sheet's edge, in sizes of the mechanism
-_WIDEST_STROKE = 0.005  # radius of ink, in sizes of what is drawn: small drawings of large machines stay legible
-_STROKE_TOLERANCE = 2e-4  # in sizes of the mechanism: ink is drawn to this
+_WIDEST_STROKE = 0.005  # largest radius of ink, in sizes of the drawing, so that small drawings of large machines stay legible
+_STROKE_TOLERANCE = 2e-4  # tolerance of simplified ink, in sizes of the mechanism or of the drawing, the smaller one
 PAPER_THICKNESS = 0.004  # in sizes of the mechanism
-_SHEET_MARGIN = 0.12  # of what is drawn: the sheet is larger by this on all sides
+_SHEET_MARGIN = 0.12  # margin of the sheet on all sides, in sizes of the drawing
 
 
 def pen_down(run: Run, pen: PenStudy) -> Flags:
-    """At which frames (F,) a pen is on the paper."""
+    """Whether a pen is on the paper at each frame (F,)."""
     if pen.joint is None:
         return np.ones(run.motion.frames, bool)
     at = run.motion.coordinate(pen.joint)[:, 0]
@@ -283,7 +283,8 @@ def pen_down(run: Run, pen: PenStudy) -> Flags:
 
 
 def stroke_nodes(run: Run, solids: Solids) -> Iterator[Lines | Body]:
-    """The lines of all pens, one strip a stroke, behind the parts: at each frame what is drawn until then; and their sheets."""
+    """The lines of all pens behind the parts, a strip for each stroke, which show at each frame what has been drawn so far; and the
+    sheets of the pens."""
     size, height = solids.size, float(solids.bounds[0][2])
     for pen in run.motion.mechanism.studies.pens:
         places = run.motion.point(pen.link, pen.point)
@@ -327,30 +328,30 @@ def stroke_nodes(run: Run, solids: Solids) -> Iterator[Lines | Body]:
 
 
 def drawn_strokes(down: Flags) -> list[Index]:
-    """The frames of each stroke, one after the other, from flags (F,) of a pen that is down."""
+    """The frames of each stroke, in order; ``down`` (F,): whether the pen is on the paper."""
     frames = np.flatnonzero(down)
     return np.split(frames, np.flatnonzero(np.diff(frames) > 1) + 1) if len(frames) else []
 
 
 def growing(places: Real, strokes: list[Index], fine: float) -> Iterator[Real]:
-    """Strips (F, n, 2) of strokes along places (F, 2): of each the points that it needs to be right within ``fine`` [m].
+    """Strips (F, n, 2) of strokes along places (F, 2) [m], each with as many points as it needs to be within ``fine`` [m].
 
-    A point that is not reached yet lies where the pen is, or where it last was on the paper.
+    A point that is not reached yet is at the position of the pen, or where the pen was last on the paper.
     """
     down = np.zeros(len(places), int)
     every = np.concatenate(strokes)
     down[every] = every
-    last = np.maximum(np.maximum.accumulate(down), every[0])  # the frame at which the pen was on the paper last
+    last = np.maximum(np.maximum.accumulate(down), every[0])  # last frame at which the pen was on the paper
     for stroke in strokes:
         kept = stroke[_needed(places[stroke], fine)]
         until = np.minimum(
             kept[None, :], last[:, None]
-        )  # of a stroke that is not begun all points lie at the end of the one before
+        )  # all points of a stroke that has not begun are at the end of the stroke before
         yield places[until]
 
 
 def _needed(z: Real, fine: float) -> Index:
-    """The points (n, 2) of a line that keep it within ``fine`` (Douglas and Peucker)."""
+    """Indices of the points of a polyline (n, 2) that approximate it within ``fine`` [m] (Douglas and Peucker)."""
     keep = np.zeros(len(z), bool)
     keep[[0, -1]] = True
     parts = [(0, len(z) - 1)]

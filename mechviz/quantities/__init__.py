@@ -1,4 +1,4 @@
-"""The one catalogue of numbers: tables of a run or of a recording, quantities with keys, units and labels, events."""
+"""The catalogue of numerical results: tables of a run or of a recording, quantities with keys, units and labels, events."""
 
 from mechviz.quantities.catalogue import Axis, Catalogue, Health, Quantity
 from mechviz.quantities.numbers import LoadInfo, Numbers, numbers_of

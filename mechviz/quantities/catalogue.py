@@ -1,6 +1,6 @@
 """The catalogue: every quantity that can be plotted, exported or looked up, with its key, unit, label and values.
 
-It follows from the tables of a run or of a recording, so that both have the same one.
+It is built from the tables of a run or of a recording, so that both have the same entries.
 """
 
 from __future__ import annotations
@@ -18,16 +18,16 @@ from mechviz.quantities.items import ItemTable
 from mechviz.quantities.numbers import Numbers
 
 MOST_FIRST = 3
-MOST_OF_IT = 0.99  # of the frames: forces at the others do not count in full
-ASIDE_SINE = 0.31  # sine of the angle of a crank from which it is away from its dead points
+MOST_OF_IT = 0.99  # quantile of the frames at which forces are clipped
+ASIDE_SINE = 0.31  # least |sine| of a crank's angle at which the crank counts as away from its dead points
 
 
 @dataclass(frozen=True, eq=False)
 class Quantity:
-    """Something to plot: ``values()`` gives (F, n), one column for each name in ``curves``, in ``unit``.
+    """A quantity that can be plotted: ``values()`` gives (F, n), one column for each name in ``curves``, in ``unit``.
 
-    ``key``: such as ``joint.B.reaction``; ``item``: what it is of, such as ``joint B``; empty of the whole mechanism.
-    ``path`` of the table that holds it, in SI units.
+    ``key``: such as ``joint.B.reaction``; ``item``: the item that it belongs to, such as ``joint B``, empty for the whole
+    mechanism; ``path``: of the table with its values in SI units.
     """
 
     entry: Entry
@@ -78,7 +78,8 @@ class Quantity:
 
 @dataclass(frozen=True, eq=False)
 class QuantityGroup:
-    """Quantities of one unit in one plot, the curves of one after those of the other; of several each curve names its item."""
+    """Quantities of the same unit in one plot, their curves in order. With several quantities the name of each curve contains that
+    of its item."""
 
     parts: tuple[Quantity, ...]
 
@@ -106,8 +107,8 @@ class QuantityGroup:
 
 @dataclass(frozen=True, eq=False)
 class Axis:
-    """The abscissa of a plot: ``values`` (F,) in ``unit`` never decrease or never increase; ``turn`` of them are a whole turn.
-    ``of``: the joint of a drive, or time."""
+    """The abscissa of a plot: monotonic ``values`` (F,) in ``unit``. ``turn``: a whole turn in that unit, None for lengths and
+    times; ``of``: the joint of a drive, or "time"."""
 
     label: str
     unit: str
@@ -120,7 +121,7 @@ class Axis:
         return f"{self.label} [{self.unit}]"
 
 
-MEANINGS = {  # what it means where one is bad; a large condition number alone is an event, no fault
+MEANINGS = {  # of a bad value; a large condition number alone is an event, not a fault, and has no entry
     "closure": "the loops do not close",
     "power balance": "the powers supplied and absorbed do not balance",
     "energy drift": "the energy is not conserved",
@@ -129,7 +130,8 @@ MEANINGS = {  # what it means where one is bad; a large condition number alone i
 
 @dataclass(frozen=True, eq=False)
 class Health:
-    """A residual or condition number ``values`` (F,). ``good``: up to here all is well; ``bad``: from here on nothing is."""
+    """A residual or condition number over the frames, ``values`` (F,). It is harmless up to ``good``; from ``bad`` on the results
+    cannot be trusted."""
 
     name: str
     unit: str
@@ -139,15 +141,15 @@ class Health:
 
     @property
     def severity(self) -> Real:
-        """0 (well) to 1 (bad), on a logarithmic scale (F,); what is not a number is bad."""
+        """Severity (F,) on a logarithmic scale, from 0 at ``good`` to 1 at ``bad``; 1 where a value is not finite."""
         size = np.abs(self.values)
         with np.errstate(divide="ignore", invalid="ignore"):
             part = np.log(size / self.good) / np.log(self.bad / self.good)
         return np.asarray(np.where(np.isfinite(size), np.clip(np.nan_to_num(part, nan=0.0), 0.0, 1.0), 1.0))
 
     def warning(self, frames: Flags | None = None) -> str:
-        """Why the run cannot be trusted by this, in a sentence; nothing where it can. ``frames`` (F,): those that are judged, by
-        default all at which it is a number."""
+        """Why the run cannot be trusted, as a sentence; "" where it can. ``frames`` (F,): the frames that are checked, by default
+        all with a finite value."""
         if self.name not in MEANINGS:
             return ""
         size = np.abs(self.values[np.isfinite(self.values) if frames is None else frames])
@@ -161,7 +163,7 @@ class Health:
 
 @dataclass(frozen=True, eq=False)
 class Catalogue:
-    """All quantities of a run or of a recording, in the order in which they are offered."""
+    """All quantities of a run or of a recording, in the order of display."""
 
     numbers: Numbers
 
@@ -181,7 +183,8 @@ class Catalogue:
 
     @cached_property
     def axes(self) -> tuple[Axis, ...]:
-        """Drive positions that run one way only, then time. A plot needs ordered values, so an oscillating drive gives none."""
+        """Abscissas of plots: the coordinates of drives that move in one direction only, then time. An oscillating drive gives no
+        axis, because a plot needs ordered values."""
         axes = []
         for name in self.numbers.drives:
             position = self.coordinate(name)
@@ -194,12 +197,13 @@ class Catalogue:
         return (*axes, Axis("time", "s", self.numbers.time))
 
     def coordinate(self, drive: str) -> Real:
-        """Position (F,) of a drive [rad or m]."""
+        """Coordinate (F,) of a drive [rad or m]."""
         return self.numbers.tables["data", "joints", drive, "motion"].values[:, 0]
 
     @cached_property
     def first(self) -> tuple[Quantity, ...]:
-        """Quantities that are plotted at the start: driving efforts, then the motion of the output or of a traced point."""
+        """Quantities that are plotted at first: driving efforts, then the motion of the output or of a traced point; at most
+        three."""
         n = self.numbers
         wanted = [f"drive.{name}.{effort}" for name in n.drives for effort in ("torque", "force")]
         wanted += self._moves(self.output)
@@ -211,19 +215,19 @@ class Catalogue:
         return tuple(self.by_key[key] for key in keys[:MOST_FIRST])
 
     def _moves(self, joint: str | None) -> list[str]:
-        """Keys of the motion of a joint on the frame; none of no joint."""
+        """Keys of the motion of a joint on the frame; none where ``joint`` is None."""
         n = self.numbers
         if joint is None:
             return []
         if n.slides(joint):
             return [f"joint.{joint}.{what}" for what in ("displacement", "velocity", "acceleration")]
         link = next((name for name in n.joints[joint].links if name != n.frame), "")
-        # of a link on a pin its own angle, which counts from the world's x axis whichever way round the joint is written
+        # for a pin the angle of its link: it counts from the world's x axis, whatever the order of the joint's links
         return [f"link.{link}.{what}" for what in ("angle", "angular_velocity", "angular_acceleration")]
 
     @property
     def output(self) -> str | None:
-        """The joint whose motion a mechanism is for: the slide on the frame, or else the pin on the frame, that no drive moves.
+        """The output joint: the undriven slide on the frame, or where there is none, the undriven pin on the frame.
 
         None if there are several or none.
         """
@@ -231,7 +235,7 @@ class Catalogue:
 
     @cached_property
     def _outputs(self) -> list[str]:
-        """The joints on the frame that no drive moves: the slides, or else the pins; welds do not move."""
+        """The undriven joints on the frame, without welds: the slides, or where there are none, all others."""
         n = self.numbers
         grounded = [
             name for name, joint in n.joints.items() if name not in n.drives and n.frame in joint.links and joint.kind != "weld"
@@ -240,7 +244,11 @@ class Catalogue:
 
     @cached_property
     def health(self) -> tuple[Health, ...]:
-        """The strips of health. The limits are those of the solver: a closure of 1e-12 sizes is promised, 1e8 is singular."""
+        """Health of the run: closure error, condition number, power balance and energy drift, as far as there are tables of them.
+
+        The limits are those of the solver: it guarantees a closure error of ``tolerance``, and a condition number of 1e8 is
+        singular.
+        """
         tolerance = self.numbers.tolerance
         limits = {
             "closure": ("m", tolerance, 1e6 * tolerance),
@@ -258,10 +266,11 @@ class Catalogue:
 
     @cached_property
     def opening(self) -> int:
-        """The frame to open at.
+        """The frame that is shown first.
 
-        With forces, where reactions and driving efforts together come nearest to their peaks, away from the dead points of a
-        crank, where all links and arrows lie on one line. Else an eighth of the first drive's cycle into the run.
+        With forces, the frame where the sum of reactions and driving efforts, relative to their peaks, is largest. Frames near the
+        dead points of a crank are left out, because links and arrows lie on one line there. Without forces, the frame at an eighth
+        of the first drive's cycle.
         """
         n = self.numbers
         if n.has_forces:
@@ -275,10 +284,10 @@ class Catalogue:
                 return int(np.argmax(np.nan_to_num(load)))
         passed = n.time - n.time[0]
         cycle = min(n.cycle, float(passed[-1])) or 1.0
-        return int(np.argmin(np.round(np.abs(passed / cycle - 0.125), 6)))  # of two as near the first
+        return int(np.argmin(np.round(np.abs(passed / cycle - 0.125), 6)))  # the first of two that are equally near
 
     def peak(self, key: str) -> float:
-        """The largest size of a quantity over the run, NaN where there is none of that key."""
+        """The largest absolute value of a quantity over the run; NaN where no quantity has this key."""
         if key not in self.by_key:
             return float("nan")
         values = np.abs(self.by_key[key].values())
@@ -286,33 +295,35 @@ class Catalogue:
 
 
 def names_of(n: Numbers) -> EntryFacts:
-    """Facts on which the entries of the catalogue depend beside the tables."""
+    """The names and facts that the entries of the catalogue depend on in addition to the tables."""
     pins = frozenset(name for name in n.joints if n.is_pin(name))
     rubbing = frozenset(name for name in n.joints if n.rubs(name))
     return EntryFacts(n.frame, n.drives, tuple(n.joints), n.links, n.points, tuple(n.loads), pins, rubbing, n.has_forces, n.units)
 
 
 def _of_peak(values: Real) -> Real:
-    """Magnitudes as parts of the largest but a few; nothing where they are not finite or all zero. Next to a jam a picture shows
-    nothing but the peak."""
+    """Magnitudes (F,) relative to their peak, clipped at the quantile ``MOST_OF_IT`` so that a peak next to a jam does not
+    dominate; 0 where a value is not finite or all are zero."""
     size = np.nan_to_num(np.abs(values), nan=0.0, posinf=0.0)
     size = np.minimum(size, np.quantile(size, MOST_OF_IT))
     return np.asarray(size / max(float(size.max(initial=0.0)), 1e-300))
 
 
 def time_decimals(time: Real) -> int:
-    """Decimals of seconds with which people read the times (F,) [s] of frames: four, or as many as tell neighbours apart."""
+    """Number of decimals in which the times (F,) [s] of frames are displayed: at least four, and up to nine where neighbouring
+    frames need them to differ."""
     step = float(np.ptp(time)) / max(len(time) - 1, 1)
     return max(4, min(math.ceil(-math.log10(step)), 9)) if step > 0.0 else 4
 
 
-NANOSECOND, ROUNDING = 1e-9, 1e-9  # [s], [rad]: the resolution of the ends of a run
+NANOSECOND, ROUNDING = 1e-9, 1e-9  # [s], [rad]: tolerances at the ends of a run
 
 
 def time_at(catalogue: Catalogue, *, at: float | None = None, frame: int | None = None, angle: float | None = None) -> float | None:
-    """The time [s] that is meant by a time, a frame, or the angle [rad] that the first turning drive reaches then; None by none.
+    """The time [s] given by a time ``at`` [s], by a frame, or by the ``angle`` [rad] that the first rotary drive reaches at it (for
+    the first time); None where none of them is given.
 
-    Raises `OutputError` outside the run.
+    Raises `OutputError` where it is outside the run, or where no drive turns.
     """
     numbers = catalogue.numbers
     time = numbers.time

@@ -1,6 +1,6 @@
-"""Names of the columns of a table, and the units in which people read them: the rules of the catalogue.
+"""Rules of the catalogue: names and display units of the quantities in the columns of a table.
 
-They depend on names alone, not on values, so that a scene whose values change keeps its entries.
+They depend on names alone, not on values, so that the entries of a scene do not change with its values.
 """
 
 from __future__ import annotations
@@ -39,10 +39,10 @@ WORDS = {
 }
 BY_UNIT = {"N": "force", "N m": "moment", "m": "position"}
 LENGTHS = {("Fx", "Fy"): "|F|", ("vx", "vy"): "|v|", ("ax", "ay"): "|a|"}
-"""Components of which the length is a curve of its own."""
+"""Components of a vector whose magnitude is an additional curve."""
 
 APART = ("motion", "contact", "lift", "drive", "stress", "bearing", "sections")
-"""Tables of which every column is a quantity of its own."""
+"""Tables in which every column is a separate quantity."""
 
 ITEM_KINDS = {"joints": "joint", "links": "link", "points": "point", "cams": "cam", "loads": "load", "servos": "servo"}
 ORDER = ("drive", "joints", "links", "points", "sections", "cams", "loads", "servos", "energy", "power")
@@ -60,12 +60,12 @@ TABLES = (
     "lift",
     "stress",
 )
-"""In the order in which the quantities of an item are offered."""
+"""Tables of an item, in the order of display."""
 
 
 class EntryFacts(NamedTuple):
-    """Facts on which the entries depend beside paths and columns; ``pins``: joints whose couple is friction alone, ``rubbing``:
-    joints with friction; ``units`` in which people read the values."""
+    """Facts that the entries depend on in addition to paths and columns. ``pins``: joints whose couple is due to friction alone;
+    ``rubbing``: joints with friction; ``forces``: whether reactions were computed; ``units``: those of the display."""
 
     frame: str
     drives: tuple[str, ...]
@@ -81,8 +81,8 @@ class EntryFacts(NamedTuple):
 
 @dataclass(frozen=True)
 class Entry:
-    """A quantity without its values: ``read`` makes them, (F, n) in ``unit``, of those of the table at ``path``. ``sparse``: they
-    may be known at no frame at all."""
+    """A quantity without its values. ``read`` computes them, (F, n) in ``unit``, from the values of the table at ``path``.
+    ``sparse``: possibly there is no finite value at any frame."""
 
     key: str
     item: str
@@ -96,13 +96,13 @@ class Entry:
 
 @lru_cache(maxsize=16)
 def entries(tables: tuple[tuple[Path, ColumnUnits], ...], names: EntryFacts) -> tuple[Entry, ...]:
-    """All entries of some tables, in the order in which they are offered."""
+    """All entries of some tables, in the order of display."""
     placed = sorted(tables, key=lambda table: _place(table[0], names))
     return tuple(entry for path, columns in placed for entry in _of_table(path, columns, names))
 
 
 def _place(path: Path, n: EntryFacts) -> tuple[int, int, int, Path]:
-    """Where the entries of a table stand: by kind, then in the order of the scene; health comes last."""
+    """Sort key of a table: by kind, then in the order of the scene; health comes last."""
     if path[0] == "health":
         return len(ORDER) + 1, 0, 0, path
     kind = ORDER.index(path[1]) if path[1] in ORDER else len(ORDER)
@@ -166,7 +166,8 @@ def _grouped(
     *,
     sparse: bool = False,
 ) -> Iterator[Entry]:
-    """The entries of some columns of a table: one for each unit, or for each column where they stand apart."""
+    """The entries of the ``chosen`` columns of a table (None: all): one for each unit, or for tables in ``APART`` one for each
+    column."""
     groups: dict[tuple[str, str], list[int]] = {}
     for k in range(len(columns)) if chosen is None else chosen:
         groups.setdefault((columns[k][1], columns[k][0] if what in APART else ""), []).append(k)
@@ -182,7 +183,7 @@ def _grouped(
 
 
 def _name(what: str, unit: str, columns: tuple[str, ...]) -> str:
-    """Title of a quantity: a column by its own name where it stands alone."""
+    """Name of a quantity, by the kind of its table (``what``), its unit and its columns."""
     column = columns[0]
     if what == "motion":
         return MOTION.get(column.replace(" ", "_"), column)
@@ -204,7 +205,7 @@ def _scaled(values: Real, *, columns: list[int], factor: float, length: bool = F
 
 
 def _drawn_laws(units: Units, name: str, path: Path, columns: ColumnUnits) -> Iterator[Entry]:
-    """A drawn law beside the exact one: lift and its derivatives."""
+    """Entries of the lift and its derivatives by the graphical method, each with the drawn and the exact curve."""
     for k, (column, unit) in enumerate(columns[:3]):
         shown, factor = units.reads(unit)
         what = column.replace("_", " ").replace("drawn lift acceleration", "drawn acceleration")
@@ -218,6 +219,6 @@ def _drawn_and_exact(values: Real, *, column: int, factor: float) -> Real:
 
 
 def _curvature(values: Real, *, factor: float) -> Real:
-    """Of the radii in the fifth column: nothing of what is straight."""
+    """Curvature (F, 1), the reciprocal of the radius in the fifth column; 0 where the profile is straight."""
     with np.errstate(divide="ignore", invalid="ignore"):
         return factor / values[:, 4:5]

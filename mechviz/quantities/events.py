@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 
 class LaneState(StrEnum):
-    """States of the lanes of a motion under forces, as recordings name them."""
+    """States of the lanes (stops, followers, joints with friction) of a motion under forces, by their names in recordings."""
 
     FREE = "free"
     CONTACT = "contact"
@@ -38,22 +38,22 @@ class LaneState(StrEnum):
     SLIPS_BACK = "slips -"
 
 
-Lanes = dict[str, list[tuple[float, LaneState]]]  # from times [s] on
+Lanes = dict[str, list[tuple[float, LaneState]]]  # by lane: time [s] from which on a state holds, and the state
 
 
 def simulation_events(run: Run) -> list[Event]:
-    """Events of a motion under forces, and what else is worth a word at the frames."""
+    """Events of a motion under forces that the integration located, and those that are found at its frames."""
     simulation = run.simulation
     assert simulation is not None
     events = [Event(float(h.time), "WARN" if h.kind == EventKind.SEPARATION else "INFO", h.item, h.text) for h in simulation.events]
-    # a coordinate that forces move turns back often, and where it hits a stop only seemingly between two frames
+    # limit positions are left out: a free coordinate reverses often, and an impact between two frames looks like one
     if run.steady is not None:
         events.insert(0, Event(0.0, "INFO", run.steady.joint, steady_lines(run.steady)[0]))
     return events + [e for e in find_events(run.motion) if not e.text.startswith("limit position")]
 
 
 def _touching(motion: Motion, simulation: Simulation) -> dict[str, NDArray[np.bool_]]:
-    """Whether followers that may leave their cams touch them at the frames (F,), by the names of the cams' joints."""
+    """Whether each follower that may leave its cam touches it, at the frames (F,), by the name of the cam's joint."""
     lanes, out = lanes_of(simulation), {}
     for each in simulation.separable_cams:
         times, states = zip(*lanes[each.joint], strict=True)
@@ -63,8 +63,8 @@ def _touching(motion: Motion, simulation: Simulation) -> dict[str, NDArray[np.bo
 
 
 def lanes_of(simulation: Simulation) -> Lanes:
-    """Times [s] and states by lane: a joint with friction slips or sticks, a stop is free or rested on; at the start and at every
-    change."""
+    """Times [s] and states of each lane, at the start and at every change: a joint with friction sticks or slips, a stop is free or
+    in contact, a follower touches its cam or has left it."""
     lanes: Lanes = {}
     for stop in simulation.stops:
         lanes[f"stop {stop.name}"] = [(0.0, LaneState.FREE)]
@@ -105,12 +105,12 @@ def events_of(run: Run) -> tuple[Event, ...]:
 
 
 def line_of(event: Event) -> str:
-    """An event in a line: what it happens to, what happens, and when."""
+    """An event in one line of text: item, description and time."""
     return f"{event.item}: {event.text} (t = {event.time:.6g} s)"
 
 
 def _motion_events(run: Run) -> list[Event]:
-    """Events in the course of the motion."""
+    """All events of a run except its peaks, unsorted, in SI units."""
     contacts = [*_cam_events(run), *_belt_events(run)]
     if run.simulation is not None:
         return [*simulation_events(run), *load_events(run.motion, run.scene.mechanism), *contacts]
@@ -119,7 +119,7 @@ def _motion_events(run: Run) -> list[Event]:
 
 
 def _cam_events(run: Run) -> list[Event]:
-    """Events of the cams, where there are any."""
+    """Events of the cams; none where the mechanism has no cam."""
     if not any(r.geometry is not None for r in run.motion.model.relations):
         return []
     touches = None if run.simulation is None else _touching(run.motion, run.simulation)
@@ -127,14 +127,14 @@ def _cam_events(run: Run) -> list[Event]:
 
 
 def _belt_events(run: Run) -> list[Event]:
-    """Where belts slip, where one has a tension."""
+    """Slip of belts; none where no belt has a tension."""
     if run.forces is None or not any(isinstance(load, BeltTension) for load in run.motion.mechanism.loads):
         return []
     return belt_events(run.forces)
 
 
 def peak_events(run: Run) -> list[Event]:
-    """The largest effort of each drive and the largest joint reaction, leaving out frames near singular positions."""
+    """Events at the largest effort of each drive and at the largest joint reaction. Frames near singular positions are left out."""
     motion, forces = run.motion, run.forces
     if forces is None or not motion.frames:
         return []

@@ -1,7 +1,8 @@
-"""Columns of tables, the links and joints of a run that have them, and values of a table between its frames.
+"""Tables and their columns, the links and joints of a run that have tables, and interpolation of a table between its frames.
 
-A pose has the recorded velocity and acceleration as slopes, a velocity the acceleration; coordinates of joints and drives have
-their rates beside them in their own columns. Quantities without rates are joined by polynomials through the nearest frames."""
+Interpolation uses recorded derivatives where there are any: velocity and acceleration for a pose, acceleration for a velocity, and
+for coordinates of joints and drives the rates in the same table. Other quantities are interpolated by polynomials through the
+nearest frames."""
 
 from __future__ import annotations
 
@@ -22,18 +23,18 @@ if TYPE_CHECKING:
 
 ColumnUnits = tuple[tuple[str, str], ...]
 Source = Real | Callable[[], Real]
-"""Values, or a function that computes them whenever they are asked for."""
+"""Values, or a function that computes them at each call."""
 
 ERROR_COLUMNS = ("position", "velocity", "acceleration", "reaction", "between_frames")
-"""Of `/health/error_estimate`."""
+"""Columns of the table ``/health/error_estimate``."""
 
 
 @dataclass(frozen=True, eq=False)
 class ItemTable:
-    """Values (F, n) of one item. ``path``: parts of its entity in a recording; ``columns``: name and unit of each component.
+    """Values (F, n) of one item. ``path``: parts of its entity path in a recording; ``columns``: name and unit of each component.
 
-    ``source`` is the values, or a function that computes them when they are first asked for, or, where they are not ``kept``, each
-    time: of a long run of many bodies they take more memory than time.
+    ``source``: the values, or a function that computes them. If ``kept``, they are computed once at first use and kept; otherwise
+    they are computed at each use, which saves memory in long runs of many bodies.
     """
 
     path: tuple[str, ...]
@@ -51,7 +52,7 @@ class ItemTable:
         return values_of(self.source)
 
     def part(self, columns: slice | int) -> Source:
-        """Values of some columns (F, n), or of one (F,), kept as those of the table are."""
+        """Source of the values of some columns (F, n) or of one (F,): the values where the table is kept, else a function."""
         return self.values[:, columns] if self.kept else partial(_part, self, columns)
 
     def headers(self) -> list[str]:
@@ -64,22 +65,24 @@ def _part(table: ItemTable, columns: slice | int) -> Real:
 
 
 def values_of(source: Source) -> Real:
-    """The values of a source, computed where they are not there."""
+    """The values of a source, computed if it is a function."""
     return source() if callable(source) else source
 
 
 @dataclass(frozen=True)
 class JointInfo:
-    """A joint that transmits forces: a joint of the mechanism, or one that a joint brings along (the pins of a cylinder)."""
+    """A joint that transmits forces: one of the mechanism, or one that belongs to a composite joint (such as the pins of a
+    cylinder)."""
 
     name: str
     kind: str
     links: tuple[str, str]
-    unit: str  # of its coordinate: ``m`` where it slides, else ``rad``
+    unit: str  # of its coordinate: "m" for a displacement, "rad" for an angle
 
 
 def joints_of(motion: Motion) -> list[JointInfo]:
-    """All joints of a mechanism, in the order of its joints as far as they are joints; gears, belts and racks come last."""
+    """All joints of a mechanism in its order, then the cams, gears, racks and belts that have no coordinate of their own. A joint
+    with clearance is one joint."""
     model = motion.model
     journals = journals_of(model.mechanism)
     bearing = {name: load.links[::2] for name, load in journals.items()}
@@ -99,18 +102,18 @@ def joints_of(motion: Motion) -> list[JointInfo]:
 
 
 def links_of(motion: Motion) -> list[str]:
-    """All links, the frame first, those that a joint brings along among them; without those of clearance and planar joints."""
+    """Names of all links, the frame first. Links of composite joints are included, except those of clearance and planar joints."""
     made = made_joints(motion.model.mechanism)
     return [name for name in motion.model.links if name not in made]
 
 
 def joint_unit(motion: Motion, joint: str) -> str:
-    """Unit of a joint's coordinate."""
+    """Unit of a joint's coordinate: "m" or "rad"."""
     return next(j.unit for j in joints_of(motion) if j.name == joint)
 
 
 def links_with_mass(run: Run) -> list[str]:
-    """Moving links whose mass counts: those with a mass or a moment of inertia, where inertia or gravity is computed."""
+    """Names of moving links with a mass or a moment of inertia; none where neither inertia nor gravity is computed."""
     mechanism = run.motion.mechanism
     if run.forces is None or not {"inertia", "gravity"} & set(mechanism.effects):
         return []
@@ -123,7 +126,7 @@ _RATES = {"pose": ("velocity", "acceleration"), "position": ("velocity", "accele
 
 
 def slopes_of(path: Path) -> tuple[Path | None, Path | None]:
-    """Entities that hold the first and the second derivative of one; None where there are none."""
+    """Paths of the tables with the first and the second time derivative of a table; None where there is none."""
     if path[:1] != ("data",) or path[1] not in ("links", "points") or path[-1] not in _RATES:
         return None, None
     first, second = _RATES[path[-1]]
@@ -131,9 +134,11 @@ def slopes_of(path: Path) -> tuple[Path | None, Path | None]:
 
 
 def read_between(path: Path, time: Real, values: Callable[[Path], Real | None], t: Real, order: int) -> Real:
-    """Values (n, m) of an entity at times ``t`` (n,) [s] from those (F, m) at the frames' times (F,); ``values`` looks entities up.
+    """Values (n, m) of a table at times ``t`` (n,) [s], interpolated with ``order`` from its values (F, m) at the ``time`` (F,) of
+    the frames.
 
-    Outside the run the values are those of its ends. Raises KeyError for an entity that is not there.
+    ``values`` gives the values of a path, or None. Outside the run the values are those of its ends. Raises `KeyError` where there
+    is no such table.
     """
     own = values(path)
     if own is None:

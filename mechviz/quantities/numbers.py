@@ -1,5 +1,5 @@
-"""The numbers of a run or of a recording: the same tables, with what connects the links. All that is drawn or plotted follows
-from them, whichever they are of."""
+"""The numerical results of a run or of a recording: tables, and the connectivity of the links. Pictures and plots are made from
+these alone, so that runs and recordings are treated in the same way."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ if TYPE_CHECKING:
 
 
 TOLERANCE = 1e-12
-"""Loop residual that the solver promises, in sizes of the mechanism."""
+"""Closure error that the solver guarantees, relative to the size of the mechanism."""
 
 
 @dataclass(frozen=True)
 class LoadInfo:
-    """A load: what it is, and the links that it acts on; the stated values act on the first. ``points`` of a load between two
-    points: where they are on the links, in the links' frames [m]."""
+    """A load: its kind and the links that it acts on; the tabulated values act on the first. ``points``: of a load between two
+    points, their coordinates in the frames of the links [m]."""
 
     kind: str
     links: tuple[str, ...]
@@ -38,11 +38,11 @@ class LoadInfo:
 
 @dataclass(frozen=True, eq=False)
 class Numbers:
-    """Tables by the parts of their paths, over the frames at ``time`` (F,) [s], and the connectivity: the ``frame`` is the fixed
-    link, ``drives`` are names of joints, ``traced`` names of points.
+    """Tables by path, over the frames at ``time`` (F,) [s], and the connectivity: ``frame`` is the fixed link, ``drives`` are names
+    of joints, ``traced`` names of points.
 
-    ``cycle``: how long a cycle of the first drive takes [s]; ``length_scale`` of the equations [m]; ``tolerance``: closure that
-    the solver promises [m]; ``units`` in which people read all that.
+    ``cycle``: period of the first drive [s]; ``length_scale``: characteristic length of the equations [m]; ``tolerance``: closure
+    error that the solver guarantees [m]; ``units``: those of the display.
     """
 
     time: Real
@@ -60,15 +60,15 @@ class Numbers:
 
     @cached_property
     def kept(self) -> bool:
-        """Whether all values that were computed once are kept."""
+        """Whether every table keeps the values that it has computed."""
         return all(table.kept for table in self.tables.values())
 
     def held(self, compute: Callable[[], Real]) -> Source:
-        """Values that follow from the tables, kept as they are."""
+        """Source of values that follow from the tables: computed now where all tables are kept, else at each use."""
         return compute() if self.kept else compute
 
     def values(self, *path: str) -> Real | None:
-        """Values (F, n) of a table; None where it is not there."""
+        """Values (F, n) of the table at a path; None where there is no such table."""
         table = self.tables.get(path)
         return None if table is None else table.values
 
@@ -82,7 +82,7 @@ class Numbers:
         return ("data", "joints", joint, "friction") in self.tables
 
     def is_pin(self, joint: str) -> bool:
-        """Whether a joint is a pin, whose couple is friction alone."""
+        """Whether a joint is a revolute joint, whose couple is due to friction alone."""
         return self.joints[joint].kind.startswith("revolute")
 
     def slides(self, joint: str) -> bool:
@@ -91,7 +91,7 @@ class Numbers:
 
     @cached_property
     def points(self) -> tuple[str, ...]:
-        """Names of the traced points and of the centres of mass that count."""
+        """Names of the traced points, and of the centres of mass that have a table."""
         centres = [centre_name(link) for link in self.links]
         return (*self.traced, *(c for c in centres if ("data", "points", c, "position") in self.tables))
 
@@ -124,7 +124,7 @@ class PoseTables(Mapping[str, Real]):
 
 
 def numbers_of(run: Run) -> Numbers:
-    """The numbers of a run; each table is computed when it is asked for."""
+    """The numerical results of a run; each table is computed when it is used."""
     motion, mechanism = run.motion, run.motion.mechanism
     loads = {} if run.forces is None else run.forces.loads
     return Numbers(
@@ -144,7 +144,7 @@ def numbers_of(run: Run) -> Numbers:
 
 
 def _ends(mechanism: Mechanism, name: str) -> tuple[Vec2, ...]:
-    """Where a load between two points acts on its links, in their frames [m]."""
+    """The points of a load between two points, in the frames of its links [m]; empty for other loads."""
     load = next((load for load in mechanism.loads if load.name == name), None)
     if not isinstance(load, Spring | Damper | GasSpring | Actuator) or not load.points:
         return ()
@@ -153,11 +153,11 @@ def _ends(mechanism: Mechanism, name: str) -> tuple[Vec2, ...]:
 
 
 def closure_tolerance(run: Run) -> float:
-    """Closure [m] up to which all is well."""
+    """Closure error [m] that the solver guarantees with the accuracy of a run."""
     return max(TOLERANCE, run.accuracy.position) * run.motion.model.length_scale
 
 
 def cycle_of(run: Run) -> float:
-    """How long a cycle takes [s]; the whole run where that is unknown, 1 of one instant."""
+    """Period of the first drive's cycle [s]; the duration of the run where there is none, 1 for a single instant."""
     cycle = run.motion.mechanism.cycle
     return cycle if np.isfinite(cycle) and cycle > 0.0 else float(np.ptp(run.motion.time)) or 1.0

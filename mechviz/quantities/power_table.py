@@ -1,4 +1,4 @@
-"""The power table in words: for a terminal, as Markdown, as CSV."""
+"""The power table as text for a terminal, as Markdown and as CSV; flywheels and steady runs as text."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ if TYPE_CHECKING:
 
 
 ROUND_OFF = 1e-9  # of a run's duration
-MOST_CHANGE = 0.05  # of works by frames that are left out: the works themselves are then off by two per cent
-LEAST_MEAN = 1e-9  # of what is supplied: a smaller mean power is rounding
-CLOSED = 1e-6  # to which works close that are more than rounding
+MOST_CHANGE = 0.05  # change of the works where every second frame is left out: their error is then about two per cent
+LEAST_MEAN = 1e-9  # relative to the mean supplied power: a smaller mean power is rounding
+CLOSED = 1e-6  # relative closure of the works above which powers are rounding or unknown
 _HEADS = ("force", "cause", "place", "power is", "use", "mean [W]", "peak [W]", "supplies [J]", "absorbs [J]")
 
 
@@ -69,7 +69,8 @@ def _closing(table: PowerTable) -> str:
 
 
 def _resolution(table: PowerTable) -> Iterator[str]:
-    """That the frames are too few, where they are. Where powers do not close, they are rounding or unknown."""
+    """A warning where the frames are too few for works and peaks. There is none where the works do not close, as the powers are
+    then rounding or unknown."""
     change = thinning_change(table)
     if np.isinf(change):
         yield f"{len(table.frames) - 1} frames are too few for works and peaks: give more with --frames."
@@ -79,7 +80,8 @@ def _resolution(table: PowerTable) -> Iterator[str]:
 
 
 def force_lines(forces: Forces) -> list[str]:
-    """Every force with its classes and works over the run, and which drive delivers power when."""
+    """The power table as lines of text: each force with its classes and its work over the run, then the intervals in which each
+    drive delivers power."""
     table = power_table(forces)
     rows = [_HEADS, *_rows(table)]
     widths = [max(len(row[k]) for row in rows) for k in range(len(_HEADS))]
@@ -103,7 +105,7 @@ def force_lines(forces: Forces) -> list[str]:
 
 
 def flywheel_lines(wheel: Flywheel, units: Units) -> list[str]:
-    """The flywheel in words."""
+    """A sized flywheel as lines of text."""
     return [
         f"flywheel: {units.text(wheel.inertia, 'kg m^2')} for a coefficient of fluctuation of {wheel.fluctuation:g}",
         f"  mean torque {units.text(wheel.mean, 'N m')}; excess work {wheel.excess:.5g} J between the slowest place, "
@@ -112,7 +114,7 @@ def flywheel_lines(wheel: Flywheel, units: Units) -> list[str]:
 
 
 def steady_lines(run: SteadyRun) -> list[str]:
-    """A steady run in words."""
+    """A steady-state run as lines of text."""
     turns = f"{run.turns} turn{'s' * (run.turns > 1)}"
     multiplier = abs(run.multiplier)
     change = (
@@ -129,7 +131,7 @@ def steady_lines(run: SteadyRun) -> list[str]:
 
 
 def sized_lines(wheel: SizedFlywheel, units: Units) -> list[str]:
-    """The flywheel that the steady run needs."""
+    """The flywheel that a steady-state run needs, as lines of text."""
     if wheel.inertia == 0.0:
         return [f"flywheel: none needed, {wheel.link} has a coefficient of fluctuation of {wheel.run.fluctuation:.4g} without one"]
     more = units.text(wheel.inertia, "kg m^2")
@@ -137,14 +139,14 @@ def sized_lines(wheel: SizedFlywheel, units: Units) -> list[str]:
 
 
 def power_markdown(table: PowerTable) -> list[str]:
-    """The table for notes."""
+    """The power table as lines of Markdown."""
     lines = ["## Powers", "", f"| {' | '.join(_HEADS)} |", f"|{'---|' * len(_HEADS)}"]
     lines += [f"| {' | '.join(row)} |" for row in _rows(table)]
     return [*lines, "", _closing(table)]
 
 
 def power_csv(forces: Forces, path: Path) -> Path:
-    """Write the table, numbers in full."""
+    """Write the power table to a CSV file, numbers in full precision; returns the path."""
     with replacing(path) as temporary, open(temporary, "w", encoding="utf-8", newline="") as file:
         out = csv.writer(file)
         out.writerow(["force", "kind", "cause", "place", "role", "use", "mean [W]", "peak [W]", "supplied [J]", "absorbed [J]"])

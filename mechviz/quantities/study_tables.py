@@ -1,5 +1,5 @@
-"""The numbers of a run's studies as tables: force systems, reduction, shaking, substitute masses, section forces,
-closing errors of polygons."""
+"""Results of a run's studies as tables and as text: force systems, reduction, shaking force, substitute masses, section forces,
+closure errors of polygons."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ if TYPE_CHECKING:
 
 
 NEAR_POINT = 100.0
-"""Sizes of the mechanism: lines that meet farther off are not judged, as they are nearly parallel."""
+"""In sizes of the mechanism: intersections that are farther away are not checked, as the lines are nearly parallel."""
 _FORCE: ColumnUnits = (("Fx", "N"), ("Fy", "N"), ("moment", "N m"))
 
 
 def study_tables(run: Run) -> Iterator[ItemTable]:
-    """All tables of what the scene asks for; nothing where it asks for nothing."""
+    """The tables of all studies that the scene names."""
     studies = run.studies
     for name, polygons in studies.polygons.items():
         closing = np.max([polygon.closing for polygon in polygons], axis=0)
@@ -91,18 +91,18 @@ def study_tables(run: Run) -> Iterator[ItemTable]:
 
 
 def _places(path: tuple[str, str], label: str, *places: tuple[str, Complex]) -> ItemTable:
-    """Places (F,) of the plane, each called by a word, as columns x and y."""
+    """A table of points (F,) in the plane, each with columns x and y that are named by its word."""
     columns = tuple((f"{word} {axis}".strip(), "m") for word, _ in places for axis in "xy")
     return ItemTable(("data", *path), label, columns, np.column_stack([part for _, z in places for part in (z.real, z.imag)]))
 
 
 def study_lines(run: Run) -> list[str]:
-    """One line for each result; none where nothing was asked for."""
+    """The results of all studies that the scene names, as lines of text."""
     return list(_lines(run, run.scene.units.text))
 
 
 ValueWords = Callable[[float, str], str]
-"""A quantity in an SI unit as people read it."""
+"""Converts a value in an SI unit to text in the unit of the display."""
 
 
 def _lines(run: Run, in_words: ValueWords) -> Iterator[str]:
@@ -187,7 +187,7 @@ def _centre_lines(run: Run, in_words: ValueWords) -> Iterator[str]:
 
 
 def _section_words(section: SectionForces, time: Real, in_words: ValueWords) -> str:
-    """Ranges and the largest bending moment, with its place and time."""
+    """Ranges of the section forces, and the largest bending moment with its place and time, in words."""
     size = np.abs(section.bending.values)
     if not np.isfinite(size).any():
         return "not known, it jams over the whole run"

@@ -1,4 +1,4 @@
-"""The numbers of a run as named tables in SI units: what a recording holds as float64 and what CSV and Parquet export."""
+"""The numerical results of a run as named tables in SI units, which recordings hold (float64) and CSV and Parquet files export."""
 
 from __future__ import annotations
 
@@ -50,11 +50,11 @@ _ACCELERATION: ColumnUnits = (("ax", "m/s^2"), ("ay", "m/s^2"), ("alpha", "rad/s
 _WRENCH: ColumnUnits = (("Fx", "N"), ("Fy", "N"), ("moment", "N m"))
 
 
-ROUND_OFF = 1e-12  # of the largest reaction
+ROUND_OFF = 1e-12  # relative to the largest reaction
 
 
 def rounding_of_efforts(run: Run, unit: str) -> float:
-    """Driving forces [N] (``unit`` "m") or torques [N m] below this are rounding beside the reactions of the run."""
+    """Bound below which driving forces [N] (``unit`` "m") or torques [N m] are rounding, relative to the reactions of the run."""
     if run.forces is None:
         return 0.0
     largest = max(
@@ -64,11 +64,11 @@ def rounding_of_efforts(run: Run, unit: str) -> float:
 
 
 MOST_KEPT = 2**23
-"""Numbers of a run (64 MiB) beyond which those that follow from its motion and forces at once are not kept."""
+"""Number of values of a run (64 MiB) above which tables that follow directly from motion and forces are not kept in memory."""
 
 
 def tables(run: Run) -> list[ItemTable]:
-    """All tables of a run; what the scene does not call for is not there."""
+    """All tables of a run. Results that the scene does not need have no table."""
     quick = [*_links(run), *_points(run), *_joints(run), *_loads(run)]
     if run.motion.frames * sum(len(t.columns) for t in quick) > MOST_KEPT and len(run.motion.parts) == 1:
         quick = [replace(t, kept=False) for t in quick]
@@ -145,7 +145,8 @@ def _as_column(values: Callable[[], Real]) -> Real:
 
 
 def _journal(run: Run, joint: str) -> ItemTable:
-    """Where the journal is in its bearing, in the axes of the bearing's link, and how far they are apart (negative: pressed in)."""
+    """Table of the journal's position in its bearing, in the axes of the bearing's link, and of the gap between both (negative:
+    penetration)."""
     load = journals_of(run.motion.model.mechanism)[joint]
     x, y = (run.motion.coordinate(name)[:, 0] for name in load.slides)
     columns: ColumnUnits = (("x", "m"), ("y", "m"), ("gap", "m"))
@@ -184,7 +185,8 @@ def _some_columns(rows: Callable[[], Real], columns: slice) -> Real:
 
 
 def _contact(run: Run, cam: AnyCam) -> Real:
-    """Place, force, pressure angle, radius of curvature, eccentricity; lift and its two derivatives: (F, 9)."""
+    """Contact of a cam (F, 9): place x, y [m], force [N], pressure angle [rad], radius of curvature [m], eccentricity [m], lift and
+    its two derivatives with respect to the cam's argument."""
     force = np.full(run.motion.frames, np.nan) if run.forces is None else contact_force(run.forces, cam)
     rows = cam.rows(run.motion, carrying(force))
     law = cam.law(rows.angle)
@@ -193,7 +195,7 @@ def _contact(run: Run, cam: AnyCam) -> Real:
 
 
 def _rated(run: Run, cam: Any, lifts: ColumnUnits) -> Iterator[ItemTable]:
-    """Ratings that a scene asks for: Hertz pressure, the drawn lift and its error."""
+    """Tables of a cam that the scene rates or draws: Hertz pressure, and the drawn lift with its error."""
     joint = joint_of(run.motion, cam)
     if joint.rating is not None and joint.rating.width is not None and run.forces is not None:
         columns: ColumnUnits = (("hertz_pressure", "Pa"), ("half_width", "m"))
@@ -232,14 +234,15 @@ def _drives(run: Run) -> Iterator[ItemTable]:
 
 
 def _driven(run: Run, joint: str) -> Real:
-    """Coordinate, speed, acceleration, effort and power of a drive (F, 5); no effort was computed of pure kinematics."""
+    """Coordinate, speed, acceleration, effort and power of a drive (F, 5). Effort and power are NaN where no forces were
+    computed."""
     nothing = np.full(run.motion.frames, np.nan)
     efforts = (nothing, nothing) if run.forces is None else (run.forces.effort(joint), run.forces.power(joint))
     return np.column_stack([run.motion.coordinate(joint), *efforts])
 
 
 def _metrics(run: Run) -> Iterator[ItemTable]:
-    """The metrics that the scene asks for, under ``/data/answers``."""
+    """Tables of the metrics that the scene names, under ``/data/answers``."""
     motion = run.motion
     computed: dict[str, tuple[ColumnUnits, Callable[[], Any]]] = {
         "transmission_angle": ((("angle", "rad"), ("acute", "rad")), cache(partial(metrics.transmission_rows, motion))),
@@ -261,7 +264,7 @@ def _metric(compute: Callable[[], Any], key: Any) -> Real:
 
 
 def _servo_track(motion: Motion, servo: Servo, chosen: slice) -> Real:
-    """Chosen columns of target, coordinate, and how far it is behind (F, n) [rad or m]."""
+    """The chosen columns (F, n) of target, reached coordinate and their difference [rad or m]."""
     target = np.broadcast_to(servo.target(motion.time)[0], motion.time.shape)
     reached = motion.coordinate(servo.joint)[:, 0]
     return np.column_stack([target, reached, target - reached])[:, chosen]
@@ -324,16 +327,16 @@ def _health(run: Run) -> Iterator[ItemTable]:
         yield ItemTable(("health", column[0]), "health", (column,), partial(_as_column, value))
 
 
-ROUNDING_DISTANCE = 1e-13  # relative to coordinates and sizes
-FAR_DISTANCE = 1e-6  # of the size: far beyond rounding
+ROUNDING_DISTANCE = 1e-13  # relative to coordinates and size: distances that are rounding
+FAR_DISTANCE = 1e-6  # relative to the size: distances far above rounding
 
 
 def onto_centres(run: Run, heavy: Sequence[str]) -> Callable[[Sequence[str], Real], Real]:
-    """A function of links and a place (F, 2) [m] that gives the place, or the centre of mass of the first of the links (those
-    ``heavy``) that it is but for rounding."""
+    """A function that removes rounding from places. It takes links and a place (F, 2) [m] and returns the place, or the centre of
+    mass of the first of the links (only those in ``heavy``) whose centre equals the place except for rounding."""
     motion = run.motion
 
-    @lru_cache(maxsize=8)  # the links of a joint and of those about it
+    @lru_cache(maxsize=8)  # the links of a joint and of its neighbours
     def centre_of(link: str) -> Real:
         pose, (_, centre, _) = motion.pose(link), motion.model.masses[motion.model.index[link]]
         c, s = np.cos(pose[:, 2]), np.sin(pose[:, 2])
@@ -345,7 +348,7 @@ def onto_centres(run: Run, heavy: Sequence[str]) -> Callable[[Sequence[str], Rea
             at = centre_of(link) if link in heavy else None
             if at is not None and place.shape == at.shape:
                 if (np.abs(place[:1] - at[:1]) > FAR_DISTANCE * motion.model.length_scale).any():
-                    continue  # most places are elsewhere, as the first frame shows
+                    continue  # the first frame rules out most centres
                 room = ROUNDING_DISTANCE * (motion.model.length_scale + np.abs(np.nan_to_num(at)).max(initial=0.0))
                 if not (np.abs(np.nan_to_num(place - at)) > room).any():
                     return np.where(np.isfinite(place), at, place)
@@ -355,7 +358,8 @@ def onto_centres(run: Run, heavy: Sequence[str]) -> Callable[[Sequence[str], Rea
 
 
 def without_noise(wrench: Real, size: float) -> Real:
-    """Rows of force and moment (F, 3) with zero for moments that are rounding of the forces times ``size`` [m]."""
+    """Rows of force and moment (F, 3), with zero moments where all of them are rounding relative to the forces times ``size``
+    [m]."""
     force, moment = (np.abs(np.nan_to_num(part)).max(initial=0.0) for part in (wrench[:, :2], wrench[:, 2]))
     if 0.0 < moment <= ROUNDING_DISTANCE * size * force:
         return np.column_stack([wrench[:, :2], np.where(np.isfinite(wrench[:, 2]), 0.0, wrench[:, 2])])

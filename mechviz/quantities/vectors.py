@@ -1,4 +1,4 @@
-"""Families of vectors and moments over all frames, and the scales at which they are drawn; see also `picture.arrows`."""
+"""Families of vectors and moments over all frames, and the scales of their arrows; see also `picture.arrows`."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ if TYPE_CHECKING:
     from mechviz.runs import Run
 
 
-LARGEST_ARROW = 1.0 / 3.0  # of the mechanism's size
+LARGEST_ARROW = 1.0 / 3.0  # length of the longest arrow, relative to the mechanism's size
 CALM_STABILITY = 0.2  # stability of friction above which forces count for the scale of arrows
-LARGEST_ARC = 0.45  # of the mechanism's size, along the arc
+LARGEST_ARC = 0.45  # length of the longest arc of a moment, relative to the mechanism's size
 
 
 @dataclass(frozen=True)
 class VectorFamily:
-    """A kind of vector: its name, what it means, its unit and its colours (red, green, blue) on a light and on a dark ground."""
+    """A kind of vector: name, label, meaning, unit and colours (red, green, blue) on light and dark backgrounds."""
 
     name: str
     label: str
@@ -54,7 +54,7 @@ FORCE_FAMILIES = ("reaction", "applied", "gravity", "inertia", "friction", "driv
 
 @dataclass(frozen=True, eq=False)
 class PlacedVector:
-    """A vector or moment at a place over all frames: ``origin`` (F, 2) [m] and ``value``, from their sources."""
+    """A vector or moment at a place, over all frames: ``origin`` (F, 2) [m] and ``value``, both read from sources."""
 
     family: str
     item: str
@@ -81,30 +81,30 @@ class Vector(PlacedVector):
 
     @property
     def entity(self) -> tuple[str, ...]:
-        """Parts of the path of what draws it in a recording."""
+        """Entity path, in parts, of its arrow in a recording."""
         return "vectors", self.family, self.item
 
 
 @dataclass(frozen=True, eq=False)
 class Moment(PlacedVector):
-    """One moment over all frames, its ``value`` (F,) [N m] counter-clockwise positive. ``shown`` (F,): where it is drawn; None: at
-    all frames."""
+    """One moment over all frames: ``value`` (F,) [N m], counter-clockwise positive. ``shown`` (F,): the frames where it is drawn;
+    None: all frames."""
 
     shown: NDArray[np.bool_] | None = None
 
     @property
     def entity(self) -> tuple[str, ...]:
-        """Parts of the path of what draws it in a recording: beside the force, where there may be one."""
+        """Entity path, in parts, of its arc in a recording: below that of the force, where there may be one."""
         beside = {"drive": (), "applied": (), "inertia": ("moment",)}.get(self.family, ("couple",))
         return ("vectors", self.family, self.item, *beside)
 
 
 @dataclass(frozen=True)
 class Scales:
-    """How large a value is drawn as one metre. Forces of all families share a scale, so that arrows can be compared."""
+    """Values that are drawn as one metre. All families of forces share one scale, so that their arrows can be compared."""
 
     newtons_per_metre: float
-    newton_metres_per_metre: float  # along the arc
+    newton_metres_per_metre: float  # per metre of arc length
     mps_per_metre: float
     mps2_per_metre: float
 
@@ -114,7 +114,7 @@ class Scales:
 
 
 def round_value(value: float) -> float:
-    """The largest 1, 2 or 5 times a power of ten that is not above a positive value."""
+    """The largest number of the form 1, 2 or 5 times a power of ten that is at most a positive value."""
     decade = 10.0 ** np.floor(np.log10(value))
     return float(decade * max(step for step in (1.0, 2.0, 5.0) if step * decade <= value * (1.0 + 1e-9)))
 
@@ -130,8 +130,8 @@ def centre_name(link: str) -> str:
 
 
 def plotted_against(run: Run) -> str | None:
-    """The drive whose coordinate a run is plotted against instead of time: the first one, if it has zones (starts and stops, each
-    over a stated range) and runs one way only."""
+    """The joint of the drive whose coordinate replaces time as abscissa, or None: the first drive, if its law is piecewise of at
+    most second order, begins and ends at rest, and moves in one direction only (starts and stops over stated ranges)."""
     for drive in run.motion.mechanism.drives[:1]:
         if not isinstance(drive.law, Piecewise) or any(len(c) > 3 for c in drive.law.coefficients):
             continue
@@ -144,7 +144,7 @@ def plotted_against(run: Run) -> str | None:
 
 
 def calm_frames(run: Run) -> NDArray[np.bool_] | None:
-    """Frames (F,) by which forces are scaled: near a jam they grow beyond all bounds. None where that is all of them."""
+    """Frames (F,) that count for the scale of forces: those away from a jam, near which forces are unbounded. None: all frames."""
     if run.forces is None or run.forces.friction is None or not run.forces.friction.jammed.any():
         return None
     calm = np.nan_to_num(run.forces.friction.stability) > CALM_STABILITY
@@ -157,9 +157,10 @@ def find_scales(
     size: float,
     calm: NDArray[np.bool_] | None = None,
 ) -> Scales:
-    """Scales by which the largest force, velocity and acceleration is drawn as a third of ``size`` [m].
+    """Scales at which the largest force, velocity and acceleration are a third of ``size`` [m] long, and the arc of the largest
+    moment 0.45 of it.
 
-    Where nothing is to be drawn a scale is 1. ``calm``: the frames that count, all of them where it is None.
+    A scale is 1 where there is nothing to draw. ``calm``: the frames that count; None: all frames.
     """
 
     def peak(values: Real) -> float:

@@ -1,1 +1,1 @@
-"""Studies of a scene for people: reports, cost, cams, balancing, vibrations, the shaking force."""
+"""Studies of a scene: text reports, cost, cams, balancing, vibrations, shaking force."""

@@ -1,4 +1,5 @@
-"""The shaking force of a scene: counterweights computed, compared and written into it as point masses; polar plots over a cycle."""
+"""Shaking force of a scene: computes counterweights, compares the force before and after, writes the weights into the scene as
+point masses, and draws polar plots over a cycle."""
 
 from __future__ import annotations
 
@@ -41,7 +42,7 @@ class BalancedScene:
     after: Shaking
 
     def lines(self) -> list[str]:
-        """The comparison in words."""
+        """The counterweights, and a table of the shaking force and moment before and after, as lines of text."""
         units = self.scene.units
         (length, per), (force, forces), (moment, moments) = units.reads("m"), units.reads("N"), units.reads("N m")
         out = []
@@ -63,8 +64,10 @@ class BalancedScene:
 def balance_scene(
     scene: Scene, *, radius: float | None = None, rocker_radius: float | None = None, fraction: float | None = None
 ) -> BalancedScene:
-    """Counterweights for a four-bar or slider-crank. Radii [m] and fraction are those of the scene's ``shaking.counterweights``
-    where they are not given. Raises `SceneError` where there is no radius, `MechanismError` where the mechanism is another one."""
+    """The scene with the counterweights of its four-bar or slider-crank, and the shaking force before and after.
+
+    Radii [m] and fraction default to those of the scene's ``shaking.counterweights``. Raises `SceneError` where neither gives a
+    radius, `MechanismError` where the mechanism is neither a four-bar nor a slider-crank."""
     asked = scene.mechanism.studies.shaking
     known = None if asked is None else asked.radii
     if radius is None and known is None:
@@ -93,7 +96,7 @@ def balance_scene(
 
 
 def _stated(units: Units, value: float, kind: str) -> float:
-    """A number as the scene states such numbers, without its unit."""
+    """An SI value in the scene's own unit for its kind, as a plain number."""
     return float(f"{value / units.si(1.0, kind):.15g}")
 
 
@@ -102,12 +105,12 @@ def _moved(scene: Scene) -> Motion:
     return solve_motion(compile_mechanism(mechanism), default_times(mechanism, scene.frames, scene.cycles))
 
 
-STEP = 30.0  # degrees of the drive between two dots of the force's curve
+STEP = 30.0  # [degrees] of the drive between two dots on the curve of the force
 
 
 def shaken(run: Run) -> Shaking:
-    """Shaking force and moment of a run, about the point that its scene names. Raises `OutputError` where nothing shakes, or where
-    forces decide the motion."""
+    """Shaking force and moment of a run, about the point that its scene names (default: the origin). Raises `OutputError` where
+    both are zero, or where forces decide the motion."""
     if run.simulation is not None:
         why = f"{run.scene.name}: forces decide the motion, and the shaking force is known of prescribed motions."
         raise OutputError(why, "Prescribe a drive.")
@@ -120,13 +123,15 @@ def shaken(run: Run) -> Shaking:
 
 
 def write_polar(path: Path, title: str, motion: Motion, shakings: Mapping[str, Shaking], units: Units) -> None:
-    """Write the plots to a file (.svg, .png, .pdf). Raises `OutputError` where that cannot be."""
+    """Write the polar plots to a file (.svg, .png, .pdf). Raises `OutputError` where the file cannot be written."""
     save_chart(polar_figure(title, motion, shakings, units), path)
 
 
 def polar_figure(title: str, motion: Motion, shakings: Mapping[str, Shaking], units: Units) -> Figure:
-    """Two plots: tip of the force (dots every 30 degrees of the drive), and the moment over the drive's angle, outwards of the
-    zero circle where it is positive. ``shakings``: what is drawn, by its name in the legend; ``units`` in which people read it."""
+    """Figure of two polar plots: the path of the force's tip, with dots every 30 degrees of the drive, and the moment over the
+    angle of the drive, outside the zero circle where it is positive.
+
+    ``shakings``: the curves by their names in the legend; ``units``: those of the labels."""
     (force, per), (moment, moment_per) = units.reads("N"), units.reads("N m")
     angle = _angle(motion)
     least = max((s.single for s in shakings.values()), default=0.0)
@@ -161,7 +166,7 @@ def polar_figure(title: str, motion: Motion, shakings: Mapping[str, Shaking], un
 
 
 def _marks(tip: NDArray[np.complex128], angle: Real, axes: PolarAxes, colour: str, units: Units) -> Iterator[complex]:
-    """Points of the force every 30 degrees of the drive over its first turn, of which every third is named."""
+    """Tips of the force, interpolated every 30 degrees of the drive over its first turn; labels every third one with the angle."""
     degrees = np.degrees(angle)
     sense = 1.0 if degrees[-1] >= degrees[0] else -1.0
     if not np.isfinite(tip).all() or not np.all(np.diff(sense * degrees) > 0.0):
@@ -178,7 +183,7 @@ def _marks(tip: NDArray[np.complex128], angle: Real, axes: PolarAxes, colour: st
 
 
 def _angle(motion: Motion) -> Real:
-    """Angle of the first drive (F,) [rad]; of one that slides, the part of the run as an angle."""
+    """Angle of the first drive (F,) [rad]; of a sliding drive, the elapsed time, scaled so that the whole run is one turn."""
     drive = motion.mechanism.drives[0].joint
     if motion.model.joints[motion.model.joint_index[drive]].coordinate == "angle":
         return np.asarray(motion.coordinate(drive)[:, 0], float)

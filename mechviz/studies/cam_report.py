@@ -1,5 +1,5 @@
-"""Report of ``mechviz cams``: each cam with its limits, forces, stress, least spring and drawn lift; with --size the least base
-circle, best offset and least roller of a disc cam for stated limits."""
+"""Report of ``mechviz cams``: limits, forces, stress, least spring and drawn lift of each cam; with --size the least base circle,
+the best offset and the least roller of a disc cam for stated limits."""
 
 from __future__ import annotations
 
@@ -29,18 +29,18 @@ if TYPE_CHECKING:
     from mechcore.forces.kinetostatics import Forces
     from mechcore.motion.motion import Motion
 
-NOISE = 1e-9  # pull below this part of the largest contact force, and what is above a limit by this part of it, is rounding
+NOISE = 1e-9  # relative: a pull below this fraction of the largest contact force, or an excess over a limit by it, is rounding
 
 
 @dataclass(frozen=True)
 class CamFact:
-    """Something that is known of a cam: what, and the words."""
+    """A line of the report on a cam: ``what`` it is about (such as "undercut") and its text."""
 
     cam: str
     what: str
     text: Text
-    passed: bool | None = None  # whether it keeps its limit; None: there is none
-    stated: bool = False  # whether the scene states that limit
+    passed: bool | None = None  # whether the limit is kept; None: there is no limit
+    stated: bool = False  # whether the scene states the limit
 
     @property
     def failed(self) -> bool:
@@ -52,7 +52,7 @@ ReportRow = tuple[str, str, bool | None, bool]  # what, words, passed, stated
 
 
 def cam_facts(motion: Motion, forces: Forces | None, *, margin: float | None = None) -> list[CamFact]:
-    """Facts of all cams over a run; ``margin`` [N] instead of the scene's, for the least spring."""
+    """Facts on all cams over a run. ``margin``: contact force [N] that the least spring has to keep; None: the scene's."""
     facts = size_facts(motion)
     for cam in placed_cams(motion):
         rows = _facts(motion, forces, cam, joint_of(motion, cam), margin)
@@ -61,7 +61,7 @@ def cam_facts(motion: Motion, forces: Forces | None, *, margin: float | None = N
 
 
 def size_facts(motion: Motion) -> list[CamFact]:
-    """The sizes that the scene asks to be the least, as they were found."""
+    """Facts on the sizes that the scene leaves to be found (least base circle, best offset, least roller)."""
     return [
         CamFact(cam.name, what, Text(words)) for cam in placed_cams(motion) for what, words in _least(joint_of(motion, cam), cam)
     ]
@@ -79,13 +79,13 @@ def _least(joint: CamJoint, cam: AnyCam) -> Iterator[tuple[str, str]]:
 
 
 def law_facts(motion: Motion) -> list[CamFact]:
-    """Facts of the laws of all cams, whatever the run is."""
+    """Facts on all cams that follow from their laws alone and do not depend on the run."""
     rows = [(cam.name, row) for cam in placed_cams(motion) for row in _limits(cam)]
     return size_facts(motion) + [CamFact(name, what, Text(words), passed, stated) for name, (what, words, passed, stated) in rows]
 
 
 def cam_lines(motion: Motion, facts: list[CamFact], units: UnitSystem) -> list[str]:
-    """Every cam with what is known of it, as lines in the units of a scene."""
+    """A heading for each cam and its facts below it, as lines of text in the units of a scene."""
     lines: list[str] = []
     for cam in placed_cams(motion):
         lines += ["", Text(f"cam {cam.name}: {_kind(joint_of(motion, cam), cam)}", units)]
@@ -104,7 +104,7 @@ def _kind(joint: CamJoint, cam: AnyCam) -> str:
 
 def _facts(motion: Motion, forces: Forces | None, cam: AnyCam, joint: CamJoint, margin: float | None) -> Iterator[ReportRow]:
     force = None if forces is None else contact_force(forces, cam)
-    rows = cam.rows(motion)  # of a yoke either face meets the whole profile in a turn
+    rows = cam.rows(motion)  # one face is enough: each face of a yoke meets the whole profile in a turn
     x = cam.argument(motion)
     travel = float(np.nanmax(rows.lift) - np.nanmin(rows.lift))
     steepest = _second_derivative(cam, float(np.nanmax(np.abs(cam.law(x)[2]))))
@@ -113,7 +113,7 @@ def _facts(motion: Motion, forces: Forces | None, cam: AnyCam, joint: CamJoint, 
     by_law = list(_limits(cam))
     yield from by_law
     exact = any(what == "pressure angle" for what, *_ in by_law)
-    if np.isfinite(steep).any() and not exact:  # of a given profile: what the run meets
+    if np.isfinite(steep).any() and not exact:  # a given profile has no law: the largest angle at the frames
         k = int(np.nanargmax(steep))
         words = f"up to {as_angle(steep[k], 5)} at {_place(cam, x[k])}"
         yield _judged("pressure angle", words, float(steep[k]), cam.pressure_limit, _degrees)
@@ -132,7 +132,7 @@ def _facts(motion: Motion, forces: Forces | None, cam: AnyCam, joint: CamJoint, 
 
 
 def _loaded(forces: Forces, cam: AnyCam, joint: CamJoint, force: Real, margin: float | None) -> Iterator[ReportRow]:
-    """Contact force (F,) [N], Hertz pressure and the spring that is needed."""
+    """Rows on the contact force ``force`` (F,) [N], the Hertz pressure and the least spring. ``margin`` [N] as in `cam_facts`."""
     rating, x = joint.rating, cam.argument(forces.motion)
     low, high = int(np.nanargmin(force)), int(np.nanargmax(force))
     need = margin if margin is not None else None if rating is None else rating.margin
@@ -158,7 +158,8 @@ def _loaded(forces: Forces, cam: AnyCam, joint: CamJoint, force: Real, margin: f
 
 
 def _limits(cam: AnyCam) -> Iterator[ReportRow]:
-    """The lecture's conditions for a cam that is made from its law: pressure angle, undercut, and the face of a flat follower."""
+    """Rows on the limits of a cam that is made from its law: pressure angle, curvature, undercut and the face of a flat follower.
+    For any plane cam also the ranges where undercut makes the follower miss its law."""
     if isinstance(cam, PlacedSpatial):
         flanks = cam.limits()
         steepest, passed = flanks[0].pressure, not any(each.undercut for each in flanks)
@@ -196,7 +197,7 @@ def _limits(cam: AnyCam) -> Iterator[ReportRow]:
 
 
 def _curvature(cam: PlacedCam, least: float, at: str = "") -> ReportRow:
-    """The least radius of the convex profile [m] beside its limit, if there is one."""
+    """Row on the least radius [m] of the convex profile, compared with its limit if there is one."""
     words, limit = f"least radius of the convex profile {as_length(least, 5)}{at}", cam.curvature_limit
     if limit is None:
         return "curvature", words, None, False
@@ -205,7 +206,8 @@ def _curvature(cam: PlacedCam, least: float, at: str = "") -> ReportRow:
 
 
 def _face(cam: PlacedCam, least: float, most: float) -> Iterator[ReportRow]:
-    """How far the contact goes along a flat face, from its ``least`` to its ``most`` distance [m], beside the ends of the face."""
+    """Row on the travel of the contact along a flat face, from its ``least`` to its ``most`` eccentricity [m], compared with the
+    ends of the face."""
     face, left, right = cam.face, max(-least, 0.0), max(most, 0.0)
     assert isinstance(face, Flat)
     words = f"the contact goes {as_length(left, 5)} to the left and {as_length(right, 5)} to the right"
@@ -218,7 +220,8 @@ def _face(cam: PlacedCam, least: float, most: float) -> Iterator[ReportRow]:
 
 
 def _least_convex(limits: CamLimits) -> float:
-    """The least radius of a convex profile [m]: 0 where it is undercut, infinite where all of it is hollow."""
+    """The least radius [m] of the convex part of a profile: 0 where the profile is undercut, infinite where all of it is
+    concave."""
     return 0.0 if limits.undercut else np.inf if limits.convex is None else limits.convex.value
 
 
@@ -234,7 +237,7 @@ def _verdict(passed: bool) -> str:
 
 
 def _judged(what: str, words: str, value: float, limit: float | None, shown: Callable[[float], str]) -> ReportRow:
-    """A value beside the limit that the scene states for it, if it does."""
+    """Row on a value, compared with the limit that the scene states for it, if it states one."""
     if limit is None:
         return what, words, None, False
     passed = bool(value <= limit * (1.0 + NOISE))
@@ -250,7 +253,7 @@ def _pressure(value: float) -> str:
 
 
 def _second_derivative(cam: AnyCam, value: float) -> str:
-    """A second derivative of the lift with respect to the cam's angle [rad] or displacement [m]."""
+    """A second derivative of the lift with respect to the angle [rad] or displacement [m] of the cam, with its unit, as text."""
     if cam.bed is not None:
         return as_quantity(value, "1/m" if cam.arm == 0.0 else "rad/m^2", 5)
     return f"{as_length(value, 5)}/rad²" if cam.arm == 0.0 else f"{value:.5g} 1/rad"
@@ -262,7 +265,7 @@ def _place(cam: AnyCam, x: float) -> str:
 
 
 def _springs(forces: Forces, cam: AnyCam, need: float) -> Iterator[str]:
-    """The least spring for a margin, in words."""
+    """The least springs that keep a contact force of at least ``need`` [N], in words."""
     x = cam.argument(forces.motion)
     try:
         springs = least_springs(forces, cam, need)
@@ -291,9 +294,10 @@ def _drawn_words(cam: AnyCam, drawn: CamDrawn, largest: Real) -> str:
 
 
 def drawn_lines(motion: Motion, units: Units, drawn: CamDrawn | None = None) -> list[str]:
-    """The tables of the graphical method, drawn beside exact at every point of the drawing, of each disc cam.
+    """The tables of the graphical method, as lines of text: for each cam that has a drawing, the drawn lift and its derivatives
+    with respect to the cam's angle [rad], each with its error, at every point of the drawing.
 
-    ``drawn``: instead of what the scene says. Derivatives of the lift with respect to the cam's angle [rad].
+    ``drawn``: settings of the drawing for all cams; None: those of the scene.
     """
     lines: list[str] = []
     for cam in placed_cams(motion):
@@ -320,7 +324,7 @@ def drawn_lines(motion: Motion, units: Units, drawn: CamDrawn | None = None) -> 
 
 
 def _simplified_words(cam: AnyCam) -> Iterator[str]:
-    """Error of the lecture's profile of an offset knife, which leaves out the phase atan(m/h)."""
+    """Error of the simplified profile for an offset knife follower, which leaves out the phase atan(m/h), in words."""
     if not isinstance(cam, PlacedCam) or cam.given is not None or cam.offset == 0.0 or not isinstance(cam.face, Knife):
         return
     error = simplified_offset_error(cam.cam.law, cam.offset, np.radians(np.arange(0.0, 360.0, 0.25)))
@@ -328,11 +332,12 @@ def _simplified_words(cam: AnyCam) -> Iterator[str]:
     yield f"laid off at the cam's angle, without the phase atan(m/h) of the offset m, the profile {deviation}"
 
 
-USUAL_ANGLES = {True: math.radians(30.0), False: math.radians(45.0)}  # of translating and oscillating followers
+USUAL_ANGLES = {True: math.radians(30.0), False: math.radians(45.0)}  # pressure angles [rad]; True: translating follower
 
 
 def size_lines(motion: Motion, forces: Forces | None, units: UnitSystem, want: Requirement) -> list[str]:
-    """Every disc cam with a lift: what it has, and the least that keeps to the limits: those of ``want``, else of the scene."""
+    """Present sizes of every disc cam with a lift, and the least that keep the limits of ``want`` or else of the scene, as lines of
+    text."""
     lines: list[str] = []
     for cam in placed_cams(motion):
         if isinstance(cam, PlacedCam) and not cam.cam.wedge and (cam.given is None or cam.intended is not None):
@@ -382,7 +387,7 @@ def _sizes(cam: PlacedCam, motion: Motion, forces: Forces | None, want: Requirem
 
 
 def _roller_words(cam: PlacedCam, motion: Motion, forces: Forces | None, want: Requirement) -> str:
-    """The rollers that fit on the pitch curve as it is: the base circle grows by as much as the roller shrinks."""
+    """Radii of rollers that fit the present pitch curve, in words. The base circle grows by as much as the roller shrinks."""
     made = cam.cam if cam.intended is None else cam.intended
     profiles = (made, *(cam.beside(made) if cam.mate is None else ()))  # the second cam has a roller of its own
     radii = [reached.value for each in profiles if (reached := find_limits(each).greatest_roller) is not None]

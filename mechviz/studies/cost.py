@@ -1,5 +1,5 @@
-"""Cost of each stage and effect of a scene: times warmed up and repeated, the median with its spread, and the machine that they
-were taken on; and whether numpy or a compiled program runs a stage."""
+"""Cost of each stage and effect of a scene: median and spread of repeated wall times after a warm-up, the machine that they were
+measured on, and whether numpy or a compiled program runs a stage."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ HEALTH = ("closure", "velocity_closure", "acceleration_closure", "condition")
 
 @dataclass(frozen=True)
 class Cost:
-    """A stage or effect of the plan and the median of its wall times [s]. ``part``: it is within the time of the reactions."""
+    """A stage or effect of the plan and the median of its wall times [s]. ``part``: the time of the reactions includes it."""
 
     name: str
     seconds: float
@@ -51,7 +51,7 @@ class Cost:
 
 @in_scene_words
 def measure(scene: Scene, *, repeats: int = 7, outputs: Any = None, executor: Executor = "auto") -> list[Cost]:
-    """Wall times of all that the plan of a scene computes. Each repeat starts from a motion of which nothing is known yet."""
+    """Median wall times of all that the plan of a scene computes. Each repeat compiles and solves the mechanism anew."""
     mechanism = scene.mechanism
     plan: Plan = make_plan(mechanism) if outputs is None else make_plan(mechanism, outputs)
     frames = None if scene.simulation is not None else default_times(mechanism, scene.frames, scene.cycles)
@@ -66,7 +66,7 @@ def measure(scene: Scene, *, repeats: int = 7, outputs: Any = None, executor: Ex
     parts: set[str] = set()
 
     def part(kind: StageKind, item: str) -> str:
-        """Name of a stage whose time is part of that of the reactions."""
+        """Name of a stage; marks its time as part of the time of the reactions."""
         name = PlannedStage(kind, item, "").name
         parts.add(name)
         return name
@@ -104,19 +104,19 @@ def _positions(compiled: Compiled, frames: Any) -> Motion:
 
 
 def _friction(motion: Motion) -> None:
-    """Dry friction and the reactions that it depends on."""
+    """Compute dry friction and the reactions that it depends on."""
     applied = wrenches(motion)
     solve_friction(motion, *sum_up(applied, len(motion.model.links)))
 
 
 def _read(result: object, names: tuple[str, ...]) -> None:
-    """Work out what is worked out when first asked for."""
+    """Read lazy attributes, so that they are computed."""
     for name in names:
         getattr(result, name)
 
 
 def cost_lines(costs: list[Cost], frames: int) -> list[str]:
-    """The costs as a table: milliseconds, microseconds a frame, share."""
+    """The costs as lines of a table: milliseconds, microseconds per frame, share of the total."""
     total = sum(c.seconds for c in costs if not c.part)
     width = max(len(c.name) for c in costs)
     lines = [f"cost (median, {frames} frames; effects and loads are part of the reactions' time)"]
@@ -129,12 +129,12 @@ def cost_lines(costs: list[Cost], frames: int) -> list[str]:
 
 
 LEAST_REPEATS, MOST_REPEATS = 3, 25
-REPEAT_SECONDS = 0.25  # seconds of repeats: quick work is repeated more often
+REPEAT_SECONDS = 0.25  # [s] spent on repeats: quick work is repeated more often
 
 
 @dataclass(frozen=True)
 class Timed:
-    """Median [s] of ``repeats`` runs after one that does not count, and the distance of their quartiles [s]."""
+    """Median [s] and interquartile range [s] of the wall times of ``repeats`` runs after one warm-up run."""
 
     seconds: float
     spread: float
@@ -142,7 +142,8 @@ class Timed:
 
 
 def timed(work: Callable[[], object], budget: float = REPEAT_SECONDS, least: int = LEAST_REPEATS) -> Timed:
-    """Time some work: once to warm up, then until the budget is spent, at least ``least`` and at most 25 times."""
+    """Wall times of a function: it runs once to warm up, then until the budget [s] is spent, at least ``least`` times and otherwise
+    at most 25 times."""
     work()
     times: list[float] = []
     collecting = gc.isenabled()
@@ -166,7 +167,7 @@ def _timed(times: list[float]) -> Timed:
 def side_by_side(
     first: Callable[[], object], second: Callable[[], object], budget: float = REPEAT_SECONDS, least: int = LEAST_REPEATS
 ) -> tuple[Timed, Timed]:
-    """Time two works in turns, so that whatever else the machine does meets both alike."""
+    """Wall times of two functions that run alternately, so that other load on the machine affects both equally."""
     for work in (first, second):
         work()
     times: tuple[list[float], list[float]] = ([], [])
@@ -180,7 +181,8 @@ def side_by_side(
 
 @contextmanager
 def used() -> Iterator[Callable[[], float]]:
-    """Gives a function: the share of the time in its block, at most 1, for which this program had the processor."""
+    """Context manager that yields a function. After the block this returns the ratio of processor time to wall time of the block,
+    at most 1; before that 1."""
     wall, own = time.perf_counter(), time.process_time()
     share = [1.0]
     yield lambda: share[0]
@@ -188,7 +190,7 @@ def used() -> Iterator[Callable[[], float]]:
 
 
 def machine() -> str:
-    """The machine in a line: processor, cores, system, Python and numpy."""
+    """The machine in one line: processor, cores, operating system, versions of Python and numpy."""
     cpu = platform.processor() or platform.machine()
     try:
         for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
@@ -200,12 +202,13 @@ def machine() -> str:
     return f"{cpu}, {os.cpu_count()} cores, {platform.system()}, Python {platform.python_version()}, numpy {np.__version__}"
 
 
-START, EACH = 0.3, 5e-4  # [s] that compiling takes, and each line of it
+START, EACH = 0.3, 5e-4  # [s] to compile a program: fixed, and for each line
 
 
 @in_scene_words
 def executor_lines(scene: Scene, executor: Executor) -> list[str]:
-    """Executor of each stage of a scene, in lines for the plan. Raises `MechanismError` where C is asked for without a compiler."""
+    """Executor of each stage of a scene, as lines for the plan. Raises `MechanismError` where the executor is "c" and there is no
+    compiler."""
     if executor == "numpy":
         return ["executor", "  numpy, as asked for"]
     if executor == "c":
@@ -223,7 +226,7 @@ def executor_lines(scene: Scene, executor: Executor) -> list[str]:
 
 @in_scene_words
 def missing_lines(scene: Scene) -> list[str]:
-    """Stages of a scene that C does not have, so that numpy runs them."""
+    """Stages of a scene that cannot be written in C, so that numpy runs them, each with the reason, as lines of text."""
     compiled = compile_mechanism(scene.mechanism)
     reasons = {"positions and rates": _not_written(compiled)}
     if _forces_of(scene) and reasons["positions and rates"] is None:
@@ -258,7 +261,7 @@ def _of_motion(compiled: Compiled, executor: Executor, frames: int) -> str:
 
 
 def _forces_of(scene: Scene) -> bool:
-    """Whether a scene asks for reactions and efforts."""
+    """Whether reactions and efforts of a scene are computed: it has effects or loads."""
     return bool(scene.mechanism.effects or scene.mechanism.loads)
 
 
@@ -273,7 +276,7 @@ def _of_forces(compiled: Compiled, executor: Executor, frames: int) -> str:
 
 
 def _stopped(scene: Scene) -> list[str]:
-    """The joints of a scene that end stops may hold."""
+    """Names of the joints of a scene that have stops, slot ends among them."""
     stated = () if scene.simulation is None else scene.simulation.stops
     return list(dict.fromkeys(stop.joint for stop in with_slot_ends(scene.mechanism, stated)))
 

@@ -1,4 +1,4 @@
-"""``mechviz forces --equations``: the equilibrium equations of each group with numbers, as text and as LaTeX."""
+"""``mechviz forces --equations``: the equilibrium equations of each group with their numbers, as text and as LaTeX."""
 
 from __future__ import annotations
 
@@ -14,16 +14,17 @@ from mechviz.runs import Run
 from mechviz.scene.units import Units
 
 THIN = r"\,"
-IN_A_ROW = 3  # values that fit beside each other on a page
+IN_A_ROW = 3  # values that fit side by side on a page
 UNDETERMINED = "statics does not determine these; the smallest that balance are"
 NOTHING = 1e-12
-"""A load this much smaller than the largest of its link is rounding."""
+"""Relative to the largest load of a link: a smaller load is rounding."""
 
 
 def equilibrium_at(run: Run, time: float) -> tuple[EquilibriumSystem, int]:
-    """The equilibrium of a run and its frame at a time [s]: solved there where laws lead the motion, else at the nearest frame.
+    """The equilibrium of a run and the frame in it that belongs to a time [s].
 
-    Raises `MechanismError` where friction jams the mechanism at that time.
+    A prescribed motion is solved at exactly that time. A motion under forces is taken at the nearest frame. Raises
+    `MechanismError` where friction jams the mechanism at that time.
     """
     assert run.forces is not None
     forces, frame = run.forces, int(np.argmin(np.abs(run.motion.time - time)))
@@ -38,7 +39,7 @@ def equilibrium_at(run: Run, time: float) -> tuple[EquilibriumSystem, int]:
 
 
 def _part(forces: Forces, frame: int) -> tuple[Forces, int]:
-    """The part of a motion of several to which a frame belongs, and its number there."""
+    """The part of the motion that contains a frame, and the number of the frame within that part."""
     for rows, part in forces.parts:
         where = np.flatnonzero(rows == frame)
         if len(where):
@@ -47,8 +48,8 @@ def _part(forces: Forces, frame: int) -> tuple[Forces, int]:
 
 
 def _groups(equilibrium: EquilibriumSystem, frame: int, units: Units) -> list[GroupEquations]:
-    """The equations of every group at a frame, the last group first, in the units in which people read forces and moments; loads
-    that are rounding are zero."""
+    """The equations of every group at a frame, the last group first, in the given units of forces and moments. Loads that are
+    rounding are set to zero."""
     size = equilibrium.forces.motion.model.length_scale
     per = {si: units.reads(si)[1] for si in ("N", "N m")}
 
@@ -83,14 +84,14 @@ def _groups(equilibrium: EquilibriumSystem, frame: int, units: Units) -> list[Gr
 
 
 def _heading(equilibrium: EquilibriumSystem, frame: int, units: Units) -> str:
-    """When, and in which units of forces, arms and moments."""
+    """Heading: the time, and the units of forces, lever arms and moments."""
     force, moment = (units.reads(si)[0] for si in ("N", "N m"))
     arm = moment.removeprefix(f"{force} ") if moment.startswith(f"{force} ") else f"{moment}/{force}"
     return f"equilibrium at {equilibrium.forces.motion.time[frame]:.6g} s, in {force}, {arm} and {moment}"
 
 
 def equation_lines(equilibrium: EquilibriumSystem, frame: int, units: Units) -> list[str]:
-    """The equations of every group at a frame, the last group first, with what they give, as lines of text."""
+    """The equations of every group at a frame and their solutions, the last group first, as lines of text."""
     lines = [
         _heading(equilibrium, frame, units),
         "R_B, N_B, M_B act on the second link of joint B, the opposite on its first; T_B, F_B: drives; sum M_B: about joint B",
@@ -113,7 +114,8 @@ def equation_lines(equilibrium: EquilibriumSystem, frame: int, units: Units) -> 
 
 
 def equation_table(run: Run) -> list[str]:
-    """The equations at the start as Markdown, of a scene that asks for force polygons; nothing where it does not, or jams there."""
+    """The equations at the start of the run as Markdown. Empty where the scene names no force polygon, or where friction jams the
+    mechanism at the start."""
     if run.forces is None or "force" not in run.motion.mechanism.studies.polygons:
         return []
     try:
@@ -132,7 +134,7 @@ def equation_table(run: Run) -> list[str]:
 
 
 def _together(equilibrium: EquilibriumSystem, frame: int) -> Iterator[str]:
-    """Solution of all equations at once, as a check."""
+    """A line that compares the solution by groups with that of all equations at once."""
     yield f"all {equilibrium.equations} equations at once, without groups, for {len(equilibrium.unknowns)} unknowns: " + (
         f"the same values, to {_difference(equilibrium, frame):.1e} of the largest"
         if equilibrium.determinate
@@ -147,7 +149,7 @@ def _difference(equilibrium: EquilibriumSystem, frame: int) -> float:
 
 
 def _rounding(link: LinkEquations, unit: str, size: float) -> float:
-    """Loads of a link in N or N m that are no larger are rounding."""
+    """Bound up to which loads of a link in ``unit`` (N or N m) are rounding. ``size``: length scale of the mechanism [m]."""
     force = max((abs(x) + abs(y) for _, x, y, _ in link.loads), default=0.0)
     return NOTHING * (force if unit == "N" else max([force * size, *(abs(m) for _, _, _, m in link.loads)]))
 
@@ -168,7 +170,7 @@ def _text(equation: Equation) -> str:
 
 
 def _joined(parts: list[tuple[str, float, str]], between: str) -> str:
-    """Terms with their signs: a factor 1 is left out, the first term has no plus."""
+    """The terms of a sum (sign, size, name) as text: a factor 1 is left out, the first term has no plus sign."""
     words = []
     for k, (sign, size, name) in enumerate(parts):
         unit = name and abs(size - 1.0) < 1e-12
@@ -182,7 +184,7 @@ def _values(pairs: tuple[tuple[ForceUnknown, float], ...]) -> str:
 
 
 def latex_lines(equilibrium: EquilibriumSystem, frame: int, units: Units) -> list[str]:
-    """The same as LaTeX, to be put into a document that loads amsmath."""
+    """The equations of every group and their solutions as LaTeX, for a document that loads amsmath."""
     lines = [f"% {_heading(equilibrium, frame, units)}"]
     for number, group in enumerate(_groups(equilibrium, frame, units), 1):
         lines += [

@@ -1,4 +1,4 @@
-"""``mechviz graph``: the contour graph of a scene in words and as a chart."""
+"""``mechviz graph``: the contour graph of a scene as text and as a chart."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 UNIT = 1.15  # length of an edge [in]
-ROOM = 0.75  # around the graph, in lengths of an edge
+ROOM = 0.75  # margin around the graph, in edge lengths
 FRAME, LINK, EDGE, LOOP = "#374151", COLOURS[0], "#6b7280", "#c8553d"
 
 
@@ -62,7 +62,7 @@ def write_graph(graph: ContourGraph, title: str, path: Path) -> None:
 
 
 def _legend(figure: Figure, graph: ContourGraph) -> None:
-    """The joints of the loops, in order, and what the kinds of lines mean."""
+    """Write the joints of each loop, in order, and the meaning of the line styles below the graph."""
     words = [f"{loop_number(k)}: {' - '.join(graph.edges[e].joint for e in edges)}" for k, (_, edges) in enumerate(graph.loops)]
     kinds = ["red: driven"] * any(e.driven for e in graph.edges) + ["dashed: class IV"] * any(e.higher for e in graph.edges)
     figure.supxlabel("\n".join([*words, ", ".join(kinds)]).strip(), size="medium", ha="left", x=0.02)

@@ -1,4 +1,4 @@
-"""Influence of each effect of a scene on the answer, beside what it costs: each is left out, or added, and all is computed
+"""Influence of each effect and load of a scene on the results, and its cost: each is left out, or added, and the scene is computed
 again."""
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class KeyFigures:
-    """Answer of a run: the largest effort of its drives by unit, the largest reaction [N], and where forces decide the motion the
-    fluctuation of the speed (largest less smallest over the mean), NaN where there is none. ``curves``: efforts by unit and drive,
-    reactions by "reaction" and joint."""
+    """Key results of a run: the largest effort of its drives by unit, the largest reaction [N], and of a motion under forces the
+    fluctuation of the speed of the first free coordinate (largest minus smallest over the mean) in the second half of the run. NaN
+    where there is no value. ``curves`` (F,): efforts by (unit, drive), magnitudes of reactions by ("reaction", joint)."""
 
     efforts: dict[str, float]
     reaction: float
@@ -39,10 +39,12 @@ class KeyFigures:
 
 @dataclass(frozen=True)
 class Influence:
-    """An effect or load: whether the scene has it, by how much it changes the answers (relative), and what it costs (relative).
+    """An effect or load: whether the scene has it (``named``), how much it changes the results, and how much computing time it
+    costs.
 
-    ``effort``, ``reaction``, ``fluctuation``: change of the peak, or of the fluctuation; ``curve``: largest change at any frame,
-    relative to the peak of what has its unit; ``spread``: of the cost. ``problem``: why there is no number.
+    ``effort``, ``reaction``: relative change of the peak; ``fluctuation``: change of the fluctuation; ``curve``: largest change at
+    any frame, relative to the peak of all curves of the same unit; ``cost``: relative change of the time; ``spread``: spread of the
+    cost. ``problem``: why there are no numbers.
     """
 
     name: str
@@ -57,12 +59,12 @@ class Influence:
     problem: str = ""
 
     def worth(self, accuracy: float) -> bool:
-        """Whether it changes an answer by more than the accuracy."""
+        """Whether the effect changes a curve or the fluctuation by more than the accuracy (relative)."""
         return bool(np.nanmax([self.curve, self.fluctuation, 0.0]) > accuracy)
 
 
 def key_figures_of(scene: Scene) -> KeyFigures:
-    """Compute a scene's answer."""
+    """The key figures of a scene, which is solved for them."""
     motion, forces, simulation = _compute(scene)
     curves: dict[tuple[str, str], Real] = {}
     efforts: dict[str, float] = {}
@@ -95,7 +97,7 @@ def _compute(scene: Scene) -> tuple[Any, Any, Any]:
 
 
 def _variants(scene: Scene) -> Iterator[tuple[str, str, bool, dict[Place, Any]]]:
-    """Name, kind, whether the scene has it, and the change that makes the scene the other way round."""
+    """Name and kind of each effect and load, whether the scene has it, and the change of the scene that removes or adds it."""
     named = list(scene.effects)
     for effect in EFFECTS:
         others = [e for e in named if e != effect] if effect in named else [*named, effect]
@@ -107,7 +109,10 @@ def _variants(scene: Scene) -> Iterator[tuple[str, str, bool, dict[Place, Any]]]
 def influences(
     scene: Scene, advance: Callable[[int, int], None] = lambda *_: None, budget: float = 0.2
 ) -> tuple[KeyFigures, list[Influence]]:
-    """The scene's answer, and the influence of each of its effects and loads, and of the effects that it could have."""
+    """The key figures of a scene, and the influence of each of its effects and loads and of each effect that it could have.
+
+    ``advance`` gets the number of variants that are done and their total; ``budget``: time for repeats of each variant [s].
+    """
     base = key_figures_of(scene)
     variants = list(_variants(scene))
     every = []
@@ -127,7 +132,7 @@ def influences(
 
 
 def _compared(name: str, kind: str, named: bool, figures: tuple[KeyFigures, KeyFigures], times: tuple[Timed, Timed]) -> Influence:
-    """Answers and times with the effect, and without."""
+    """Influence from the key figures and the times (with the effect, without it)."""
     whole, less = figures
 
     def change(a: float, b: float) -> float:
@@ -158,7 +163,7 @@ def _compared(name: str, kind: str, named: bool, figures: tuple[KeyFigures, KeyF
 
 
 def influence_lines(base: KeyFigures, every: list[Influence], accuracy: float) -> list[str]:
-    """The table and the suggestion in words."""
+    """Table of the influences, and which effects are worth having at an accuracy, as lines of text."""
     width = max(len(i.name) for i in every) if every else 6
     head = (
         f"{'':<{width}}  {'kind':<6} {'in the scene':<12} {'peak effort':>11} {'peak reaction':>13} {'any frame':>10} {'time':>16}"
@@ -193,7 +198,7 @@ def influence_lines(base: KeyFigures, every: list[Influence], accuracy: float) -
 
 
 def _price(i: Influence) -> str:
-    """Price of an effect, in words; less than the spread of the times is not stated as a number."""
+    """Cost of an effect, in words; without a number where it is below the spread of the times."""
     if abs(i.cost) <= max(i.spread, 0.01):
         return "its price is lost in the noise of the times"
     share = f"{abs(100.0 * i.cost):.0f}" if abs(i.cost) >= 0.1 else f"{abs(100.0 * i.cost):.2g}"

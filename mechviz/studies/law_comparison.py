@@ -1,4 +1,5 @@
-"""Motion laws side by side on a scene's own cam: lift to jerk, pressure angle, curvature, torque, force, least spring."""
+"""Comparison of motion laws on a cam of a scene: lift and derivatives up to the jerk, pressure angle, curvature, torque, contact
+force, least spring."""
 
 from __future__ import annotations
 
@@ -31,10 +32,12 @@ USUAL = ("harmonic", "cycloidal", "modified-trapezoid", "modified-sine", "3-4-5"
 
 @dataclass(frozen=True, eq=False)
 class LawOnCam:
-    """A cam with one law in all its rises and returns: its lift and what follows over the frames (F), by the cam's argument.
+    """A cam with one law in all its rises and returns: its lift, and results over the frames.
 
-    ``fault``: why there is no such cam; all else is empty then. Pressure angle [rad], radius of the profile [m], effort of the
-    drive [N m or N], contact force [N] (None without forces); ``spring``: the least one for the margin, in words.
+    ``rotary``: the cam turns; ``swings``: the follower oscillates. Arrays (F,): ``argument`` of the cam [rad or m], pressure angle
+    [rad], radius of curvature of the profile [m], effort of the drive [N m or N] and contact force [N], the last two None without
+    forces. ``spring``: the least spring for the margin, in words. ``fault``: why there is no such cam; the other fields then keep
+    their defaults.
     """
 
     name: str
@@ -53,7 +56,8 @@ class LawOnCam:
 def compare_laws(
     scene: Scene, cam: str | None, laws: Mapping[str, tuple[str, Mapping[str, float]]], frames: int | None
 ) -> list[LawOnCam]:
-    """The scene's cam as it is and with each of the laws (shown name -> law, parameters). MechanismError where it has none."""
+    """A cam of the scene as it is and with each of the laws (shown name -> law, parameters). ``cam``: None for the first cam that
+    has a lift. Raises `MechanismError` where there is no such cam."""
     able = [name for name, joint in scene.document.joints.items() if joint.profile is not None and joint.profile.lift is not None]
     if not able or cam not in (None, *able):
         missing = f"'{cam}' is no cam with a lift." if cam is not None else "the scene has no cam with a lift."
@@ -69,7 +73,7 @@ def compare_laws(
 
 
 def with_law(scene: Scene, cam: str, law: str, parameters: Mapping[str, float]) -> Scene:
-    """The scene with one law in all rises and returns of a cam."""
+    """The scene with ``law`` and its parameters in all rises and returns of a cam."""
     changes: dict[tuple[str | int, ...], Any] = {}
     profile = scene.document.joints[cam].profile
     for k, segment in enumerate((profile.lift if profile is not None else None) or ()):
@@ -113,7 +117,8 @@ def _radius(cam: AnyCam, radius: Real) -> Real:
 
 
 def comparison_lines(rows: list[LawOnCam], units: Units) -> list[str]:
-    """A table of peaks: of the derivatives by the cam's angle or way, pressure angle, least convex radius, effort, least spring."""
+    """A table as lines of text: stroke, peaks of the lift's derivatives with respect to the angle or displacement of the cam,
+    largest pressure angle, least convex radius, peak and rms effort, least contact force, least spring."""
     first = next(row for row in rows if not row.fault)
     per = f"/{units.reads('rad' if first.rotary else 'm', small=True)[0]}"
     heads = [
@@ -157,7 +162,8 @@ def comparison_lines(rows: list[LawOnCam], units: Units) -> list[str]:
 
 
 def comparison_figure(rows: list[LawOnCam], units: Units) -> Figure:
-    """Eight panels over the cam's angle or way: lift to jerk, pressure angle, radius of curvature, effort, contact force."""
+    """Figure of eight panels over the angle or displacement of the cam: lift and its derivatives up to the jerk, pressure angle,
+    radius of curvature, effort, contact force."""
     first = next(row for row in rows if not row.fault)
     (length, lengths), (angle, angles) = units.reads("m"), units.reads("rad")
     unit, size = (angle, angles) if first.swings else (length, lengths)

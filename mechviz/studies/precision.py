@@ -1,4 +1,4 @@
-"""Work and precision: a scene computed at a ladder of settings of each dial, its error and its time at each."""
+"""Work-precision study: error and computing time of a scene at a series of values of each accuracy setting."""
 
 from __future__ import annotations
 
@@ -37,16 +37,17 @@ if TYPE_CHECKING:
 Advance = Callable[[int, int], None]
 
 FRAMES = (16, 32, 64, 128, 256, 512, 1024, 2048, 4096)
-DIVISIONS = (24, 72, 180, 360, 1080, 3600)  # frames of a cycle at which rates are compared
+DIVISIONS = (24, 72, 180, 360, 1080, 3600)  # frames per cycle at which rates are compared
 TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-6, 1e-8, 1e-10, 1e-12)
-CHORDS = (3e-3, 3e-4, 1e-4, 3e-5, 1e-5, 3e-6)  # [m] of a mechanism of 0.2 m, scaled with its size
+CHORDS = (3e-3, 3e-4, 1e-4, 3e-5, 1e-5, 3e-6)  # [m] for a mechanism of size 0.2 m; scaled with the size
 LEAST_ERROR = 1e-16
-MOST_MEASURED = 1_000_000  # links times frames of a setting: each is computed several times
+MOST_MEASURED = 1_000_000  # largest number of links times frames that is measured, as each point is computed several times
 
 
 @dataclass(frozen=True)
 class PrecisionPoint:
-    """One setting: the dial, the method, the value in words, the options that make it, its relative error and its time [s]."""
+    """A point of the study: name of the setting, method, value in words, the options that reproduce it, relative error, median and
+    spread of the time [s], number of repeats. ``current``: the run uses this value."""
 
     setting: str
     method: str
@@ -61,7 +62,7 @@ class PrecisionPoint:
 
     @property
     def price(self) -> str:
-        """Its time in a unit that suits it."""
+        """The time in seconds or milliseconds, as text."""
         return f"{self.seconds:.3g} s" if self.seconds >= 1.0 else f"{1e3 * self.seconds:.3g} ms"
 
     def as_dict(self) -> dict[str, Any]:
@@ -69,7 +70,7 @@ class PrecisionPoint:
 
 
 def pareto(points: Sequence[PrecisionPoint]) -> list[PrecisionPoint]:
-    """The settings than which no other is at once quicker and more exact, the quickest first."""
+    """The Pareto front: the points that no other beats in both time and error, the quickest first."""
     front: list[PrecisionPoint] = []
     for p in sorted(points, key=lambda p: (p.seconds, p.error)):
         if not front or p.error < front[-1].error:
@@ -78,7 +79,7 @@ def pareto(points: Sequence[PrecisionPoint]) -> list[PrecisionPoint]:
 
 
 def cheapest(points: Sequence[PrecisionPoint], target: float) -> PrecisionPoint | None:
-    """The quickest setting whose error is at most the target."""
+    """The quickest point whose error is at most the target; None where there is none."""
     good = [p for p in points if p.error <= target]
     return min(good, key=lambda p: p.seconds) if good else None
 
@@ -96,10 +97,12 @@ def ladder(
     only: Collection[str] | None = None,
     record: Callable[..., object] | None = None,
 ) -> list[PrecisionPoint]:
-    """All points of a scene's ladders, or of ``only`` some dials.
+    """The points of the study of a scene: of all settings, or of those named in ``only``.
 
-    Dials that it has no use for are left out: what is not iterated has no tolerance. ``record(run, path, solids=...)`` writes
-    recordings (`write_recording`); without it what they keep is not measured.
+    Settings that have no effect on the scene are left out, such as tolerances where nothing is iterated. ``target``: error for
+    which the number of frames is fitted as well; ``budget``: time for the repeats of a point [s]; ``advance`` gets the number of
+    settings that are done and their total. ``record(run, path, solids=...)`` writes a recording (`write_recording`); without it
+    the settings of recordings are not measured.
     """
     base = run_scene(scene)
     general = any(b.kind == "general" for b in base.compiled.model.blocks)
@@ -131,12 +134,12 @@ def ladder(
 
 
 def _setting(name: str, value: Any, base: Accuracy = DEFAULT) -> Accuracy:
-    """A setting with one dial turned."""
+    """Accuracy settings with one of them changed."""
     return replace(base, **{name: value})
 
 
 def _solve(run: Run, accuracy: Accuracy, time: Real) -> Any:
-    """Motion, with rates and forces where the scene has some, at times: what is timed."""
+    """Motion with its rates, and forces where the scene has some, at times [s]. This is what is timed."""
     if run.simulation is not None:
         view = run.simulation.view(time)
         return view, run.simulation.forces(view) if run.forces is not None else None
@@ -147,7 +150,7 @@ def _solve(run: Run, accuracy: Accuracy, time: Real) -> Any:
 
 
 def _frames(run: Run, target: float | None, budget: float) -> Iterator[PrecisionPoint]:
-    """Frames of a cycle by order of the interpolation between them, and the numbers that just reach the target."""
+    """Points for numbers of frames per cycle and orders of interpolation, and for the numbers that just reach the target."""
     scene = run.scene
     at, end = provider(scene, run.accuracy, run.simulation), duration(scene, run.simulation)
     parts = scene.cycles if run.simulation is None else 1
@@ -169,7 +172,7 @@ def _frames(run: Run, target: float | None, budget: float) -> Iterator[Precision
 
 
 def _differentiation(run: Run, budget: float) -> Iterator[PrecisionPoint]:
-    """Accelerations by equations, by differences, and as they are drawn; errors are relative to the peak."""
+    """Points for rates by linear equations, by finite differences and by graphical differentiation; errors relative to the peak."""
     scene = run.scene
     drawn = ("drawn by chords", {"differentiation": "graphical"})
     methods: list[tuple[str, dict[str, Any]]] = [
@@ -205,13 +208,13 @@ def _differentiation(run: Run, budget: float) -> Iterator[PrecisionPoint]:
 
 
 def _rates_error(run: Run, time: Real) -> Real:
-    """Error of the program's exact rates: they are not compared with themselves."""
+    """Estimated error (F,) of accelerations from the equations, which are the reference of the other methods."""
     motion = solve_motion(replace(run.compiled, accuracy=DEFAULT), time)
     return estimate_errors(replace(run, motion=motion, forces=None, accuracy=DEFAULT)).acceleration
 
 
 def _iterated(run: Run, setting: str, method: str, tolerances: tuple[float, ...], budget: float) -> Iterator[PrecisionPoint]:
-    """A dial at which an iteration stops; compared with the tightest at the same frames."""
+    """Points for the tolerance of an iteration; the reference is the tightest tolerance at the same frames."""
     scene = run.scene
     time = default_times(scene.mechanism, scene.frames, scene.cycles)
     kinds = ("position",) if setting == "position" else ("reaction",)
@@ -229,14 +232,14 @@ def _iterated(run: Run, setting: str, method: str, tolerances: tuple[float, ...]
 
 
 def _simulated(scene: Scene, accuracy: Accuracy) -> Simulation:
-    """The motion under forces with a setting, and nothing else."""
+    """The motion under forces with given accuracy settings; no other stage is computed."""
     simulation = run_scene(scene, accuracy=accuracy, outputs=()).simulation
     assert simulation is not None
     return simulation
 
 
 def _integrator(run: Run, budget: float) -> Iterator[PrecisionPoint]:
-    """Method, order and tolerance of the integrator, against the motion at its tightest."""
+    """Points for method, order and tolerance of the integrator; the reference is collocation at its tightest tolerance."""
     assert run.again is not None and run.simulation is not None
     again, spec = run.again, run.scene.simulation
     assert spec is not None
@@ -263,7 +266,7 @@ def _integrator(run: Run, budget: float) -> Iterator[PrecisionPoint]:
                 shared = t[t <= result.duration]
                 error = float(np.nanmax(poses_apart(result.view(shared), best.view(shared) if len(shared) < len(t) else truth)))
             except MechanismError:
-                continue  # such a tolerance does not come through
+                continue  # the integration fails at this tolerance
             spent = timed(work, budget, least=1 if budget < 0.1 else 3)
             here = nodes is None and method == run.simulation.method and tolerance == run.simulation.tolerance
             options = {"method": method, "integrator": tolerance, **({"nodes": nodes} if nodes else {})}
@@ -278,7 +281,7 @@ def _integrator(run: Run, budget: float) -> Iterator[PrecisionPoint]:
 
 
 def _tessellation(run: Run, budget: float) -> Iterator[PrecisionPoint]:
-    """Chordal error of the largest round shape against the time of the meshes, the present setting among them."""
+    """Points for the chordal error of round shapes: largest error relative to the mechanism's size, and time to make the meshes."""
     size = run.motion.model.length_scale
     asked = [float(np.clip(chord * size / 0.2, 1e-9, 1.0)) for chord in CHORDS]
     for distance in [None, *asked]:
@@ -292,7 +295,8 @@ def _tessellation(run: Run, budget: float) -> Iterator[PrecisionPoint]:
 
 
 def _recording(run: Run, record: Callable[..., object]) -> Iterator[PrecisionPoint]:
-    """Digits and frames that a recording keeps: its error when read with the run's interpolation, its time and its size."""
+    """Points for the number format and the decimation of a recording: error when read with the run's interpolation, time to write
+    it, and size of the file."""
     solids = solids_of(run)
     at, end, order = (
         provider(run.scene, run.accuracy, run.simulation),
@@ -317,7 +321,8 @@ def _recording(run: Run, record: Callable[..., object]) -> Iterator[PrecisionPoi
 
 
 def _profiles(run: Run, budget: float) -> Iterator[PrecisionPoint]:
-    """Points of cam profiles: how far the polygon is from the profile, relative to the mechanism's size as a target is."""
+    """Points for the number of vertices of cam profiles: largest distance between polygon and profile, relative to the mechanism's
+    size."""
     cams, size = plane_cams(run), run.motion.model.length_scale
 
     def draw(count: int) -> list[Any]:
@@ -330,14 +335,14 @@ def _profiles(run: Run, budget: float) -> Iterator[PrecisionPoint]:
         yield _at("cam profile", "points of the contour", f"{count} points", {"profile": count}, worst, spent, current=here)
 
 
-PROCESSOR_SHARE = 0.8  # below this share others have used the processor too
+PROCESSOR_SHARE = 0.8  # ratio of processor time to wall time below which other programs disturbed the measurement
 
 
 @dataclass(frozen=True)
 class Measured:
-    """A ladder with what it belongs to.
+    """The points of a study with the scene, machine and day that they belong to.
 
-    ``rough``: with few repeats; ``share``: of the time that passed the program had the processor for so much (0 to 1).
+    ``rough``: measured with few repeats; ``share``: ratio of processor time to wall time (0 to 1).
     """
 
     scene: str
@@ -349,7 +354,7 @@ class Measured:
 
     @property
     def foot(self) -> str:
-        """When, where and how it was measured, in a line."""
+        """When, where and how the study was measured, in one line."""
         words = f"measured {self.day} on {self.machine}; one thread, medians"
         words += " of few repeats" if self.rough else ""
         if self.share < PROCESSOR_SHARE:
@@ -369,24 +374,24 @@ def _file(scene: Scene, target: float | None) -> Path:
 
 
 def _code() -> float:
-    """When the program was last changed: a ladder of another state of it is not this one's."""
+    """Time of the last change of the program's source [s]. A study belongs to one state of the program."""
     roots = [Path(mechcore.__file__).parent, Path(__file__).parents[2]]
     return max(f.stat().st_mtime for root in roots for f in root.rglob("*.py"))
 
 
 def kept(scene: Scene, target: float | None, rough: bool = True) -> Measured | None:
-    """The ladder of this scene on this machine, if it was measured before; ``rough``: one with few repeats will do."""
+    """The stored study of this scene on this machine, or None. ``rough``: accept one with few repeats."""
     try:
         data: dict[str, Any] = json.loads(_file(scene, target).read_text(encoding="utf-8"))
         points = tuple(PrecisionPoint(**p) for p in data["points"])
         measured = Measured(data["scene"], data["machine"], data["day"], points, data["rough"], data["share"])
-    except (OSError, ValueError, KeyError, TypeError):  # not there, or of another form
+    except (OSError, ValueError, KeyError, TypeError):  # no such file, or another format
         return None
     return measured if rough or not measured.rough else None
 
 
 def keep(scene: Scene, target: float | None, points: list[PrecisionPoint], rough: bool = False, share: float = 1.0) -> Measured:
-    """Keep a ladder; where the folder cannot be written nothing is kept."""
+    """Store a study in the cache folder, and return it. Where the folder cannot be written, it is not stored."""
     measured = Measured(scene.name, machine(), date.today().isoformat(), tuple(points), rough, share)
     data = {**asdict(measured), "points": [p.as_dict() for p in points]}
     try:

@@ -1,4 +1,4 @@
-"""Work-precision diagrams: error against time, both logarithmic, a panel for each dial."""
+"""Work-precision diagrams: error over time on logarithmic axes, a panel for each setting."""
 
 from __future__ import annotations
 
@@ -20,28 +20,28 @@ if TYPE_CHECKING:
 
     from mechviz.runs import Run
 
-PANEL = (4.4, 3.6)  # of a dial [in]
+PANEL = (4.4, 3.6)  # width and height of a panel [in]
 FRONT, NOW, BEST = "#c9ced6", "#111111", "#d6336c"
 
 
 def setting_words(point: PrecisionPoint, front: bool) -> str:
-    """A setting in a line; ``front``: nothing is quicker and more exact."""
+    """A point in one line of text, with an asterisk where it is on the Pareto ``front``."""
     words = f"{point.setting}: {point.method}, {point.value}: {point.error:.0e} in {point.price}"
     return f"{words} *" if front else words
 
 
 def settings_of(points: Sequence[PrecisionPoint]) -> list[str]:
-    """The dials in order."""
+    """Names of the settings, in the order of their points."""
     return list(dict.fromkeys(p.setting for p in points))
 
 
 def precision_axes(axes: Axes, seconds: Sequence[float]) -> None:
-    """Logarithmic axes of error over time, with round times around some."""
+    """Set up logarithmic axes of error over time, with round ticks around the times ``seconds`` [s]."""
     from matplotlib.ticker import EngFormatter, LogLocator, NullLocator
 
     axes.set(xscale="log", yscale="log", xlabel="time, median", ylabel="relative error")
     low, high = min(seconds), max(seconds)
-    axes.set_xlim(low / 1.8, high * 1.8)  # a round time lies between, however close they are
+    axes.set_xlim(low / 1.8, high * 1.8)  # wide enough to contain a round time
     subs = next(marks for most, marks in ((8.0, (1.0, 2.0, 5.0)), (30.0, (1.0, 3.0)), (math.inf, (1.0,))) if high <= most * low)
     axes.xaxis.set_major_locator(LogLocator(subs=subs, numticks=6))
     axes.xaxis.set_major_formatter(EngFormatter(unit="s"))
@@ -52,9 +52,10 @@ def precision_axes(axes: Axes, seconds: Sequence[float]) -> None:
 def draw_panel(
     axes: Axes, setting: str, points: Sequence[PrecisionPoint], target: float | None, columns: int = 2
 ) -> dict[str, str]:
-    """Draw the finite points of a dial, with its methods in columns above: words of each setting by the gid of its dot.
+    """Draw the points of a setting, whose errors must be finite, with a legend of its methods above. Returns the text of each point
+    by the gid of its dot.
 
-    The settings of each method are joined in the order of the ladder; fitted ones stand by themselves.
+    The points of each method are joined by a line in the order of the study; points that are fitted to a target are not joined.
     """
     precision_axes(axes, [p.seconds for p in points])
     front = pareto(points)
@@ -65,7 +66,7 @@ def draw_panel(
         joined = [p for p in own if not p.note.startswith("fitted") and p.value != "as it is"]
         axes.plot([p.seconds for p in joined], [p.error for p in joined], color=color, linewidth=1.1)
         axes.plot([], [], "o-", color=color, markersize=4.0, linewidth=1.1, label=method)
-        for p in own:  # a wide edge that is not seen: a pointer need not meet the dot itself
+        for p in own:  # an invisible wide edge enlarges the area that the pointer has to hit
             gid = f"setting-{setting.replace(' ', '-')}-{k}-{len(words)}"
             words[gid] = setting_words(p, any(p is q for q in front))
             axes.plot(p.seconds, p.error, "o", color=color, markersize=4.0, gid=gid, mec=(1.0, 1.0, 1.0, 0.0), mew=6.0)
@@ -92,9 +93,9 @@ def diagram(
     columns: int = 2,
     size: tuple[float, float] = PANEL,
 ) -> tuple[Figure, dict[str, str]]:
-    """A figure with a panel of some size [in] for each dial, and the words of each setting by the gid of its dot.
+    """Figure with a panel of the given size [in] for each setting, and the text of each point by the gid of its dot.
 
-    The Pareto front is a band, the current setting a ring, the cheapest that reaches the target a larger one.
+    The Pareto front is a band, the current value a ring, the quickest point that reaches the target a larger ring.
     """
     settings = settings_of(points)
     columns = min(columns, len(settings))
@@ -123,14 +124,14 @@ def diagram(
 
 
 UNSET: dict[str, dict[str, Any]] = {"integrator": {"nodes": None}, "tessellation": {"chord": None}}
-"""Meaning of the options of a dial where they do not say it."""
+"""Values of options of a setting that a point leaves out."""
 
 NAMES = {order: name for name, order in ORDERS.items()}
 
 
 def setting_changes(document: SceneDocument, options: Mapping[str, Any]) -> dict[Place, Any]:
-    """The changes of a scene that apply the options of a `PrecisionPoint`: frames, method and tolerance go to [run], the others to
-    accuracy."""
+    """The changes of a scene that apply the options of a `PrecisionPoint`: frames, method and tolerance under [run], the others
+    under accuracy."""
     given = document.accuracy
     accuracy: dict[str, Any] = stated(given) if isinstance(given, DocumentTable) else {} if given is None else {"target": given}
     changes: dict[Place, Any] = {}
@@ -151,18 +152,19 @@ def setting_changes(document: SceneDocument, options: Mapping[str, Any]) -> dict
 
 
 def target_changes(target: float | None) -> dict[Place, Any]:
-    """The changes of a scene that set a wanted error from which all dials follow, those that it states among them; None: none."""
+    """The changes of a scene that set a target error and remove the stated frames and tolerance, so that all settings follow from
+    the target. None removes all accuracy settings."""
     changes: dict[Place, Any] = {("accuracy",): target}
     return changes if target is None else changes | {("run", "frames"): None, ("run", "tolerance"): None}
 
 
 def in_use(run: Run, setting: str, options: Mapping[str, Any]) -> bool:
-    """Whether a run was made with the options of a `PrecisionPoint` of a dial."""
+    """Whether a run was computed with the options of a `PrecisionPoint` of this setting."""
     options = {**UNSET.get(setting, {}), **options}
     settings, simulation = run.accuracy, run.simulation
     present: dict[str, Any] = {name: getattr(settings, name) for name in SETTINGS if name in options}
     present |= {"frames": run.scene.frames}
-    if "profile" in options or "numbers" in options:  # these may have to be measured first
+    if "profile" in options or "numbers" in options:  # read only where needed: to find them may take a measurement
         present |= {"profile": run.kept.profile, "numbers": run.kept.numbers}
     if simulation is not None:
         present |= {"method": simulation.method, "integrator": simulation.tolerance}

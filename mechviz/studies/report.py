@@ -1,4 +1,4 @@
-"""Texts of `mechviz check` and `mechviz plan`: structure, reach and plan of a scene, as plain lines."""
+"""Reports of ``mechviz check``, ``mechviz plan`` and statics: structure, reachable range, plan and reactions, as lines of text."""
 
 from __future__ import annotations
 
@@ -51,16 +51,17 @@ if TYPE_CHECKING:
 
 @in_scene_words
 def check_lines(scene: Scene, *, equations: bool = False, modes: bool = False) -> list[str]:
-    """Mobility, groups, loops and reachable range of a scene; raises where it cannot be assembled over its run.
+    """Report on mobility, groups, loops, reachable range and limits of a scene. Raises `MechanismError` where the scene cannot be
+    assembled over its run.
 
-    ``equations`` adds the loop equations with numbers at the start, ``modes`` all assembly modes of every group at the start.
+    ``equations`` adds the loop equations with their numbers at the start, ``modes`` all assembly modes of every group there.
     """
     check_goal(scene)
     compiled = compile_mechanism(scene.mechanism)
     model = compiled.model
     loose = journals_of(scene.mechanism)
     free = [d.joint for d in scene.mechanism.drives if isinstance(d.law, Free)]
-    times = np.zeros(1) if free else default_times(scene.mechanism, scene.frames, scene.cycles)  # forces decide what comes after
+    times = np.zeros(1) if free else default_times(scene.mechanism, scene.frames, scene.cycles)  # free: only the start is known
     motion = solve_motion(compiled, times)
     n, p5, p4, w = gruebler(model)
     rank = rank_mobility(motion)
@@ -130,7 +131,7 @@ def check_lines(scene: Scene, *, equations: bool = False, modes: bool = False) -
         lines += _section("inside", list(_inside_links(forces, scene.units)))
     cams = [joint for joint in scene.mechanism.joints if isinstance(joint, CamJoint)]
     if cams:
-        known = law_facts(motion) if free or decided else cam_facts(motion, forces)  # forces decide what a run makes of them
+        known = law_facts(motion) if free or decided else cam_facts(motion, forces)  # under forces the rest follows from a run
         lines += _section("sizes", [f"{f.cam}: {f.what} {f.text.in_units(scene.units)}" for f in size_facts(motion)])
         lines += _section("limits", [f"{f.cam}: {f.what} {f.text.in_units(scene.units)}" for f in known if f.failed])
         if any(joint.rating is not None or joint.drawn is not None for joint in cams) and not free:
@@ -145,7 +146,7 @@ def check_lines(scene: Scene, *, equations: bool = False, modes: bool = False) -
 
 
 def _at_once(motion: Motion) -> str:
-    """Rates by all equations together, as a check of the groups."""
+    """A line that compares the rates by groups with those of all equations at once."""
     check = agreement(motion)
     words = f"all {check.equations} equations of joints and drives at once, without groups, for {check.unknowns} rates of links"
     if check.velocity is None or check.acceleration is None:
@@ -174,7 +175,7 @@ def _solved_by(group: Group, free: Collection[str]) -> str:
 
 
 def _friction(forces: Forces, units: Units) -> list[str]:
-    """Where friction jams the mechanism or makes it self-locking, and where it can have several states."""
+    """Lines on where friction jams the mechanism or makes it self-locking, and where several states of friction are possible."""
     events = (e.in_units(units) for e in friction_events(forces))
     warned = [e for e in events if e.level == "WARN" or e.text.startswith("self-locking")]
     if not warned:
@@ -186,7 +187,8 @@ def _friction(forces: Forces, units: Units) -> list[str]:
 
 
 def _contact(forces: Forces, units: Units, decided: list[str]) -> list[str]:
-    """Where followers that are only pressed on their cams would leave them, but for those where forces decide it (``decided``)."""
+    """Lines on where force-closed followers would lose contact with their cams. ``decided``: cams left out, as forces decide
+    whether their followers separate."""
     motion = forces.motion
     if not any(isinstance(p, CamJoint) for p in motion.mechanism.joints):
         return []
@@ -200,7 +202,7 @@ def _contact(forces: Forces, units: Units, decided: list[str]) -> list[str]:
 
 
 def _belts(forces: Forces, units: Units) -> list[str]:
-    """Grip of belts, and where they slip."""
+    """Lines on the largest force that each belt transmits without slip, and on where belts slip."""
     motion = forces.motion
     loads = [load for load in motion.mechanism.loads if isinstance(load, BeltTension) and load.coefficient]
     most = {load.joint: units.show(belt_grip(motion, load).most, "force", 5) for load in loads}
@@ -210,12 +212,13 @@ def _belts(forces: Forces, units: Units) -> list[str]:
 
 
 def _inside_links(forces: Forces, units: Units) -> Iterator[str]:
-    """Largest bending moment of each link whose section forces are asked for, where and when; with a cross-section its stress."""
+    """A line for each link with a study of section forces: largest bending moment, its place and time, and its bending stress where
+    the link has a cross-section."""
     for study in forces.motion.mechanism.studies.sections:
         section = section_forces(forces, study)
         size = np.abs(section.bending.values)
         if not np.isfinite(size).any():
-            continue  # it jams over the whole run
+            continue  # friction jams the mechanism over the whole run
         k = int(np.nanargmax(size))
         words = f"largest bending moment {units.show(section.bending.values[k], 'torque', 5)}"
         place = units.show(section.bending.stations[k], "length", 5)
@@ -224,7 +227,7 @@ def _inside_links(forces: Forces, units: Units) -> Iterator[str]:
 
 
 def _section(title: str, lines: list[str]) -> list[str]:
-    """Lines under a title that stands before the first of them."""
+    """Lines of a section, the first preceded by its title."""
     return [f"{'' if k else title:<10} {line}" for k, line in enumerate(lines)]
 
 
@@ -233,7 +236,7 @@ def _over(frames: int) -> str:
 
 
 def _drives_in_words(drives: int, free: list[str]) -> str:
-    """How many drives and free coordinates there are."""
+    """Number of drives and of free coordinates, in words."""
     words = [f"{drives} drive{'s' if drives != 1 else ''}"] if drives or not free else []
     if free:
         words.append(f"{len(free)} free coordinate{'s' if len(free) != 1 else ''}")
@@ -269,7 +272,7 @@ def _modes(compiled: Compiled) -> list[str]:
 
 
 def _outputs(motion: Motion, scene: Scene) -> list[str]:
-    """Stroke or range, and time ratio, of what is guided in the frame."""
+    """Lines on the stroke or range of motion, and the time ratio, of joints on the frame."""
     lines = []
     for stroke in strokes(motion, scene.cycles):
         kind = "angle" if stroke.rotary else "length"
@@ -280,12 +283,13 @@ def _outputs(motion: Motion, scene: Scene) -> list[str]:
 
 
 def _loads(motion: Motion, units: Units) -> list[str]:
-    """Loads that never act, springs squeezed below their solid length."""
+    """Lines on loads that never act, and springs that are compressed below their solid length."""
     return _section("load", [f"{e.item}: {e.in_units(units).text}" for e in load_events(motion)])
 
 
 def _idle(scene: Scene, compiled: Compiled, ranges: list[tuple[float, float]]) -> list[str]:
-    """Loads whose table the motion under forces can never reach, as far as that is known beforehand."""
+    """Lines on loads whose table lies outside the reachable range of the motion under forces, as far as that is known before a
+    run."""
     first = scene.mechanism.drives[0].joint
     duration = scene.simulation.duration if scene.simulation is not None else np.nan
     lines = []
@@ -301,7 +305,7 @@ def _idle(scene: Scene, compiled: Compiled, ranges: list[tuple[float, float]]) -
 
 
 def _reported_by_runs(mechanism: Mechanism, motion: Motion) -> list[str]:
-    """Limits of a scene that only forces decide."""
+    """Limits of a scene that only a run under forces can check, in words."""
     limited = []
     given = {cam.name for cam in placed_cams(motion) if isinstance(cam, PlacedCam) and cam.given is not None}
     for joint in mechanism.joints:
@@ -311,7 +315,7 @@ def _reported_by_runs(mechanism: Mechanism, motion: Motion) -> list[str]:
                 "Hertz pressure": rating is not None and rating.limit is not None,
                 "contact force": rating is not None and rating.margin is not None,
             }
-            if joint.name in given:  # of others their laws state these
+            if joint.name in given:  # for other cams these follow from the law
                 limits |= {
                     "pressure angle": joint.pressure_limit is not None,
                     "curvature": joint.curvature_limit is not None,
@@ -339,7 +343,7 @@ def _reach(compiled: Compiled, ranges: list[tuple[float, float]], units: Units) 
     reach = "a full turn" if full else spans[0] if spans else "the start only"
     how = ' (range = "reachable" runs it there and back)' if spans and not full and isinstance(drive.law, ConstantSpeed) else ""
     lines = [f"reach      {what} {drive.joint}: {reach}{beside}{how}"]
-    if len(spans) > 1:  # the first one is where the run starts
+    if len(spans) > 1:  # the first range contains the start of the run
         lines.append(
             f"           no way leads from there to {', '.join(spans[1:])}, where the stated modes can be put together, too"
         )
@@ -347,7 +351,7 @@ def _reach(compiled: Compiled, ranges: list[tuple[float, float]], units: Units) 
 
 
 def _slots(motion: Motion, units: Units) -> list[str]:
-    """How far pins go in slots that have no ends: a real slot may be shorter, as that of a Geneva drive."""
+    """Lines on the travel of pins in slots without stated ends: a real slot, as of a Geneva drive, may be shorter."""
     lines = []
     for joint in motion.mechanism.joints:
         if isinstance(joint, PinSlot) and joint.ends is None:
@@ -360,12 +364,12 @@ def _slots(motion: Motion, units: Units) -> list[str]:
 
 
 def _plain(number: float) -> float:
-    """A number without rounding noise about zero."""
+    """A number, set to zero where its size is at most 1e-12."""
     return number if abs(number) > 1e-12 else 0.0
 
 
 def plan_lines(plan: Plan) -> list[str]:
-    """Computed and skipped stages with their reasons."""
+    """Computed and skipped stages of a plan with their reasons, as lines of text."""
     width = max(len(s.name) for s in (*plan.computed, *plan.skipped))
     lines = ["computed"]
     lines += [f"  {s.name:<{width}}  {s.why}" for s in plan.computed]
@@ -375,7 +379,8 @@ def plan_lines(plan: Plan) -> list[str]:
 
 
 def statics_lines(forces: Forces, units: Units) -> list[str]:
-    """Reaction of every joint on its second link and effort of every drive; over time those of the frame where it is largest."""
+    """Table of the reaction of every joint on its second link and of the effort of every drive, as lines of text. Over several
+    frames each row shows the frame where the reaction (or, where this is zero, the effort) is largest."""
     motion = forces.motion
     driven = [drive.joint for drive in motion.mechanism.drives]
     rows: list[tuple[str, ...]] = [("joint", "on", "Fx", "Fy", "force", "couple", "drive")]
@@ -395,11 +400,12 @@ def statics_lines(forces: Forces, units: Units) -> list[str]:
     return [when, *("  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip() for row in rows)]
 
 
-_MOST_PLACES = 8  # in one line
+_MOST_PLACES = 8  # of jumps, listed in one line
 
 
 def continuity_words(mechanism: Mechanism, units: Units) -> Iterator[str]:
-    """For each law of several pieces, of a drive or of a cam: up to which derivative it is continuous, where the next one jumps."""
+    """A line for each law of several segments, of a drive or a cam: the highest continuous derivative, and where the next one
+    jumps."""
     for drive in mechanism.drives:
         curve, kind = _curve(drive.law)
         if curve is not None and len(curve.pieces) > 1:
@@ -410,7 +416,7 @@ def continuity_words(mechanism: Mechanism, units: Units) -> Iterator[str]:
 
 
 def _curve(law: Law) -> tuple[MotionCurve | None, str]:
-    """The curve of a drive's law, and what it goes over."""
+    """The curve of a drive's law, None where it has no segments, and the kind of its argument: "time" or "angle"."""
     if isinstance(law, CurveOverMaster):
         clock = law.master is CLOCK
         return replace(law.curve, repeats=law.curve.repeats and not clock), "time" if clock else "angle"

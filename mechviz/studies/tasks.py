@@ -1,4 +1,4 @@
-"""``mechviz solve``: inverse tasks without a scene, as they are posed in lectures, with their solutions in words."""
+"""``mechviz solve``: textbook inverse problems of dynamics that need no scene, and their solutions as text."""
 
 from __future__ import annotations
 
@@ -13,9 +13,11 @@ from mechcore.reduction.substitute import PointMass, substitute_masses
 
 @dataclass(frozen=True)
 class LinkTask:
-    """A link with the accelerations [m/s^2] of its first two ``points`` [m], all complex; ``mass`` [kg] and moment of ``inertia``
-    [kg m^2] about the ``centre`` where inertia forces are wanted; ``masses``: (name or "", x, y [m]) that are to replace it, None
-    to be found."""
+    """A link with known accelerations [m/s^2] of the first two of its ``points`` [m]; all are complex numbers x + i y.
+
+    ``mass`` [kg] and moment of ``inertia`` [kg m^2] about the ``centre`` of mass [m]: given where inertia forces are to be found.
+    ``masses``: substitute point masses as (name or "", x, y) [m]; a coordinate that is None is an unknown.
+    """
 
     points: Mapping[str, complex]
     accelerations: tuple[complex, complex]
@@ -26,7 +28,8 @@ class LinkTask:
 
 
 def link_lines(task: LinkTask) -> list[str]:
-    """Lines on the rates of a link by accelerations of two of its points. Raises `MechanismError` where no rigid body moves so."""
+    """Rates of a link from the accelerations of two of its points, as lines of text. Raises `MechanismError` where no rigid body
+    has these accelerations."""
     (a, b), (of_a, of_b) = list(task.points.values())[:2], task.accelerations
     return list(_of_link(task, rates_from_accelerations(a, b, of_a, of_b)))
 
@@ -65,8 +68,11 @@ def _point_masses(task: LinkTask, rates: PlaneRates) -> Iterator[str]:
 
 @dataclass(frozen=True)
 class SwingTask:
-    """A body of a ``mass`` [kg] that swings with ``periods`` [s]: one about an axis at a ``distance`` [m] from the centre of mass,
-    or two about axes ``apart`` [m]; ``amplitude`` [rad], ``gravity`` [m/s^2]."""
+    """A physical pendulum of a ``mass`` [kg] with one or two ``periods`` [s].
+
+    One period: about an axis at a ``distance`` [m] from the centre of mass. Two periods: about two axes that are ``apart`` [m] from
+    each other. ``amplitude`` of the swing [rad]; ``gravity`` [m/s^2].
+    """
 
     mass: float
     periods: tuple[float, ...]
@@ -77,7 +83,7 @@ class SwingTask:
 
 
 def swing_lines(task: SwingTask) -> list[str]:
-    """The moment of inertia of a body that swings. Raises `MechanismError` where no body swings so."""
+    """The moment of inertia of a physical pendulum, as lines of text. Raises `MechanismError` where no body has these periods."""
     if task.apart is None:
         assert task.distance is not None
         about, central = inertia_from_swing(task.mass, task.distance, task.periods[0], task.amplitude, task.gravity)

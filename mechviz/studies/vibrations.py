@@ -1,4 +1,4 @@
-"""Small vibrations of a scene: equilibrium and modes in words, as a table, and a mode as a scene that moves in it."""
+"""Small vibrations of a scene: equilibrium and modes as text and as CSV, and a scene that moves in one mode."""
 
 from __future__ import annotations
 
@@ -23,13 +23,14 @@ if TYPE_CHECKING:
     from mechviz.scene.scene import Scene
 
 
-LARGEST_TURN = 0.35  # of a link in a displayed mode [rad]
+LARGEST_TURN = 0.35  # largest rotation of a link in a displayed mode [rad]
 SLOW = 0.5  # displayed frequency of a mode that does not vibrate [Hz]
 
 
 @in_scene_words
 def vibrations_of(scene: Scene, *, seek: Seek = "stable") -> Vibrations:
-    """Small vibrations about the equilibrium that a scene's free coordinates fall to. Raises `SceneError`, `MechanismError`."""
+    """Small vibrations of a scene about an equilibrium of its free coordinates; ``seek``: which equilibrium. Raises `SceneError`
+    where every motion is prescribed, `MechanismError` where there is no equilibrium."""
     if scene.simulation is None:
         remedy = "Let forces move a joint: free = { position = 0 } instead of its drive."
         raise SceneError(scene.name, Fault("joints", "every motion is prescribed: nothing can vibrate.", remedy))
@@ -41,7 +42,7 @@ def _rotary(vibrations: Vibrations) -> list[bool]:
 
 
 def _shape(vibrations: Vibrations, mode: Mode) -> Any:
-    """The mode's shape with its largest part one: one radian, or the mechanism's size where that counts as much."""
+    """The shape of a mode, scaled so that its largest component is one radian or one mechanism size."""
     size = vibrations.equilibrium.compiled.model.length_scale
     scale = np.array([1.0 if r else size for r in _rotary(vibrations)])
     return mode.shape / np.abs(mode.shape / scale).max()
@@ -60,12 +61,12 @@ def _row(vibrations: Vibrations, k: int) -> list[str]:
 
 
 def _part(x: Any) -> str:
-    """A part of a shape, with its phase where parts are out of step."""
+    """A component of a mode shape as text, with its phase where the shape is complex."""
     return f"{abs(x):.4g} at {np.angle(x, deg=True).round(1) + 0.0:g}°" if np.iscomplexobj(x) else f"{x:.4g}"
 
 
 def vibration_lines(scene: Scene, vibrations: Vibrations) -> list[str]:
-    """Equilibrium, its stability, and a table of the modes."""
+    """Equilibrium, its stability and a table of the modes, as lines of text."""
     eq = vibrations.equilibrium
     rotary = _rotary(vibrations)
     at = np.where(np.abs(eq.position) < 1e-12, 0.0, eq.position)
@@ -99,9 +100,9 @@ def vibration_lines(scene: Scene, vibrations: Vibrations) -> list[str]:
 
 
 def vibrations_csv(vibrations: Vibrations, path: Path) -> Path:
-    """The modes as a table: frequencies, damping, exponents, mass-normalised shapes (phi' M phi = 1), in SI units.
+    """Write the modes to a CSV file: frequencies, damping, eigenvalues, mass-normalised shapes (phi' M phi = 1), in SI units.
 
-    The imaginary parts of shapes, columns at the end, are zero but in flutter.
+    The last columns are the imaginary parts of the shapes; they are zero except in flutter. Returns the path.
     """
     heads = ["mode", "kind", "frequency_Hz", "damping_ratio", "damped_frequency_Hz"]
     heads += ["exponent_1_re", "exponent_1_im", "exponent_2_re", "exponent_2_im", *(f"shape_{p}" for p in vibrations.joints)]
@@ -117,11 +118,11 @@ def vibrations_csv(vibrations: Vibrations, path: Path) -> Path:
 
 
 def mode_scene(scene: Scene, vibrations: Vibrations, number: int, *, amplitude: float = 0.08) -> Scene:
-    """The scene moving in one mode (1, 2 ...): every free coordinate is driven as a harmonic oscillation about the equilibrium.
+    """A scene that moves in one mode (1, 2, ...): a drive moves every free coordinate harmonically about the equilibrium.
 
-    ``amplitude``: largest displacement of a point relative to the mechanism's size (links turn by 20 degrees at most). Dry friction
-    and loads that change with time are left out; what the drives then have to do is what damping takes and what is not linear.
-    Raises `SceneError`.
+    ``amplitude``: largest displacement of a point relative to the mechanism's size; the rotation of links is limited in proportion,
+    to 20 degrees at 0.08 and above. Dry friction and loads that change with time are left out. The drives then supply the damping
+    forces and the nonlinear terms. Raises `SceneError`.
     """
     faults = []
     if not 1 <= number <= len(vibrations.modes):
@@ -172,14 +173,14 @@ def mode_scene(scene: Scene, vibrations: Vibrations, number: int, *, amplitude: 
 
 
 def _harmonic(centre: float, amplitude: complex, frequency: float, unit: str) -> dict[str, Any]:
-    """A drive that oscillates about its centre."""
+    """Document of a drive that oscillates harmonically about a centre; the phase is that of the complex amplitude."""
     motion = {"centre": f"{centre!r} {unit}", "amplitude": f"{abs(amplitude)!r} {unit}", "frequency": f"{frequency!r} Hz"}
     phase = float(np.angle(amplitude, deg=True))
     return {"oscillation": {**motion, "phase": f"{phase:.17g} deg"} if phase else motion}
 
 
 def _amplitude(vibrations: Vibrations, k: int, fraction: float) -> float:
-    """Factor of the mode's shape."""
+    """Factor by which the shape of mode ``k`` is displayed; ``fraction``: largest displacement over the mechanism's size."""
     eq = vibrations.equilibrium
     model = eq.compiled.model
     shape = vibrations.modes[k].shape
@@ -196,7 +197,7 @@ def _amplitude(vibrations: Vibrations, k: int, fraction: float) -> float:
 
 
 def _without_forces_of_motion(scene: Scene) -> dict[Place, Any]:
-    """The changes that leave out what only a motion under forces has, dry friction, and loads that change with time."""
+    """The changes that remove from a scene the entries of a motion under forces, dry friction, and loads that change with time."""
     document = scene.document
     changes: dict[Place, Any] = {("watch",): None, ("effects",): [e for e in document.effects if e != "friction"]}
     for name, joint in document.joints.items():
@@ -212,14 +213,14 @@ def _without_forces_of_motion(scene: Scene) -> dict[Place, Any]:
 
 
 def _sketch(scene: Scene, start: Motion) -> dict[Place, Any]:
-    """The changes that state the places of all links instead of the assembly modes of the start."""
+    """The changes that replace the stated assembly modes by a sketch: the poses of all links at the start."""
     document = scene.document
     changes: dict[Place, Any] = {}
     for name, joint in document.joints.items():
         if not joint.traits.own_mode:
             changes |= {("joints", name, key): None for key in joint.traits.modes if getattr(joint, key) is not None}
     if any(isinstance(link.points, list) for link in document.links.values()):
-        return changes  # the sketch is their shape
+        return changes  # the scene's sketch also defines the shapes of these links, so it stays
     sketch = {}
     for name in document.links:
         if name != document.frame:
@@ -229,7 +230,7 @@ def _sketch(scene: Scene, start: Motion) -> dict[Place, Any]:
 
 
 def _same_place(scene: Scene, wanted: Motion) -> bool:
-    """Whether a scene starts with every link where it is wanted."""
+    """Whether every link of a scene starts in the pose of the first frame of ``wanted``, to 1e-7 relative."""
     start = solve_motion(compile_mechanism(scene.mechanism), np.zeros(1))
     size = wanted.model.length_scale
     for link in wanted.model.links[1:]:

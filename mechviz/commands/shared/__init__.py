@@ -1,1 +1,1 @@
-"""Shared by all commands: messages and exit codes, scenes as arguments, solving and its doubts."""
+"""Shared by all commands: messages and exit codes, scenes as arguments, solving and warnings about results."""

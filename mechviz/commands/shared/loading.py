@@ -1,4 +1,4 @@
-"""Shared by commands that read scenes: their argument, faults of scenes as messages, quantities of options."""
+"""Shared by commands that read scenes: the scene argument, faults of scenes as messages, quantities from options."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ ReachableOpt = Annotated[bool, typer.Option("--reachable", help="run the drive a
 
 @contextmanager
 def clear_errors(source: str) -> Iterator[None]:
-    """`orderly`, and the faults of a scene as a message that names the scene."""
+    """Context manager: `orderly`, which also turns the faults of a scene into a message that names the scene."""
     with orderly():
         try:
             yield
@@ -38,8 +38,8 @@ def clear_errors(source: str) -> Iterator[None]:
 
 
 def load_scene(source: str, values: list[str] | None = None, *, reachable: bool = False) -> Scene:
-    """A scene of the gallery or of a file; ``values``: of parameters, as ``NAME=VALUE``; ``reachable``: its drive runs as far as it
-    can and back."""
+    """A scene of the gallery or of a file. ``values``: of parameters, as ``NAME=VALUE``; ``reachable``: the drive runs over its
+    reachable range and back."""
     scene = load(source).with_parameters(dict(map(_setting, values or ())))
     for place, former, present in former_laws(scene.document):
         say(f"note: {place}: the law '{former}' is called '{present}' now, and read as that.")
@@ -52,7 +52,7 @@ def load_scene(source: str, values: list[str] | None = None, *, reachable: bool 
 
 
 def _setting(text: str) -> tuple[str, float | str]:
-    """Name and value of a ``NAME=VALUE``."""
+    """Name and value from ``NAME=VALUE``."""
     name, equals, value = (part.strip() for part in text.partition("="))
     if not (name and equals and value):
         fail(f"--set {text}: a parameter is set like r=42mm.")
@@ -63,12 +63,13 @@ def _setting(text: str) -> tuple[str, float | str]:
 
 
 def quantity_option(scene: Scene, text: str | None, option: str, kind: str) -> float | None:
-    """A quantity of a kind, in SI units, from an option: a text with a unit, or a number in the scene's units."""
+    """A quantity of a kind, in SI units, from an option: a text with a unit, or a number in the scene's units; None for None."""
     return None if text is None else quantity(scene.units, text, option, kind)
 
 
 def quantity(units: Units, text: str, option: str, kind: str) -> float:
-    """A quantity of a kind, in SI units, from an option: a text with a unit, or a number in some units."""
+    """A quantity of a kind, in SI units, from an option: a text with a unit, or a number in ``units``. Ends the command where it is
+    neither."""
     try:
         value: float | str = float(text)
     except ValueError:

@@ -1,4 +1,5 @@
-"""Shared by all commands: messages, exit codes, interruptions, progress bars. Loads neither numpy nor what reads scenes."""
+"""Shared by all commands: messages, exit codes, interruptions, aligned tables. Imports neither numpy nor modules that read
+scenes."""
 
 from __future__ import annotations
 
@@ -21,26 +22,27 @@ from mechviz.files import OutputError, check_target
 
 
 def say(text: str) -> None:
-    """Talk, to stderr."""
-    with suppress(OSError):  # nobody listens
+    """Print a message to stderr."""
+    with suppress(OSError):  # stderr is closed
         print(text, file=sys.stderr, flush=True)
 
 
 def fail(text: str, code: int = 2) -> NoReturn:
-    """Say what is wrong and leave."""
+    """Print what is wrong to stderr, and end the command with an exit code."""
     say(text)
     raise typer.Exit(code)
 
 
 UNTRUSTED = 3  # exit code where results do not balance or close
 UNFORESEEN = 70  # exit code of a fault of the program, as in sysexits.h
-NAMED = ("path", "joint", "joint", "link", "load", "drive", "name")  # what the code calls the item of the scene that it works on
+NAMED = ("path", "joint", "joint", "link", "load", "drive", "name")  # names of variables that hold the item being worked on
 
 
 def unforeseen(error: BaseException, *, shown: bool) -> int:
-    """Says that the program itself has failed, how, and at which item of the scene as far as that is known; gives the exit code.
+    """Report an unforeseen error of the program, with the item of the scene at which it happened if that is known; returns the exit
+    code.
 
-    ``shown``: with the traceback.
+    ``shown``: print the traceback too.
     """
     if shown:
         say("".join(traceback.format_exception(error)).rstrip())
@@ -56,7 +58,8 @@ def unforeseen(error: BaseException, *, shown: bool) -> int:
 
 
 def _item_of(error: BaseException) -> str:
-    """Item that the innermost of our functions that names one was working on."""
+    """Name, in quotes, of the item that the innermost function of this program with a variable in ``NAMED`` was working on, or
+    ""."""
     frames = [frame for frame, _ in traceback.walk_tb(error.__traceback__)]
     for frame in reversed(frames):
         package, _, part = str(frame.f_globals.get("__name__", "")).partition(".")
@@ -71,11 +74,12 @@ def _item_of(error: BaseException) -> str:
 
 @contextmanager
 def orderly() -> Iterator[None]:
-    """Interruptions, files that cannot be used and full outputs as messages with their exit codes; never a traceback."""
+    """Context manager that turns interruptions, unusable files and write errors into messages with exit codes, without a
+    traceback."""
     try:
         yield
         sys.stdout.flush()
-    except (KeyboardInterrupt, SystemExit) as e:  # SIGTERM arrives as SystemExit; the writer leaves a note on both
+    except (KeyboardInterrupt, SystemExit) as e:  # SIGTERM raises SystemExit; the writer adds a note to both
         note = "\n".join(getattr(e, "__notes__", ())) or "Interrupted: nothing was written."
         fail(note, 130 if isinstance(e, KeyboardInterrupt) else 143)
     except OutputError as e:
@@ -85,8 +89,8 @@ def orderly() -> Iterator[None]:
 
 
 def check_targets(source: str, *paths: Path | None) -> None:
-    """Refuse files that cannot be written where they are wanted, before anything is computed for them: neither over the scene or
-    recording that they are made from nor over each other. Raises `OutputError`."""
+    """Raise `OutputError` where output files cannot be written, or would overwrite the scene or recording ``source`` or each other;
+    called before anything is computed."""
     taken = {os.path.realpath(source): "is what this is made from"} if os.path.isfile(source) else {}
     for path in paths:
         if path is not None:
@@ -97,23 +101,23 @@ def check_targets(source: str, *paths: Path | None) -> None:
 
 
 def check_suffix(path: Path | None, suffix: str, option: str = "--output") -> None:
-    """Refuse a file whose name does not say what it will be."""
+    """End the command where a file name does not have the suffix of its format."""
     if path is not None and path.suffix.lower() != suffix:
         fail(f"{option}: '{path}' does not end in {suffix}.")
 
 
 def tell_unusable(error: OSError) -> int:
-    """Says which file cannot be used; gives the exit code."""
+    """Report the file that cannot be used; returns the exit code."""
     say(f"{error.filename}: {error.strerror or error}.")
     return 2
 
 
 class Stdout(io.FileIO):
-    """Standard output for which a reader that leaves (as `head` does) is no error: a command that prints before it writes its files
-    still writes them."""
+    """Standard output that ignores a closed pipe (as by ``head``), so that a command that prints before it writes its files still
+    writes them."""
 
     def write(self, data: Any, /) -> int:
-        """How many bytes are gone."""
+        """Write, and return the number of bytes written or, after the pipe is closed, discarded."""
         with suppress(BrokenPipeError):
             return super().write(data)
         _give_up(self.fileno())
@@ -125,7 +129,7 @@ def _give_up(output: int) -> None:
 
 
 def no_output(error: OSError) -> int:
-    """Says that stdout cannot be written, and gives up on it; gives the exit code."""
+    """Report that stdout cannot be written, and redirect it to the null device; returns the exit code."""
     with suppress(OSError, ValueError):
         _give_up(sys.stdout.fileno())
     say(f"the output cannot be written: {(error.strerror or str(error)).lower()}.")
@@ -133,8 +137,8 @@ def no_output(error: OSError) -> int:
 
 
 def load_module(name: str) -> ModuleType:
-    """A module. Objects that it makes while it loads stay: looking through them for garbage would take a tenth of a command's
-    time."""
+    """Import a module. Garbage collection is off meanwhile, and the module's objects are exempt from it later: it would take a
+    tenth of a command's time."""
     if name in sys.modules:
         return sys.modules[name]
     gc.disable()
@@ -147,9 +151,9 @@ def load_module(name: str) -> ModuleType:
 
 @contextmanager
 def interruptible(*libraries: str) -> Iterator[None]:
-    """From here on Ctrl-C and SIGTERM are exceptions, so that what was begun can be left in order.
+    """Context manager within which Ctrl-C and SIGTERM raise exceptions, so that unfinished work can be cleaned up.
 
-    ``libraries`` are loaded before: some catch everything while they load, and the exception would be lost.
+    ``libraries`` are imported first: some catch all exceptions during import, and an interruption would be lost.
     """
     for name in libraries:
         load_module(name)
@@ -165,7 +169,7 @@ def interruptible(*libraries: str) -> Iterator[None]:
 
 
 def aligned_rows(rows: Iterable[Sequence[str]]) -> list[str]:
-    """Rows of a table as lines, the first column to the left, the others to the right."""
+    """Rows of a table as lines of text, the first column aligned left, the others right."""
     cells = [tuple(row) for row in rows]
     widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
     return [

@@ -1,4 +1,4 @@
-"""Shared by commands that solve scenes: their options, and whether the results can be trusted."""
+"""Shared by commands that solve scenes: their options, solving with progress, and warnings about results."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ QuickOpt = Annotated[bool, typer.Option("--quick", help="fewer repeats: rougher 
 
 
 def solve(scene: Scene, frames: int | None, cycles: int | None, accuracy: float | None = None, executor: Executor = "auto") -> Run:
-    """A solved scene, with a bar of its stages; of a motion under forces how far it is known."""
+    """Solve a scene with a progress bar, which shows the stages and how far a motion under forces is integrated."""
     if executor == "c":
         for line in missing_lines(scene):
             say(f"note: {line}")
@@ -70,14 +70,14 @@ def solve(scene: Scene, frames: int | None, cycles: int | None, accuracy: float 
 
 
 def checked(executor: Executor) -> Executor:
-    """The executor. Raises `MechanismError` where it is C and there is no compiler."""
+    """The given executor. Raises `MechanismError` where it is "c" and there is no compiler."""
     if executor == "c":
         required_compiler()
     return executor
 
 
 def check_trust(run: Run, keep: bool, *, errors: bool = False) -> None:
-    """Say why the results of a run cannot be trusted, and leave before anything is written, unless they are to be kept."""
+    """Report why the results of a run cannot be trusted, and end the command before anything is written, unless ``keep``."""
     if print_accuracy_warnings(run, errors=errors) and not keep:
         fail(
             "Nothing is written. Check the values of the scene against each other; --keep takes the results as they are.", UNTRUSTED
@@ -85,7 +85,8 @@ def check_trust(run: Run, keep: bool, *, errors: bool = False) -> None:
 
 
 def print_accuracy_warnings(run: Run, *, errors: bool = False) -> bool:
-    """Say why the results of a run cannot be trusted, if so; ``errors`` as of `accuracy_warnings`."""
+    """Report why the results of a run cannot be trusted; returns whether there is a reason. ``errors`` as in
+    `accuracy_warnings`."""
     reasons = accuracy_warnings(run, errors=errors)
     for words in reasons:
         say(f"not to be trusted: {words}")
@@ -93,7 +94,7 @@ def print_accuracy_warnings(run: Run, *, errors: bool = False) -> bool:
 
 
 def warn_of_accuracy(run: Run) -> None:
-    """Say where a wanted accuracy is not reached."""
+    """Report where the target accuracy of a run is not reached."""
     if run.accuracy.target is not None:
         for line in target_words(run):
             if line.startswith("warning"):
@@ -109,8 +110,8 @@ DaskOpt = Annotated[
 
 @contextmanager
 def workers(jobs: int, dask: str | None = None) -> Iterator[tuple[Pool | None, int]]:
-    """An executor that computes designs, and how many portions it is well given at once: a Dask cluster, so many processes, or
-    none for one job, which is done here."""
+    """Context manager: a pool that computes designs, and the number of portions to submit at a time. The pool is that of a Dask
+    cluster or has ``jobs`` processes; it is None for one job, which this process does."""
     if dask is not None:
         with _cluster(dask) as pool:
             yield pool
@@ -127,7 +128,8 @@ def workers(jobs: int, dask: str | None = None) -> Iterator[tuple[Pool | None, i
 
 @contextmanager
 def _cluster(address: str) -> Iterator[tuple[Pool, int]]:
-    """The executor of a Dask cluster's client. Dask gives the tasks of a lost worker to another."""
+    """Context manager: the executor of a Dask client, and the number of portions to submit at a time. Dask reassigns the tasks of a
+    lost worker."""
     try:
         from distributed import Client, KilledWorker
     except ImportError:

@@ -1,11 +1,12 @@
-"""``mechviz synthesise``: scenes from tasks. One command a task; each prints its solutions and writes them as scenes."""
+"""``mechviz synthesise``: scenes from tasks. There is a command for each task, which prints its solutions and writes them as
+scenes."""
 
 import typer
 
 from mechviz.commands.synthesis.four_bars import cognates, function, motion, path, slider
 from mechviz.commands.synthesis.strokes import chains, dwell, lid, line, stroke, swing
 
-NEGATIVE = {"ignore_unknown_options": True}  # -5,0 is a place
+NEGATIVE = {"ignore_unknown_options": True}  # so that -5,0 is read as a position
 
 synthesise = typer.Typer(
     add_completion=False,

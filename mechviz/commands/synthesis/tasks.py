@@ -1,4 +1,4 @@
-"""Shared by the commands of synthesis: their options, quantities and rows of points as arguments, solutions as output."""
+"""Shared by the synthesis commands: options, arguments with quantities and rows of points, output of solutions."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 UNITS = Units(length="mm", angle="deg")
 LEAST_LENGTH, LARGEST_LENGTH = 1e-9, 1e6  # [m]
-LARGEST_FILE = 1 << 20  # bytes of a file of points
+LARGEST_FILE = 1 << 20  # largest size of a file of points [bytes]
 
 OutputOpt = Annotated[
     Path | None,
@@ -34,7 +34,7 @@ MostOpt = Annotated[int, typer.Option("--most", min=1, max=1000, help="solutions
 
 
 def give(solutions: Sequence[LinkageSolution], output: Path | None, plot: Path | None, figure: Callable[[], Figure] | None) -> None:
-    """Prints solutions, and writes their scenes and their chart."""
+    """Print solutions, and write their scenes and their chart."""
     if not solutions:
         fail("No linkage does that. Ask for something else.")
     print("\n".join(solution_table(solutions)))
@@ -47,12 +47,12 @@ def give(solutions: Sequence[LinkageSolution], output: Path | None, plot: Path |
 
 
 def tell_written(paths: list[Path]) -> None:
-    """Say which scenes were written."""
+    """Report the scenes that were written."""
     say(f"{paths[0]} written." if len(paths) == 1 else f"{len(paths)} scenes written to {paths[0].parent}.")
 
 
 def check_scene_targets(output: Path | None, plot: Path | None) -> None:
-    """Refuse targets that cannot be written before anything is computed. Raises `OutputError`."""
+    """Raise `OutputError` where outputs cannot be written; called before anything is computed."""
     if output is not None:
         check_folder(output)
     if plot is not None:
@@ -61,12 +61,12 @@ def check_scene_targets(output: Path | None, plot: Path | None) -> None:
 
 
 def angle_option(text: str, option: str) -> float:
-    """An angle [rad] of an option."""
+    """An angle [rad] from an option."""
     return quantity_in(text, option, "angle")
 
 
 def length_of(text: str, option: str) -> float:
-    """A length [m] of an option, above zero."""
+    """A length [m] from an option; ends the command where it is not between `LEAST_LENGTH` and `LARGEST_LENGTH`."""
     value = quantity_in(text, option, "length")
     if not LEAST_LENGTH <= value <= LARGEST_LENGTH:
         fail(f"{_named(option)}: {text} is no length of a mechanism. Give one between 1e-6 mm and 1e6 m.")
@@ -74,7 +74,7 @@ def length_of(text: str, option: str) -> float:
 
 
 def quantity_in(text: str, option: str, kind: str) -> float:
-    """A quantity in SI units, from a text with a unit or a number in mm or degrees."""
+    """A quantity of a kind, in SI units, from an option: a text with a unit, or a number in mm or degrees."""
     try:
         value: float | str = float(text)
     except ValueError:
@@ -88,21 +88,22 @@ def quantity_in(text: str, option: str, kind: str) -> float:
 
 
 def _named(option: str) -> str:
-    """An option as it is written; arguments have names in capitals, or of several words."""
+    """An option as the user writes it; names of arguments, in capitals or of several words, stay as they are."""
     return option if option.isupper() or " " in option else f"--{option}"
 
 
 def pairs_of(given: Sequence[str] | None) -> list[complex]:
-    """Places [m] of an option that is given again and again."""
+    """Positions [m] from an option that can be repeated."""
     return [complex(x, y) for x, y in option_rows(list(given), 2, "pivot", least=1)] if given else []
 
 
 def option_rows(words: list[str], columns: int, what: str, least: int = 2) -> Real:
-    """Rows of two lengths, and perhaps an angle, in SI units: texts with commas, or the rows of a CSV file."""
+    """Rows (n, columns) of two lengths and, with three columns, an angle, in SI units, from texts with commas or from a CSV
+    file."""
     if len(words) == 1 and "," not in words[0]:
         text = read_regular(words[0], LARGEST_FILE).decode("utf-8", "replace")
         rows = [row for row in csv.reader(text.splitlines()) if row and not row[0].lstrip().startswith("#")]
-        rows = rows[1:] if rows and not _is_number(rows[0][0]) else rows  # a line of titles
+        rows = rows[1:] if rows and not _is_number(rows[0][0]) else rows  # without the line of headings
     else:
         rows = [word.split(",") for word in words]
     kinds = ("length", "length", "angle")[:columns]
@@ -122,7 +123,7 @@ def _is_number(text: str) -> bool:
 
 
 def function_of(text: str, start: str, end: str) -> tuple[Callable[[Real], Real], float, float]:
-    """A function of x and its range, from expressions with units."""
+    """A function of x, and the start and end of its range, from expressions with units. Ends the command where they are invalid."""
     try:
         ends = [parse_expression(word).value({}) for word in (start, end)]
         powers = next((one.powers for one in ends if one.number != 0.0), ends[0].powers)

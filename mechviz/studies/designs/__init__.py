@@ -1,1 +1,1 @@
-"""Studies of many designs of one scene: sweeps, and what tolerances do."""
+"""Studies of many designs of one scene: sweeps, sensitivities, tolerances, optimisation."""

@@ -1,7 +1,7 @@
-"""Many designs in one call of the core: where parameters vary nothing but places of joints, masses of links, numbers of loads,
-and the starts and constant speeds of drives.
+"""Batches: many designs in one call of the core, for parameters that affect only positions of joints, masses of links, numbers of
+loads, and starts and constant speeds of drives.
 
-A few designs are also run each by itself; where the results differ, all are run by themselves.
+A few designs are also run singly (see `evaluate`); where the results differ, all designs are run singly.
 """
 
 from __future__ import annotations
@@ -38,14 +38,14 @@ from mechviz.scene.scene import Scene
 from mechviz.studies.designs.measures import Measure, needs_forces, quantity_of, table_values
 from mechviz.studies.designs.sampling import Variation
 
-NOT_FINITE = "the values are not finite"  # of some frames, though all are assembled
-MOST_CORNERS = 12  # parameters of which all ends are tried together
-VariedNumbers = dict[tuple[int | str, ...], float]  # by their places in a mechanism
+NOT_FINITE = "the values are not finite"  # at some frames, although the mechanism is assembled at all
+MOST_CORNERS = 12  # largest number of parameters whose corners are all checked
+VariedNumbers = dict[tuple[int | str, ...], float]  # by their paths in a mechanism
 
 
 @dataclass(frozen=True, eq=False)
 class DesignBatch:
-    """Designs side by side: the compiled nominal design, the times of the frames, and which values vary."""
+    """A batch of designs: the compiled nominal design, the times of the frames, and the values that vary."""
 
     scene: Scene
     compiled: Compiled
@@ -54,17 +54,17 @@ class DesignBatch:
     columns: tuple[tuple[Measure, Quantity, int], ...]
     places: tuple[Place, ...]
     loads: tuple[tuple[tuple[int | str, ...], Place, float, float], ...]  # number of a load = constant + factor times a value
-    count: int = 0  # of the designs of the whole study
+    count: int = 0  # number of designs of the whole study
 
     @property
     def drive(self) -> Real | None:
-        """Coordinate (F,) of the first drive, the same in all designs."""
+        """Coordinate (F,) of the first drive, the same in all designs; None without drives."""
         drives = self.compiled.mechanism.drives
         return np.broadcast_to(drives[0].law(self.time)[0], self.time.shape) if drives else None
 
     @property
     def rubs(self) -> bool:
-        """Whether there is dry friction, which C may leave to runs of single designs."""
+        """Whether there is dry friction, for which a C program may leave some designs to single runs."""
         return "friction" in self.compiled.mechanism.effects and bool(braked(self.compiled.mechanism.joints))
 
     @cached_property
@@ -74,27 +74,27 @@ class DesignBatch:
 
     @cached_property
     def _varied_drives(self) -> frozenset[str]:
-        """The joints of drives whose start or speed varies."""
+        """Joints of the drives whose start or speed varies."""
         return frozenset(str(place[1]) for place in self.places if place[0] == "joints")
 
     @cached_property
     def _leader(self) -> str:
-        """The joint of the drive whose cycle the frames follow, "" where none moves."""
+        """Joint of the leading drive, whose cycle the frames divide: the first one that moves; "" where none does."""
         return next((d.joint for d in self.compiled.mechanism.drives if moves(d.law)), "")
 
     @property
     def paced(self) -> bool:
-        """Whether designs differ in the time of a cycle."""
+        """Whether the period of the cycle varies between designs."""
         return ("joints", self._leader, "drive", "speed") in self.places
 
     @property
     def comparable(self) -> bool:
-        """Whether frames of one number are where the leading drive is the same, and it keeps its sense in all designs between the
-        ends of what varies, as far as their corners show."""
+        """Whether frames of the same number are comparable between designs: the leading drive has the same displacement there, and
+        its sense of rotation is the same in all designs, which is checked at the corners of the variations."""
         drives = self.compiled.mechanism.drives
         still = [d.joint for d in drives if not moves(d.law)]
         if self._varied_drives.intersection(still[: [d.joint for d in drives].index(self._leader)] if self._leader else still):
-            return False  # it may come to lead
+            return False  # a drive at rest before the leader could become the leader
         if any(m.reducer == "at" for m, _, _ in self.columns) and ("joints", drives[0].joint, "drive", "start") in self.places:
             return False
         if not self.paced:
@@ -115,7 +115,8 @@ class DesignBatch:
 
     @cached_property
     def program(self) -> DesignProgram | str:
-        """The program in C of its designs, or why numpy computes them. Raises `MechanismError` where C is asked for and fails."""
+        """The C program of the batch, or why numpy computes it. Raises `MechanismError` where executor "c" is required and
+        fails."""
         _, _, program = self._swept(self.nominal)
         return program
 
@@ -125,7 +126,7 @@ class DesignBatch:
         return np.array([[self.scene.parameters[v.name].amount.number / v.factor for v in self.variations]], float)
 
     def curves(self, designs: Real) -> tuple[list[Real], list[str]]:
-        """Curves (D, F) of each measure for designs (D, n), and why there are none of each design, "" where there are."""
+        """Curves (D, F) of each measure for designs (D, n), and for each design the reason why it has none, or ""."""
         curves, reasons, _ = self._swept(designs)
         return curves, reasons
 
@@ -156,7 +157,8 @@ class DesignBatch:
         return curves, reasons, swept.program
 
     def _driven(self, values: Mapping[Place, Real], count: int) -> tuple[Real | None, dict[str, tuple[Real, Real]]]:
-        """How fast each design goes through its laws, and the starts and speeds of the drives that differ by more than that."""
+        """Pace (D,) of each design relative to the nominal one, None where it does not vary, and the starts and speeds (D,) of
+        drives that differ in more than the pace, by joint."""
         pace = values["joints", self._leader, "drive", "speed"] / self._constant[self._leader].speed if self.paced else None
         drives = {}
         for joint, law in self._constant.items():
@@ -171,7 +173,8 @@ class DesignBatch:
     def _varied(
         self, values: Mapping[Place, Real], count: int
     ) -> tuple[dict[tuple[str, str], Real], dict[str, tuple[Real, Real, Real]], list[int]]:
-        """The places of points and the masses of links in each design, and the designs of which these are impossible."""
+        """Coordinates of points (D, 2), masses (mass, centre, inertia) of links, and the designs in which a mass or inertia is
+        negative."""
         links: dict[str, Link] = {link.name: link for link in self.compiled.mechanism.links}
         points: dict[tuple[str, str], Real] = {}
         masses: dict[str, tuple[Real, Real, Real]] = {}
@@ -206,7 +209,7 @@ class DesignBatch:
                 ]
                 where, inertia[:] = of_shape(shape, mass, [xy[:, 0] + 1j * xy[:, 1] for xy in known])
                 centre[:] = np.column_stack([where.real, where.imag])
-        if not points:  # the core takes the number of designs from places
+        if not points:  # the core takes the number of designs from the points
             joint = next(j for j in self.compiled.model.joints if j.name in links[j.links[1]].points)
             points[joint.links[1], joint.name] = np.tile(np.asarray(links[joint.links[1]].points[joint.name], float), (count, 1))
         negative = np.zeros(count, bool)
@@ -215,7 +218,7 @@ class DesignBatch:
         return points, masses, np.flatnonzero(negative).tolist()
 
     def _collect(self, motion: Motion) -> dict[str, Real]:
-        """The curves (D, F) of all measures, by their numbers."""
+        """The curves (D, F) of all measures, by their index as text."""
         forces = solve_forces(motion) if any(needs_forces(q.path) for _, q, _ in self.columns) else None
         collected: dict[str, Real] = {}
         tables: dict[tuple[str, ...], Real] = {}
@@ -237,9 +240,11 @@ def batch_of(
     frames: tuple[int, int],
     executor: tuple[Executor, int],
 ) -> DesignBatch | None:
-    """Batch of the designs side by side, over so many ``frames`` and cycles, by an executor for so many of them; None where the
-    variations reach further than joints and masses, or the mechanism has groups, effects or quantities that are computed design by
-    design. Raises `MechanismError` where C is asked for and cannot be compiled."""
+    """The batch of a study, or None where single runs are needed: where the variations affect more than a batch supports (see the
+    module docstring), or the mechanism has groups, effects or quantities that batches do not have.
+
+    ``frames``: frames and cycles of the run; ``executor``: executor and total number of designs. Raises `MechanismError` where
+    executor "c" is required and compiling fails."""
     names = {v.name for v in variations}
     places = tuple(place for place in scene.document.formulas if names & parameters_behind(scene.document, place))
     mechanism = scene.mechanism
@@ -274,7 +279,7 @@ def batch_of(
 
 
 def _can_vary(scene: Scene, place: Place) -> bool:
-    """Whether a value of the document may differ from design to design."""
+    """Whether a value of the document may vary within a batch."""
     if place[0] == "loads":
         return True
     if place[0] == "joints":
@@ -289,8 +294,8 @@ def _can_vary(scene: Scene, place: Place) -> bool:
 
 
 def _load_numbers(scene: Scene, place: Place) -> list[tuple[tuple[int | str, ...], Place, float, float]]:
-    """The numbers of loads that a value of the document decides, each with its constant and its factor. Raises `ValueError` where
-    it decides something else, or not in proportion."""
+    """The numbers of loads that depend on a value of the document, each as constant plus factor times the value. Raises
+    `ValueError` where the value affects anything else, or not linearly."""
     unit = float(scene.units.factor(scene.kinds[path_text(place)])) if path_text(place) in scene.kinds else 1.0
     value = float(value_at(scene.document, place))
     step = 0.125 * (abs(value) or 1.0)

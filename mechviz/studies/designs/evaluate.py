@@ -1,4 +1,4 @@
-"""Evaluation of designs: in batches where the core can, each by itself where it cannot; here or in another process."""
+"""Evaluation of designs: in batches where the core supports it, otherwise one run per design; in this or another process."""
 
 from __future__ import annotations
 
@@ -25,16 +25,16 @@ from mechviz.studies.designs.batches import NOT_FINITE, DesignBatch, batch_of
 from mechviz.studies.designs.measures import Measure, needs_forces, quantity_of
 from mechviz.studies.designs.sampling import Variation
 
-ONE_AT_A_TIME = Lock()  # threads of one process, such as workers of clusters have, share its prepared studies
-TRIED_DESIGNS = 3  # designs that are computed both ways before batches are trusted
-BATCH_AGREEMENT = 1e-9  # relative, of a batch and a run by itself
-SINGULAR_RATIO = 1e6  # times the median of all designs: a result so large is one at a singular position, as a run by itself reports
+ONE_AT_A_TIME = Lock()  # threads of one process (as in workers of clusters) share its prepared studies
+TRIED_DESIGNS = 3  # designs that are computed both ways before a batch is used
+BATCH_AGREEMENT = 1e-9  # relative difference allowed between a batch and single runs
+SINGULAR_RATIO = 1e6  # ratio to the median of all designs above which a result is taken as singular, and the design is run singly
 _PLAIN = ("pose", "velocity", "acceleration", "position", "reaction", "motion", "inertia")
 
 
 @dataclass(frozen=True)
 class Study:
-    """A question to many designs, made of plain values: it is the same in every process."""
+    """A study of many designs, described by plain values so that it can be passed to other processes."""
 
     text: str  # of the scene
     name: str
@@ -44,8 +44,8 @@ class Study:
     frames: int | None = None
     cycles: int | None = None
     files: tuple[tuple[str, bytes], ...] = field(default=(), repr=False)
-    executor: Executor = "numpy"  # what computes designs side by side
-    count: int = 0  # of designs in all, which decides whether compiling pays
+    executor: Executor = "numpy"  # executor of batches of designs
+    count: int = 0  # total number of designs, which decides whether compiling pays
 
     @property
     def scene(self) -> Scene:
@@ -54,7 +54,7 @@ class Study:
 
     @property
     def nominal(self) -> Run:
-        """The run of the nominal scene, once in each process."""
+        """The run of the nominal scene, solved once in each process."""
         return _prepared(self).run
 
     @property
@@ -64,12 +64,12 @@ class Study:
 
     @property
     def batch(self) -> DesignBatch | None:
-        """Batch that computes its designs side by side; None where each is run by itself."""
+        """The batch that computes many designs at once; None where each design is run singly."""
         return _batch(self)
 
     @property
     def computed_by(self) -> str:
-        """The executor of its designs, in words for the user."""
+        """The executor of the designs, in words for the user."""
         if self.batch is None:
             return "numpy, each design by itself: what varies, or what is asked for, is not computed side by side"
         program = self.batch.program
@@ -79,14 +79,14 @@ class Study:
 
     @property
     def compiled(self) -> bool:
-        """Whether C computes its designs, in threads of its own."""
+        """Whether a C program computes the designs, in its own threads."""
         return self.batch is not None and not isinstance(self.batch.program, str)
 
 
 @dataclass(frozen=True, eq=False)
 class DesignResults:
-    """Results of designs: numbers (D,) or curves (D, F) of each measure; NaN, and a reason, where there is none. ``missing``:
-    the part (D,) of the frames that have no values, 1 where that is not known."""
+    """Results of designs: numbers (D,) or curves (D, F) of each measure. A design without values has NaN and a reason; the reason
+    is "" otherwise. ``missing`` (D,): fraction of the frames without values, 1 where that is not known."""
 
     values: tuple[Real, ...]
     reasons: tuple[str, ...]
@@ -109,8 +109,8 @@ def study_of(
     executor: Executor = "numpy",
     count: int = 0,
 ) -> Study:
-    """A study of a scene, of so many designs in all. Raises `MechanismError` where the nominal design has no such quantity, or
-    cannot be run."""
+    """A study of a scene; ``count``: total number of its designs. Raises `MechanismError` where a variation exceeds the range of
+    its parameter, or where the nominal design cannot be run or lacks a quantity."""
     for v in variations:
         known = scene.parameters[v.name]
         ends = (*v.values, v.low, v.high) if not v.values else v.values
@@ -148,7 +148,7 @@ def _prepared(study: Study) -> _Prepared:
 
 @lru_cache(maxsize=4)
 def _batch(study: Study) -> DesignBatch | None:
-    """The batch of a study, once it has proved itself."""
+    """The batch of a study; None where there is none, or where it does not agree with single runs of a few random designs."""
     run = study.nominal
     how = study.executor, study.count
     batch = batch_of(study.scene, study.variations, study.measures, run.catalogue, (run.scene.frames, run.scene.cycles), how)
@@ -161,7 +161,7 @@ def _batch(study: Study) -> DesignBatch | None:
     for k, design in enumerate(designs):
         alone = _run_alone(study, design)
         if isinstance(alone, str):
-            continue  # a run by itself looks between the frames, too
+            continue  # a single run also detects failures between the frames, which a batch does not
         if reasons[k] == NOT_FINITE and batch.rubs:
             continue
         if reasons[k]:
@@ -174,7 +174,7 @@ def _batch(study: Study) -> DesignBatch | None:
 
 
 def _run_alone(study: Study, design: Real) -> Run | str:
-    """The run of one design (n,), or why there is none."""
+    """The run of one design (n,), or the reason why there is none."""
     values = {v.name: v.stated(float(x)) for v, x in zip(study.variations, design, strict=True)}
     simple = all(q.path[-1] in _PLAIN or q.path[1] == "drive" for q in study.quantities)
     outputs = ("accelerations", "forces") if any(needs_forces(q.path) for q in study.quantities) else ("accelerations",)
@@ -189,7 +189,7 @@ def _run_alone(study: Study, design: Real) -> Run | str:
 
 
 def reduced(measure: Measure, quantity: Quantity, run: Run) -> Real:
-    """Value of a measure of a quantity of a run: a number, or a curve (F,)."""
+    """Value of a measure in a run, a number or a curve (F,); ``quantity``: that of the measure."""
     values = quantity.values()[:, measure.column(quantity)]
     drives = run.motion.mechanism.drives
     drive = run.catalogue.coordinate(drives[0].joint) if drives else None
@@ -203,11 +203,10 @@ def evaluate(study: Study, designs: Real) -> DesignResults:
 
 
 def expected_seconds(study: Study, count: int) -> float:
-    """How long so many designs take that are run one after the other, by a run of the nominal one; 0 where they are computed side
-    by side."""
+    """Expected time [s] of ``count`` designs that are run one after the other, from a run of the nominal scene; 0 for batches."""
     if study.batch is not None:
         return 0.0
-    run = study.nominal  # what happens at a first run only is done
+    run = study.nominal  # made before the clock starts: the first run includes one-time work
     begun = time.perf_counter()
     run_scene(run.scene)
     return count * (time.perf_counter() - begun)
@@ -245,7 +244,7 @@ def _evaluated(study: Study, designs: Real) -> DesignResults:
 
 
 def _out_of_proportion(values: Sequence[Real]) -> list[int]:
-    """Designs whose values (D, ...) are beyond all those of the others."""
+    """Numbers of the designs whose values (D, ...) exceed the median of all designs by a factor of more than ``SINGULAR_RATIO``."""
     beyond = np.zeros(len(values[0]), bool)
     for each in values:
         peaks = np.abs(each).reshape(len(each), -1).max(axis=1)
@@ -256,7 +255,7 @@ def _out_of_proportion(values: Sequence[Real]) -> list[int]:
 
 
 def _alone(study: Study, design: Real, empty: list[Real]) -> tuple[list[Real], str]:
-    """Values of each measure of one design, and why there is nothing, "" where there is."""
+    """Values of each measure for one design from a single run, and the reason why there are none, or ""."""
     run = _run_alone(study, design)
     if isinstance(run, str):
         return empty, run

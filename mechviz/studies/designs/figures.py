@@ -1,4 +1,4 @@
-"""Charts of studies that are stored: responses, contours with what cannot be had, parallel coordinates, scatter matrices."""
+"""Charts of stored studies: responses, contours with infeasible designs, parallel coordinates, scatter matrices."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 FigureKind = Literal["auto", "response", "contour", "parallel", "scatter"]
 LEVELS = 14
-MOST_LINES = 3000  # of parallel coordinates, and curves drawn over each other
+MOST_LINES = 3000  # largest number of lines in parallel coordinates, and of curves in one chart
 COLOURS = "viridis"
 MISSING = "#c8553d"
 WANTED = "Give a study that `mechviz sweep -o FILE.parquet` has written."
@@ -31,8 +31,8 @@ WANTED = "Give a study that `mechviz sweep -o FILE.parquet` has written."
 
 @dataclass(frozen=True, eq=False)
 class StoredStudy:
-    """A study as its file has it: ``variables`` and ``results`` by their titles, each (D,), results of curves (D, F); ``reasons``
-    of designs without values, "" of the others; ``text`` of the scene, ``names`` of the parameters with their units."""
+    """A study read from its file. ``variables`` (D,) and ``results`` (D,), or (D, F) for curves, by their titles; ``reasons``: why
+    a design has no values, "" for the others; ``text``: of the scene; ``names``: of the parameters, with their units."""
 
     title: str
     text: str
@@ -47,16 +47,16 @@ class StoredStudy:
         return np.array([not reason for reason in self.reasons], bool)
 
     def scene(self, folder: Path) -> Scene:
-        """The scene that was studied; ``folder``: where the files are that it names. Raises `MechanismError`."""
+        """The scene of the study; ``folder``: location of the files that the scene names. Raises `MechanismError`."""
         return loads(self.text, self.title, folder)
 
     def stated(self, k: int) -> dict[str, float | str]:
-        """The values of the parameters of a design, as a scene states them."""
+        """The parameter values of design ``k``, as a scene states them."""
         values = [float(column[k]) for column in self.variables.values()]
         return {name: f"{x!r} {unit}" if unit else x for (name, unit), x in zip(self.names, values, strict=True)}
 
     def result(self, wanted: str | None) -> tuple[str, Real]:
-        """A result by its title or by the text that was asked for, by default the first. Raises `MechanismError`."""
+        """Title and values of a result, by its title with or without the unit; None: the first. Raises `MechanismError`."""
         for title, values in self.results.items():
             if wanted is None or wanted in (title, title.rpartition(" [")[0]):
                 return title, values
@@ -65,7 +65,7 @@ class StoredStudy:
 
 
 def read_study(path: Path) -> StoredStudy:
-    """The study in a file that ``mechviz sweep`` has written. Raises `MechanismError`."""
+    """The study in a file that ``mechviz sweep`` wrote. Raises `MechanismError`."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
@@ -102,8 +102,8 @@ def read_study(path: Path) -> StoredStudy:
 
 
 def study_chart(study: StoredStudy, kind: FigureKind = "auto", of: str | None = None) -> Figure:
-    """A chart of one result of a study: of one variable its response, of two contours, of more parallel coordinates. Raises
-    `MechanismError` where a kind does not fit."""
+    """Chart of one result of a study. "auto" chooses a response for one variable or curves, contours for two variables, parallel
+    coordinates for more. Raises `MechanismError` where the kind does not fit the study."""
     title, values = study.result(of)
     if not study.feasible.any():
         raise MechanismError(Fault("study", f"no design has values: {study.reasons[0]}.", "Vary parameters over other ranges."))
@@ -167,7 +167,7 @@ def _contour(figure: Figure, study: StoredStudy, title: str, values: Real) -> No
 
 
 def _levels(values: Real) -> dict[str, Any]:
-    """Levels of contours and their colours: in decades where the values reach over many."""
+    """Levels and colours of contours, as arguments of matplotlib: logarithmic where the values span decades."""
     if not over_decades(values):
         return {"levels": LEVELS, "cmap": COLOURS}
     from matplotlib.colors import LogNorm
@@ -179,7 +179,7 @@ def _levels(values: Real) -> dict[str, Any]:
 def _parallel(figure: Figure, study: StoredStudy, title: str, values: Real) -> None:
     axes = figure.subplots()
     ok = np.flatnonzero(study.feasible)
-    shown = ok[np.argsort(values[ok])][:: max(1, len(ok) // MOST_LINES)]  # the greatest on top
+    shown = ok[np.argsort(values[ok])][:: max(1, len(ok) // MOST_LINES)]  # in this order the greatest are drawn on top
     columns = {**study.variables, title: values}
     heights = []
     for column in columns.values():
@@ -215,7 +215,7 @@ def _scatter(figure: Figure, study: StoredStudy, title: str, values: Real) -> No
 
 
 def _coloured(figure: Figure, axes: Axes, values: Real, label: str) -> list[tuple[float, ...]]:
-    """Colours of values, with their scale beside the axes."""
+    """Colours of values; adds the colour bar to the axes."""
     from matplotlib import colormaps
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import Normalize

@@ -1,4 +1,4 @@
-"""A scene's goal: its variables and measures, and all of its faults at once; with a run, also those of its quantities."""
+"""Goal of a scene: its variables and measures, and a check that reports all faults at once; with a run it checks quantities too."""
 
 from __future__ import annotations
 
@@ -24,19 +24,19 @@ def goal_of(scene: Scene) -> GoalDocument:
 
 
 def path_measures(point: str) -> tuple[str, str]:
-    """The measures of a path of a traced point."""
+    """The measures (x and y) of the path of a traced point."""
     return f"point.{point}.position[x]", f"point.{point}.position[y]"
 
 
 def goal_variables(scene: Scene, goal: GoalDocument) -> tuple[Variable, ...]:
-    """The variables of a goal without faults."""
+    """The variables of a goal that has no faults: those that it names, or else all parameters with a range."""
     own = {v.name: v for v in parameters_of(scene)}
     return tuple(own[name] for name in goal.vary) or tuple(v for v in own.values() if _varies(v))
 
 
 def check_goal(scene: Scene, catalogue: Catalogue | None = None) -> None:
-    """Raises `MechanismError` with all faults of a scene's goal, where it has one; with the catalogue of a run also with quantities
-    that this has not."""
+    """Raise `MechanismError` with all faults of a scene's goal; a scene without a goal has none. With the catalogue of a run,
+    measures of quantities that the catalogue does not have are faults too."""
     goal = scene.document.goal
     if goal is None:
         return
@@ -71,7 +71,7 @@ def _faults_of_variables(scene: Scene, goal: GoalDocument) -> Iterator[Fault]:
 
 
 def _asked(goal: GoalDocument) -> Iterator[tuple[str, str, bool]]:
-    """The measures of a goal, each with the key that names it, and whether it has to be a number."""
+    """The measures of a goal as text, each with its key in the scene, and whether it has to be a number."""
     yield from ((text, "goal.minimise", True) for text in goal.minimise)
     yield from ((text, "goal.maximise", True) for text in goal.maximise)
     yield from ((text, f"goal.limits.{text}", True) for text in goal.limits)

@@ -1,5 +1,5 @@
-"""Measures of a design, a quantity of the catalogue over the run or one number of it; and tables of the catalogue from motion and
-forces alone, of many designs side by side and of traced motions."""
+"""Measures of a design: a quantity of the catalogue over the run, or a number that it is reduced to. Also tables of the catalogue
+from motion and forces alone, for batches of designs and for motions on a tape (automatic differentiation)."""
 
 from __future__ import annotations
 
@@ -24,16 +24,18 @@ from mechviz.scene.faults import did_you_mean
 from mechviz.scene.scene import Scene
 from mechviz.scene.units import QuantityError
 
-OF_FORCES = ("reaction", "torque", "force", "moment", "power", "load", "energy", "friction")  # in names of quantities
+OF_FORCES = ("reaction", "torque", "force", "moment", "power", "load", "energy", "friction")  # words in names of quantities
 REDUCERS = ("max", "min", "peak", "mean", "rms", "range", "at")
-PLACE_ROUNDING = 1e-12  # of the place and the drive's range: a frame as near as that is there
+PLACE_ROUNDING = 1e-12  # relative to the place and the drive's range: a frame that is closer is at the place
 _SHAPE = re.compile(r"(?P<key>.+?)(?:\[(?P<curve>[^\]]+)\])?(?::\s*(?P<reducer>max|min|peak|mean|rms|range|at\s+(?P<at>.+)))?")
 
 
 @dataclass(frozen=True)
 class Measure:
-    """A quantity by its key, one of its curves (the only one, or the length of a vector, where "" stands), and what is made of it:
-    one of `REDUCERS`, or "" for the whole curve. ``place``: coordinate of the first drive [rad or m], of "at"."""
+    """A quantity by its key, one of its curves, and the number that the curve is reduced to.
+
+    ``curve``: "" for the only curve, or for the magnitude of a vector; ``reducer``: one of `REDUCERS`, or "" for the whole curve;
+    ``place``: coordinate of the first drive [rad or m], for the reducer "at"."""
 
     text: str
     key: str
@@ -42,7 +44,7 @@ class Measure:
     place: float = math.nan
 
     def column(self, quantity: Quantity) -> int:
-        """The column of its curve in the values of the quantity. Raises `MechanismError`."""
+        """Column of the measure's curve in the values of the quantity. Raises `MechanismError` where there is none, or several."""
         curves = quantity.curves
         if self.curve:
             if self.curve not in curves:
@@ -54,8 +56,8 @@ class Measure:
         return lengths[0] if lengths else 0
 
     def reduced(self, values: Real, time: Real, drive: Real | None) -> Real:
-        """Measures of curves (D, F) at times (F,) [s]: (D,), or the curves themselves. ``drive`` (F,): the first drive's
-        coordinate."""
+        """Numbers (D,) that curves (D, F) at times (F,) [s] are reduced to, or the curves themselves where there is no reducer.
+        ``drive`` (F,): coordinate of the first drive [rad or m]."""
         if self.reducer == "":
             return values
         if self.reducer == "at":
@@ -72,7 +74,7 @@ class Measure:
         return np.asarray(np.max(values, axis=-1) if self.reducer == "max" else np.min(values, axis=-1))
 
     def weights(self, values: Real, time: Real, drive: Real | None) -> Real:
-        """Derivatives (F,) of what is made of a curve (F,) by its values: which of them count, and how much."""
+        """Derivatives (F,) of the reduced number with respect to the values of the curve (F,)."""
         unit = np.eye(len(values))
         if self.reducer == "at":
             return self._at(unit, time, drive)
@@ -86,7 +88,7 @@ class Measure:
         return np.asarray(high - low if self.reducer == "range" else high if self.reducer == "max" else low)
 
     def _at(self, values: Real, time: Real, drive: Real | None) -> Real:
-        """The value where the first drive passes a place for the first time, by cubics between frames (D,)."""
+        """Values (D,) where the first drive passes ``place`` for the first time, by cubic interpolation between frames."""
         from scipy.optimize import brentq
 
         if drive is None or len(time) < 4:
@@ -107,8 +109,8 @@ class Measure:
 
 
 def parse_measure(scene: Scene, text: str) -> Measure:
-    """The measure that a text such as ``joint.B.reaction:max`` or ``link.rocker.angle:at 60 deg`` names; whether there is such a
-    quantity shows with the first run. Raises `MechanismError`."""
+    """The measure that a text such as ``joint.B.reaction:max`` or ``link.rocker.angle:at 60 deg`` names. Whether the quantity
+    exists is not checked, as only a run shows it. Raises `MechanismError`."""
     match = _SHAPE.fullmatch(text.strip())
     if match is None:
         raise _wrong(text, "is no measure.", f"Write KEY, or KEY:REDUCER with one of {', '.join(REDUCERS[:-1])} or 'at 60 deg'.")
@@ -133,7 +135,7 @@ def parse_measure(scene: Scene, text: str) -> Measure:
 
 
 def quantity_of(measure: Measure, catalogue: Catalogue) -> Quantity:
-    """The quantity that a measure is of. Raises `MechanismError` where the catalogue has none of its key."""
+    """The quantity of a measure. Raises `MechanismError` where the catalogue has no quantity with its key."""
     quantity = catalogue.by_key.get(measure.key)
     if quantity is None:
         last = measure.key.rpartition(".")[2]
@@ -150,13 +152,13 @@ def _wrong(text: str, message: str, remedy: str) -> MechanismError:
 
 
 def needs_forces(path: tuple[str, ...]) -> bool:
-    """Whether a table holds what forces decide."""
+    """Whether a table holds results of the force analysis."""
     return path[1] == "drive" or path[-1] in ("reaction", "inertia")
 
 
 def table_values(path: tuple[str, ...], motion: Motion, forces: Forces | None) -> Real:
-    """The values (D, F, n) of a table of the catalogue, or (F, n) of a single design. Raises `LookupError` where it is none of
-    those that can be had so."""
+    """The values (D, F, n) of a table of the catalogue, or (F, n) for a single design. Raises `LookupError` where the table cannot
+    be computed from motion and forces alone."""
     match path[1:]:
         case ("links", link, "pose"):
             return motion.pose(link)

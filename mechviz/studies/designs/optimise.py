@@ -1,7 +1,7 @@
-"""Optimisation: the design of a scene that its goal asks for.
+"""Optimisation: the design of a scene that is best by its goal.
 
-Samples, differential evolution over whole populations, then steps along exact derivatives; of several objectives the front of
-compromises.
+The search samples the ranges, runs differential evolution, and refines the best design by sequential quadratic programming with
+exact derivatives. With several objectives it finds the Pareto front.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ from mechviz.studies.designs.problem import LIMIT_ROUNDING, SCREENED_GENERATIONS
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-AT_BOUND = 1e-6  # of its range: a variable so close to an end is at it
-COMPROMISE_SLACK = 1e-6  # relative: a compromise may be so much worse in one objective, or nothing could be gained in the other
+AT_BOUND = 1e-6  # relative to its range: a variable that is closer to a bound is at it
+COMPROMISE_SLACK = 1e-6  # relative slack on the bound of one objective, so that there is room to improve the other
 VALUE_DIGITS = 9  # of values in the scene that is written
 
-MOST_TRIES = 2  # a step along derivatives: beyond, it goes nowhere
+MOST_TRIES = 2  # evaluations per step of the refinement, on average; beyond that it stagnates
 
 
 class _Enough(Exception):
@@ -38,15 +38,16 @@ class _Enough(Exception):
 
 
 SearchProgress = Callable[[str, int, float, float], None]
-"""(what is done, number of the objective, its best value so far, the violation of that)."""
+"""Called with the stage of the search, the index of the objective, its best value so far, and the violation of that design."""
 
 
 @dataclass
 class Search:
-    """The search for a problem's best designs: what has been looked at, and the best of it.
+    """The search for the best designs of a problem, with all designs that it has evaluated.
 
-    ``progress`` gets the best after each stage and generation, ``advance`` how many designs of many are judged, and their number;
-    ``archive``: all that was judged, in portions; ``evaluations``: how many designs; ``refused``: why no derivatives were used.
+    ``progress`` is called after each stage and generation; ``advance`` gets the number of designs of a portion that are evaluated,
+    and their total; ``archive``: all evaluated designs, in portions; ``evaluations``: their number; ``refused``: why no derivatives
+    were used; ``interrupted``: whether the user ended the search.
     """
 
     problem: Problem
@@ -62,7 +63,7 @@ class Search:
     interrupted: bool = False
 
     def judged(self, designs: Real) -> Judged:
-        """Designs (D, n) judged, and kept."""
+        """Objectives and violations of designs (D, n), which are added to the archive."""
         judgement = self.problem.judged(designs, self.executor, self.advance)
         self.archive.append(judgement)
         self.evaluations += len(designs)
@@ -70,7 +71,7 @@ class Search:
 
     @property
     def all(self) -> Judged:
-        """All designs that have been judged."""
+        """All designs that have been evaluated."""
         parts = self.archive
         return Judged(
             *(np.concatenate([getattr(p, name) for p in parts]) for name in ("designs", "objectives", "violations", "missing"))
@@ -83,13 +84,14 @@ class Search:
         return known.designs[k], float(known.objectives[k, objective]), float(known.violations[k])
 
     def report_progress(self, stage: str, objective: int = 0) -> None:
-        """Say how far it is."""
+        """Call ``progress`` with the best design so far."""
         _, value, violation = self.best(objective)
         self.progress(stage, objective, value, violation)
 
     # -- global -------------------------------------------------------------------------------------------------------
     def look_around(self, objective: int = 0) -> None:
-        """Sobol points over the whole range, the scene's own design among them, then differential evolution from these."""
+        """Global search: Sobol points over the ranges and the scene's own design, then differential evolution from the best of
+        these."""
         from scipy.optimize import differential_evolution
         from scipy.stats import qmc
 
@@ -106,7 +108,7 @@ class Search:
 
         def merit(x: Real) -> Real:
             own = self.judged(np.atleast_2d(x.T))
-            penalised = 10.0 * worst * (1.0 + own.faultiness)  # every design that misses a limit is worse than any that does not
+            penalised = 10.0 * worst * (1.0 + own.faultiness)  # every infeasible design is worse than any feasible one
             return np.asarray(np.where(own.feasible, own.objectives[:, objective], penalised))
 
         def report(intermediate_result: object) -> None:
@@ -120,8 +122,9 @@ class Search:
 
     # -- along derivatives --------------------------------------------------------------------------------------------
     def refine(self, objective: int = 0, most: dict[int, float] | None = None, start: Real | None = None, steps: int = 40) -> None:
-        """Sequential quadratic programming from the best design so far, by exact derivatives; ``most``: greatest values of other
-        objectives. Where there are no derivatives nothing happens, and `refused` says why."""
+        """Local search: sequential quadratic programming with exact derivatives, from ``start`` or the best design so far.
+
+        ``most``: upper bounds of other objectives, by index. Without derivatives nothing happens, and `refused` states why."""
         from scipy.optimize import minimize
 
         problem = self.problem
@@ -199,8 +202,8 @@ def _sides(limit: Limit) -> Iterator[tuple[float, float]]:
 
 @dataclass(frozen=True, eq=False)
 class Optimum:
-    """The end of a search: the best ``design`` (n,), of several objectives the ``front`` (K, n) of designs of which none is better
-    than another in all, in the order of the first objective. Values are those that are written, see `rounded`."""
+    """Result of a search: the best ``design`` (n,) and the Pareto ``front`` (K, n), sorted by the first objective; with a single
+    objective the front is the best design. Values are rounded as they are written, see `rounded`."""
 
     search: Search
     design: Real
@@ -212,7 +215,7 @@ class Optimum:
         return self.search.problem.scene(self.design)
 
     def lines(self) -> Iterator[tuple[str, ...]]:
-        """A table: objectives, limits and variables before and after."""
+        """Rows of a table: objectives, limits and variables, before and after."""
         problem = self.search.problem
         designs = np.stack([problem.start, self.design])
         both = problem.judged(designs)
@@ -234,7 +237,7 @@ class Optimum:
 
 
 def rounded(problem: Problem, designs: Real) -> Real:
-    """Designs (K, n) as they are written: with nine digits of each value, or with all where it else misses a limit."""
+    """Designs (K, n) as they are written: rounded to nine digits, or unrounded where rounding violates a limit."""
     short = np.array([[float(f"{x:.{VALUE_DIGITS}g}") for x in design] for design in designs])
     return np.where(problem.judged(short).feasible[:, None], short, designs)
 
@@ -244,8 +247,8 @@ def _reached(limit: Limit, value: float) -> bool:
 
 
 def optimise(search: Search, *, points: int = 9) -> Optimum:
-    """The best design of a problem; of several objectives with a front of so many ``points``. Ctrl-C ends the search with the best
-    so far (`Search.interrupted`). Raises `MechanismError` where no design keeps the limits."""
+    """The best design of a problem; with several objectives also a front of about ``points`` designs. Ctrl-C ends the search with
+    the best design so far (`Search.interrupted`). Raises `MechanismError` where no design is found that keeps the limits."""
     objectives = len(search.problem.terms)
     try:
         for k in range(objectives):
@@ -272,8 +275,8 @@ def optimise(search: Search, *, points: int = 9) -> Optimum:
 
 
 def _levels(known: Judged, points: int) -> list[Real]:
-    """Values (m - 1,) of the objectives after the first: each from where the first is least down to its own least, about so many
-    combinations."""
+    """Upper bounds (m - 1,) of the objectives after the first, about ``points`` combinations: each bound runs from the value at the
+    least first objective down to the least value of its own objective."""
     count = known.objectives.shape[1]
     best = known.objectives[[known.best(k) for k in range(count)]]
     each = points if count == 2 else max(3, round(points ** (1.0 / (count - 1))))
@@ -282,8 +285,8 @@ def _levels(known: Judged, points: int) -> list[Real]:
 
 
 def _below(known: Judged, level: Real) -> int | None:
-    """The design whose first objective is least among those with the others up to a level (m - 1,), where there is one. One that
-    was refined to within a slack is among them in spite of rounding."""
+    """Index of the design with the least first objective among feasible ones whose other objectives are at most a level (m - 1,);
+    None where there is none. A slack admits designs that were refined to this level, in spite of rounding."""
     kept = np.flatnonzero(
         known.feasible & np.all(known.objectives[:, 1:] <= level + 2.0 * COMPROMISE_SLACK * np.abs(level), axis=1)
     )
@@ -291,7 +294,7 @@ def _below(known: Judged, level: Real) -> int | None:
 
 
 def _spread(search: Search, points: int) -> None:
-    """Compromises: the first objective least, the others no greater than values between their ends."""
+    """Find compromises: minimise the first objective under upper bounds of the others (epsilon-constraint method)."""
     first = search.best(0)
     for k in range(1, len(search.problem.terms)):
         search.refine(k, {0: first[1] + COMPROMISE_SLACK * abs(first[1])}, first[0], steps=8)
@@ -303,15 +306,15 @@ def _spread(search: Search, points: int) -> None:
 
 
 def _front(search: Search, points: int) -> Real:
-    """Designs (K, n) of which none is better than another in all objectives, in the order of the first: of two one for each of so
-    many levels of the second, of more those of all that were looked at which are furthest apart."""
+    """The Pareto front (K, n), sorted by the first objective. With two objectives it has one design for each of ``points`` levels
+    of the second; with more, up to ``points`` of all nondominated designs, chosen to be far apart."""
     known = search.all
     if len(search.problem.terms) == 2:
         chosen = [k for level in _levels(known, points) if (k := _below(known, level)) is not None]
         undominated = [k for k in dict.fromkeys(chosen) if not _is_dominated(known.objectives[chosen], known.objectives[k])]
         return np.asarray(known.designs[undominated])
     some = np.flatnonzero(known.feasible)
-    some = some[np.lexsort(known.objectives[some].T[::-1])]  # nobody is beaten by one that comes later
+    some = some[np.lexsort(known.objectives[some].T[::-1])]  # in this order no design is dominated by a later one
     front: list[int] = []
     for one in some.tolist():
         if not _is_dominated(known.objectives[front], known.objectives[one]):
@@ -325,18 +328,18 @@ def _front(search: Search, points: int) -> Real:
 
 
 def _is_dominated(others: Real, own: Real) -> bool:
-    """Whether one of some objectives (K, m) is nowhere worse than others (m,), and somewhere better."""
+    """Whether objectives ``own`` (m,) are dominated by one of ``others`` (K, m): nowhere worse, and better in at least one."""
     return bool(np.any(np.all(others <= own, axis=1) & np.any(others < own, axis=1)))
 
 
 def _shortfalls(objectives: Real) -> Real:
-    """How far objectives (K, m) are from the least of each, in parts of their ranges."""
+    """Distances (K, m) of objectives from the least value of each, relative to their ranges."""
     low, high = objectives.min(axis=0), objectives.max(axis=0)
     return np.asarray((objectives - low) / np.where(high > low, high - low, 1.0))
 
 
 def front_chart(optimum: Optimum, title: str) -> Figure:
-    """The front among all designs that keep the limits, the first objective against the second, a third one as colour."""
+    """Figure of the front among all feasible designs: the second objective over the first, a third one as colour."""
     problem, known = optimum.search.problem, optimum.search.all
     first, second = problem.terms[:2]
     some = known.objectives[known.feasible]

@@ -1,5 +1,5 @@
-"""The problem that a scene's goal states: variables within bounds, objectives to be made small, limits to be kept, among them
-Grashof's rule of four-bar loops, by the formulas of the scene and for many designs at once."""
+"""The optimisation problem of a scene's goal: variables within bounds, objectives to be minimised, and constraints (limits), among
+them Grashof's criterion of four-bar loops, evaluated by the formulas of the scene for many designs at once."""
 
 from __future__ import annotations
 
@@ -29,23 +29,24 @@ from mechviz.studies.designs.sensitivity import sensitivities
 from mechviz.studies.designs.variables import Variable
 
 SHORTEST = {"crank-rocker": 0, "double-rocker": 1, "double-crank": 3}
-"""Which link of crank, coupler, rocker and frame is the shortest, by the type of the linkage; of "any" type none has to be."""
-DIFFERENCE_STEP = 1e-3  # of a variable's range: formulas of lengths are that smooth
-EIGHTH_ORDER = ((1, 4 / 5), (2, -1 / 5), (3, 4 / 105), (4, -1 / 280))  # weights of differences of eighth order
+"""Index of the shortest link among crank, coupler, rocker and frame, by the type of the linkage; type "any" does not prescribe
+one."""
+DIFFERENCE_STEP = 1e-3  # step of differences relative to a variable's range; link lengths are smooth enough for it
+EIGHTH_ORDER = ((1, 4 / 5), (2, -1 / 5), (3, 4 / 105), (4, -1 / 280))  # steps and weights of central differences of eighth order
 _OF_MASS = ("mass", "centre", "inertia")
 
 
 @dataclass(frozen=True)
 class FourBarLoop:
-    """A four-bar loop and the type that it is to have: two points of each of crank, coupler, rocker and frame."""
+    """A four-bar loop and its required type. ``sides``: two points each of crank, coupler, rocker and frame."""
 
     name: str
     type: str
     sides: tuple[tuple[str, str, str], ...]  # link, point, point
 
     def margin(self, lengths: Real) -> Real:
-        """How far (...) [m] lengths (..., 4) keep the rule: the other two links longer than shortest and longest together, and the
-        link that is to be shortest shorter than the others. Negative where they are not."""
+        """Margin (...) [m] by which lengths (..., 4) [m] satisfy Grashof's criterion; negative where they violate it. Shortest plus
+        longest link must be less than the sum of the other two, and the link that the type prescribes must be the shortest."""
         free = lengths.sum(axis=-1) - 2.0 * (lengths.min(axis=-1) + lengths.max(axis=-1))
         if self.type not in SHORTEST:
             return np.asarray(free)
@@ -53,8 +54,7 @@ class FourBarLoop:
         return np.asarray(np.minimum(free, np.delete(lengths, k, axis=-1).min(axis=-1) - lengths[..., k]))
 
     def margins(self, scene: Scene, variables: Sequence[Variable], designs: Real) -> Real:
-        """Margins (D,) of designs (D, n) of a scene, in the units of its variables; in the unit in which people read
-        its lengths."""
+        """Margins (D,) of designs (D, n), in the scene's display unit of lengths; the designs are in the units of the variables."""
         _, factor = scene.units.reads("m")
         values = {v.name: v.factor * designs[:, k] for k, v in enumerate(variables)}
         document = scene.document
@@ -67,14 +67,15 @@ class FourBarLoop:
         return factor * self.margin(np.concatenate(made))
 
     def slopes(self, scene: Scene, variables: Sequence[Variable], design: Real) -> Real:
-        """Derivatives (n,) of the margin, as in `margins`, by the variables, in their units."""
+        """Derivatives (n,) of the margin of a design (n,), as in `margins`, with respect to the variables in their units."""
         steps = np.array([DIFFERENCE_STEP * (v.high - v.low) for v in variables])
         shifts = np.concatenate([sign * k * np.diag(steps) for k, _ in EIGHTH_ORDER for sign in (1.0, -1.0)])
         sides = self.margins(scene, variables, design + shifts).reshape(len(EIGHTH_ORDER), 2, len(design))
         return np.asarray(sum(w * (up - down) for (_, w), (up, down) in zip(EIGHTH_ORDER, sides, strict=True)) / steps)
 
     def lengths(self, mechanism: Mechanism, varied: Mapping[Place, Real] | None = None, count: int = 1) -> Real:
-        """Lengths (D, 4) [m] of crank, coupler, rocker and frame of so many designs; ``varied`` coordinates (D,) by place."""
+        """Lengths (D, 4) [m] of crank, coupler, rocker and frame of ``count`` designs. ``varied``: coordinates (D,) that differ
+        between the designs, by place."""
         varied = {} if varied is None else varied
         points = {link.name: link.points for link in mechanism.links}
 
@@ -87,7 +88,7 @@ class FourBarLoop:
 
 
 def four_bar_loops(run: Run, type: str) -> list[FourBarLoop]:
-    """The four-bar loops of a run, to be of a type. Raises `MechanismError` where there is none."""
+    """The four-bar loops of a run, each with the required type. Raises `MechanismError` where there is none."""
     joints = {joint.name: joint for joint in run.motion.mechanism.joints}
     loops = []
     for loop in grashof(run.motion.model):
@@ -103,22 +104,23 @@ def four_bar_loops(run: Run, type: str) -> list[FourBarLoop]:
 
 
 def _known(place: Place) -> bool:
-    """Whether an expression in a link is that of a coordinate, or moves no point."""
+    """Whether an expression of a link states a single coordinate of a point, or does not affect points."""
     return place[2] in _OF_MASS or (place[2] == "points" and len(place) == 5)
 
 
-LIMIT_ROUNDING = 1e-9  # relative: a limit that is missed by no more is kept
-SCREENED_GENERATIONS = 8  # generations' worth of designs that are looked at before the first one
-DESIGNS_AT_ONCE = 512  # designs that are computed side by side
-RUNS_AT_ONCE = 4  # designs that are run one by one between two news of how far it is, by one of several processes
-GRASHOF_MARGIN = 1e-4  # of the mean length: with less, a four-bar is a change-point linkage for all that can be made
+LIMIT_ROUNDING = 1e-9  # relative: a limit that is violated by no more counts as kept
+SCREENED_GENERATIONS = 8  # size of the screening sample, in generations
+DESIGNS_AT_ONCE = 512  # designs per batch
+RUNS_AT_ONCE = 4  # designs per portion of a process where each is run separately; progress is reported after each portion
+GRASHOF_MARGIN = 1e-4  # relative to the mean length: with less, a four-bar is a change-point linkage in practice
 
 
 @dataclass(frozen=True, eq=False)
 class Term:
-    """An objective: made of the values of some measures, the smaller the better.
+    """An objective, to be minimised: a function of the values of some measures.
 
-    ``value``: arrays (D, ...) of its measures -> (D,); ``weights``: values of one design -> derivatives of it by those values.
+    ``value``: arrays (D, ...) of its measures -> objective (D,); ``weights``: values of one design -> derivatives of the objective
+    with respect to these values; ``sign``: -1 where the measure itself is maximised.
     """
 
     text: str
@@ -127,10 +129,10 @@ class Term:
     value: Callable[[Sequence[Real]], Real]
     weights: Callable[[Sequence[Real]], list[Real]]
     sign: float = 1.0
-    distance: bool = False  # whether it is never negative, and has a kink at zero that its square has not
+    distance: bool = False  # whether it is a distance: never negative, with a kink at zero that its square does not have
 
     def shown(self, value: float) -> str:
-        """A value for people."""
+        """A value of the objective as text, with its own sign and unit."""
         return f"{self.sign * value:.6g} {self.unit}"
 
 
@@ -141,8 +143,8 @@ def _signed_term(text: str, unit: str, measure: int, sign: float) -> Term:
 
 @dataclass(frozen=True, eq=False)
 class Limit:
-    """Least and greatest value of a measure, in the unit of its quantity, or of the margin of a four-bar ``loop`` by Grashof's
-    rule, and the scale of its violation."""
+    """Least and greatest value of a measure, in the unit of its quantity, and the scale of its violation. With a ``loop`` it limits
+    the margin of a four-bar loop by Grashof's criterion instead."""
 
     text: str
     unit: str
@@ -153,13 +155,13 @@ class Limit:
     loop: FourBarLoop | None = None
 
     def violation(self, values: Real) -> Real:
-        """By how much (D,), relative, values miss the limit; 0 where they keep it."""
+        """Relative violation (D,) of the limit by values (D,); 0 where they keep it."""
         low, high = (self.least - values) / self.scale, (values - self.most) / self.scale
         return np.asarray(np.maximum(np.maximum(low, high), 0.0))
 
     @property
     def words(self) -> str:
-        """What is limited, and how, in words."""
+        """The limit in words."""
         least, most = (f"{x:.6g} {self.unit}".strip() for x in (self.least, self.most))
         if self.loop is not None:
             return self.text
@@ -169,7 +171,7 @@ class Limit:
 
 
 def violation_words(violation: float) -> str:
-    """How a design misses limits, in words; "" where it keeps all."""
+    """The violation of limits by a design, in words; "" where it keeps all."""
     if violation <= LIMIT_ROUNDING:
         return ""
     return f"limits missed by {100.0 * violation:.3g} %" if np.isfinite(violation) else "nothing assembled yet"
@@ -177,8 +179,9 @@ def violation_words(violation: float) -> str:
 
 @dataclass(frozen=True, eq=False)
 class Judged:
-    """Designs with their ``objectives`` (D, m), the smaller the better, and ``violations`` (D,) of limits, 0 where all are kept;
-    not finite where a design has no values, of which ``missing`` (D,) is the part of the frames without."""
+    """Designs (D, n) with their ``objectives`` (D, m), to be minimised, and ``violations`` (D,) of limits, 0 where all are kept.
+
+    Both are not finite where a design has no values. ``missing`` (D,): fraction of frames without values."""
 
     designs: Real
     objectives: Real
@@ -192,24 +195,25 @@ class Judged:
 
     @property
     def faultiness(self) -> Real:
-        """How far (D,) designs are from being fit: 0 where limits are kept, less than 1 where they are missed, from 1 on where
-        there are no values."""
+        """Merit (D,) for ranking infeasible designs, the smaller the better: 0 where all limits are kept, below 1 where limits are
+        violated, at least 1 where there are no values."""
         with np.errstate(invalid="ignore"):
             missed = np.where(np.isfinite(self.violations), self.violations / (1.0 + self.violations), 1.0 + self.missing)
         return np.where(self.feasible, 0.0, missed)
 
     def order(self, objective: int = 0) -> Index:
-        """The designs (D,), the best first: by how fit they are, those that keep all limits by an objective."""
+        """Indices of the designs (D,), the best first: sorted by `faultiness`, feasible designs by an objective."""
         return np.lexsort((np.nan_to_num(self.objectives[:, objective], nan=np.inf), self.faultiness))
 
     def best(self, objective: int = 0) -> int:
-        """The best design."""
+        """Index of the best design."""
         return int(self.order(objective)[0])
 
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """A goal with everything that it names; ``stated`` is the scene that states it, of which `scene` makes designs."""
+    """The optimisation problem of a goal. ``stated``: the scene with the goal, which `scene` changes to that of a design; the scene
+    of ``study`` may trace more points."""
 
     stated: Scene
     study: Study
@@ -219,17 +223,17 @@ class Problem:
 
     @property
     def bounds(self) -> Real:
-        """Least and greatest values (n, 2) of the variables in their units."""
+        """Least and greatest values (n, 2) of the variables, in their units."""
         return np.array([(v.low, v.high) for v in self.variables])
 
     @property
     def start(self) -> Real:
-        """The values (n,) of the scene."""
+        """The values (n,) of the variables in the scene, in their units."""
         return np.array([v.value for v in self.variables])
 
     def judged(self, designs: Real, executor: Pool | None = None, progress: Callable[[int, int], None] = lambda *_: None) -> Judged:
-        """Objectives and violations of designs (D, n), in portions over an executor if there is one. ``progress`` gets after each
-        portion but the last how many designs are done, and their number."""
+        """Objectives and violations of designs (D, n), computed in portions, in parallel if there is an executor. ``progress`` gets
+        the number of designs that are done and their total, after each portion except the last."""
         size = RUNS_AT_ONCE if self.study.batch is None else DESIGNS_AT_ONCE
         portions = [designs[k : k + size] for k in range(0, len(designs), size)]
         compute = map if executor is None else executor.map
@@ -248,7 +252,7 @@ class Problem:
         return Judged(designs, np.where(unfit[:, None], np.nan, objectives), np.where(unfit, np.inf, violations), missing)
 
     def limited(self, designs: Real, values: Sequence[Real]) -> Real:
-        """The limited values (D, L) of designs (D, n), from those of the measures."""
+        """The values (D, L) that the limits apply to, of designs (D, n). ``values``: those of the study's measures."""
         columns = [
             values[limit.measure] if limit.loop is None else limit.loop.margins(self.study.scene, self.variables, designs)
             for limit in self.limits
@@ -267,8 +271,8 @@ class Problem:
         return run_scene(self._of(self.study.scene, design), frames=self.study.frames, cycles=self.study.cycles)
 
     def differentiated(self, design: Real) -> tuple[Real, Real, Real, Real]:
-        """Objectives (m,) and limited values (L,) of a design, and their derivatives (m, n) and (L, n) by the variables. Raises
-        `MechanismError` where it cannot be run, or has no derivatives."""
+        """Objectives (m,) and limited values (L,) of a design (n,), and their derivatives (m, n) and (L, n) with respect to the
+        variables. Raises `MechanismError` where the design cannot be run, or has no derivatives."""
         run = self.run(design)
         moved = [v.at(float(x)) for v, x in zip(self.variables, design, strict=True)]
         slopes = sensitivities(run, self.study.measures, moved)
@@ -290,7 +294,7 @@ class Problem:
 
 
 def population_of(stated: int, variables: int) -> int:
-    """How many designs a generation has: as stated, or for so many variables where that is 0."""
+    """Size of a generation: as stated, or where that is 0, a power of two that grows with the number of variables, at least 32."""
     return stated or max(32, 1 << int(np.ceil(np.log2(12 * variables))))
 
 
@@ -303,20 +307,20 @@ def problem_of(
     population: int = 0,
     generations: int = 0,
 ) -> Problem:
-    """The problem that a scene's goal states, whose designs are computed by an executor; how many a search of so many generations
-    looks at decides whether compiling pays. Raises `MechanismError`."""
+    """The optimisation problem of a scene's goal. ``executor`` computes its designs; ``population`` and ``generations`` give the
+    number of designs of a search, which decides whether compiling pays. Raises `MechanismError`."""
     goal = goal_of(scene)
     try:
         check_goal(scene)
         count = population_of(population, len(goal_variables(scene, goal))) * (SCREENED_GENERATIONS + generations)
         return _problem(scene, goal, frames, cycles, executor, count)
     except MechanismError:
-        check_goal(scene, run_scene(scene, frames=frames, cycles=cycles).catalogue)  # if that is why, all that is wrong
+        check_goal(scene, run_scene(scene, frames=frames, cycles=cycles).catalogue)  # reports all faults of measures at once
         raise
 
 
 def _problem(scene: Scene, goal: GoalDocument, frames: int | None, cycles: int | None, executor: Executor, count: int) -> Problem:
-    """The problem of a goal that names known parameters, and of which so many designs are looked at."""
+    """The problem of a goal that names only known parameters. ``count``: number of designs of a search."""
     variables = goal_variables(scene, goal)
     stated, limits_stated = scene, dict(goal.limits)
     if goal.box is not None:
@@ -375,8 +379,8 @@ def _problem(scene: Scene, goal: GoalDocument, frames: int | None, cycles: int |
 
 
 def _boxed(scene: Scene, corners: tuple[Sequence[float], Sequence[float]]) -> tuple[Scene, dict[str, LimitDocument]]:
-    """A scene in which all points of moving links are traced, of those in one revolute joint one, and limits that keep them between
-    two opposite corners."""
+    """A scene in which the points of all moving links are traced (one for each revolute joint, none for joints on the frame), and
+    limits that keep the points within the box given by two opposite corners."""
     mechanism = scene.mechanism
     pins = [list(zip(j.links, j.points, strict=True)) for j in mechanism.joints if isinstance(j, Revolute)]
     left_out = {end for ends in pins for end in ends[mechanism.frame not in (link for link, _ in ends) :]}
@@ -406,7 +410,7 @@ def _in_unit(value: float | str, unit: str, path: str) -> float:
 
 
 def _drive(study: Study) -> Real:
-    """The first drive's coordinate (F,) in the run, the same for all designs [rad or m]."""
+    """Coordinate (F,) of the first drive over the run [rad or m], the same for all designs; empty without drives."""
     drives = study.nominal.motion.mechanism.drives
     if not drives:
         return np.zeros(0)
@@ -426,7 +430,8 @@ def _along(study: Study) -> str:
 
 
 def _weights_at(study: Study, drive: Real, places: Sequence[float]) -> Real:
-    """Weights (M, F) of the values of a curve (F,) in its values where the drive is at places. Raises `MechanismError`."""
+    """Matrix (M, F) that interpolates a curve (F,) to the M places of the drive. Raises `MechanismError` where the drive does not
+    reach a place."""
     time, unit = study.nominal.catalogue.numbers.time, np.eye(len(drive))
     rows = []
     for place in places:
@@ -436,7 +441,7 @@ def _weights_at(study: Study, drive: Real, places: Sequence[float]) -> Real:
 
 
 def _following(text: str, quantity: Quantity, measure: int, at: Real, wanted: Real) -> Term:
-    """The root mean square deviation of a curve from values at places."""
+    """Objective: root mean square deviation of a curve from the values ``wanted`` (M,); ``at`` (M, F) interpolates the curve."""
 
     def value(own: Sequence[Real]) -> Real:
         return np.asarray(np.sqrt(np.mean((own[0] @ at.T - wanted) ** 2, axis=-1)))
@@ -449,14 +454,15 @@ def _following(text: str, quantity: Quantity, measure: int, at: Real, wanted: Re
 
 
 def _passing(text: str, unit: str, measures: tuple[int, int], through: Real, at: Real | None) -> Term:
-    """The root mean square distance of places from a path in a ``unit``, at places of the drive or wherever it is nearest."""
+    """Objective: root mean square distance, in ``unit``, of the points ``through`` (M, 2) from a path, at places of the drive
+    (``at`` (M, F) interpolates the path) or, where ``at`` is None, from the nearest point of the path."""
 
     def distances(x: Real, y: Real) -> tuple[Real, Real, Real]:
-        """Vectors from the places to the path (..., M), and what the frames weigh in these (..., M, F)."""
+        """Components x and y (..., M) of the vectors from the points to the path, and their weights of the frames (..., M, F)."""
         if at is not None:
             return x @ at.T - through[:, 0], y @ at.T - through[:, 1], np.broadcast_to(at, (*x.shape[:-1], *at.shape))
         dx, dy = x[..., None, :] - through[:, 0, None], y[..., None, :] - through[:, 1, None]
-        # the nearest place of the polygon through the frames
+        # the nearest point of the polygon through the frames
         ex, ey = np.diff(dx, axis=-1), np.diff(dy, axis=-1)
         with np.errstate(invalid="ignore", divide="ignore"):
             share = np.clip(np.nan_to_num(-(dx[..., :-1] * ex + dy[..., :-1] * ey) / (ex**2 + ey**2)), 0.0, 1.0)

@@ -1,4 +1,4 @@
-"""Which designs a study looks at: variations of parameters, grids of them, and samples that fill their ranges."""
+"""Designs of a study: variations of parameters, grids of them, and samples that fill their ranges."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ _SHAPE = re.compile(r"\s*(?P<name>[^\W\d][^=:]*?)\s*(?:=\s*(?P<what>[^:]+?))?\s*
 
 @dataclass(frozen=True)
 class Variation:
-    """A parameter that varies over a list of ``values`` or from ``low`` to ``high``, in ``unit`` ("" for plain numbers); ``count``:
-    how many values of a range a grid takes, 0 where that is not said."""
+    """A parameter that varies over a list of ``values``, or from ``low`` to ``high``, in ``unit`` ("" for plain numbers).
+    ``count``: number of values of a range in a grid, 0 where it is not given."""
 
     name: str
     unit: str
@@ -33,12 +33,12 @@ class Variation:
 
     @property
     def title(self) -> str:
-        """Name and unit, as the column of a table is headed."""
+        """Name and unit, the heading of the parameter's column in tables."""
         return f"{self.name} [{self.unit}]" if self.unit else self.name
 
     @property
     def factor(self) -> float:
-        """SI units in one of its unit."""
+        """Value of its unit in SI units."""
         return float(unit_of(self.unit).factor) if self.unit else 1.0
 
     def stated(self, value: float) -> float | str:
@@ -126,7 +126,7 @@ def _own_range(scene: Scene, text: str, name: str) -> tuple[float, float, str]:
 
 
 def grid(variations: Sequence[Variation]) -> Real:
-    """All combinations (D, n) of the values of n variations, the last one varying fastest. Raises `MechanismError`."""
+    """All combinations (D, n) of the values of n variations; the last one varies fastest. Raises `MechanismError`."""
     axes = []
     for v in variations:
         if not v.values and v.count < 1:
@@ -141,7 +141,8 @@ def grid(variations: Sequence[Variation]) -> Real:
 
 @dataclass(frozen=True)
 class Sample:
-    """So many designs that fill the ranges: ``lhs`` Latin hypercube, ``sobol`` scrambled Sobol points (a power of two)."""
+    """A sample of ``count`` designs that fill the ranges: ``lhs`` Latin hypercube, ``sobol`` scrambled Sobol points (a power of
+    two)."""
 
     method: str
     count: int

@@ -1,5 +1,5 @@
-"""Sensitivities: exact derivatives of a quantity of a run by parameters of its scene, ranked, with a tornado chart; and tolerance
-bands, how far curves may be off at every frame, from them."""
+"""Sensitivities: exact derivatives of a quantity of a run with respect to parameters of its scene, ranked, with a tornado chart;
+and tolerance bands of curves, computed from these derivatives."""
 
 from __future__ import annotations
 
@@ -46,14 +46,14 @@ from mechviz.studies.designs.variables import Variable, parameters_of, variables
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-UNKNOWN = "not known"  # of derivatives next to singular positions, where there are none
-STRAIGHT = 1e-100  # [1/m], a curvature that stands for none, so that its radius has a slope
+UNKNOWN = "not known"  # text for derivatives that do not exist, as at singular positions
+STRAIGHT = 1e-100  # [1/m] substitute for zero curvature, so that the radius has a derivative
 
 
 @dataclass(frozen=True, eq=False)
 class Sensitivity:
-    """How a quantity moves with variables: ``curve`` (F,) in its unit and ``slopes`` (P, F) in that per unit of each variable, over
-    the frames; of a measure with a reducer also its ``number``, and the ``derivatives`` (P,) of that."""
+    """Sensitivity of a measure to variables: its ``curve`` (F,) in the unit of the quantity, and ``slopes`` (P, F) of the curve per
+    unit of each variable. With a reducer also the ``number`` and its ``derivatives`` (P,); both are NaN otherwise."""
 
     measure: Measure
     quantity: Quantity
@@ -68,25 +68,27 @@ class Sensitivity:
 
     @cached_property
     def slopes(self) -> Real:
-        """Derivatives (P, F) of the curve: one way forwards through the computation with all variables."""
+        """Derivatives (P, F) of the curve, by forward mode automatic differentiation for all variables at once; computed at first
+        use."""
         return self.find_slopes()
 
     @property
     def size(self) -> float:
-        """The scale of effects: the number, or the largest value of the curve."""
+        """Reference value of relative effects: the size of the number, or the largest size of the curve."""
         return abs(self.number) if self.measure.reducer else float(np.nanmax(np.abs(self.curve)))
 
     @property
     def values(self) -> Real:
-        """Values (P,) of the variables in their units."""
+        """Values (P,) of the variables, in their units."""
         return np.array([v.value for v in self.variables])
 
     def by_one_percent(self) -> Real:
-        """Effect (P,) of a percent more of each variable; of a curve the largest over the run, with its sign."""
+        """Effect (P,) of an increase of each variable by one percent; for a curve the largest effect over the run, with its
+        sign."""
         return 0.01 * self.values * self._largest()
 
     def by_tolerance(self) -> Real:
-        """Effect (P,) of the tolerance of each variable, 0 where it has none."""
+        """Size (P,) of the effect of each variable's tolerance; 0 where it has none."""
         return np.array([v.tolerance for v in self.variables]) * np.abs(self._largest())
 
     def _largest(self) -> Real:
@@ -96,11 +98,12 @@ class Sensitivity:
         return np.asarray(self.slopes[np.arange(len(self.slopes)), where])
 
     def order(self) -> list[int]:
-        """The variables by what a percent of them does, the greatest first."""
+        """Indices of the variables, sorted by the effect of one percent, the greatest first."""
         return [int(k) for k in np.argsort(-np.abs(np.nan_to_num(self.by_one_percent())), kind="stable")]
 
     def rows(self) -> Iterator[tuple[str, ...]]:
-        """The table, its headings first: variable, value, derivative, what 1 % more does, and what the tolerance does."""
+        """Rows of the table, headings first: variable, value, derivative, effect of one percent more, and effect of the
+        tolerance."""
         toleranced = any(v.tolerance for v in self.variables)
         unit = self.quantity.unit
         slope = "derivative" if self.measure.reducer else "largest derivative"
@@ -129,8 +132,8 @@ class Sensitivity:
 
 
 def sensitivity(run: Run, of: str, by: str | Sequence[str] = ()) -> Sensitivity:
-    """How a quantity, or a number of it such as ``joint.B.reaction:max``, moves with parameters of the run's scene, or with numbers
-    of it by their places: exact derivatives at every frame. Without ``by``: all own parameters. Raises `MechanismError`."""
+    """Sensitivity of a quantity, or of a number such as ``joint.B.reaction:max``, to parameters of the run's scene or numbers in it
+    by their paths: exact derivatives at every frame. Without ``by``: all independent parameters. Raises `MechanismError`."""
     with under_other_names({"--of": "of", "--by": "by"}):
         measure = parse_measure(run.scene, of)
         variables = variables_of(run.scene, [by] if isinstance(by, str) else by)
@@ -138,9 +141,10 @@ def sensitivity(run: Run, of: str, by: str | Sequence[str] = ()) -> Sensitivity:
 
 
 def sensitivities(run: Run, measures: Sequence[Measure], variables: Sequence[Variable]) -> list[Sensitivity]:
-    """The same of several measures, which share the work.
+    """Sensitivities of several measures, which share one computation.
 
-    Derivatives of numbers come one way backwards through the computation, whatever the variables are; those of curves forwards.
+    Derivatives of numbers come from reverse mode automatic differentiation, at a cost independent of the number of variables; those
+    of curves from forward mode. Raises `MechanismError`.
     """
     quantities = [quantity_of(measure, run.catalogue) for measure in measures]
     parts: list[tuple[Index, Derivatives, list[Any]]] = []
@@ -185,7 +189,7 @@ def sensitivities(run: Run, measures: Sequence[Measure], variables: Sequence[Var
 
 
 def _with_rows(whole: Real | None, rows: Index, part: Real, frames: int) -> Real:
-    """Derivatives (P, F, ...) with those of some frames in their places."""
+    """Derivatives (P, F, ...) of all frames, into which those of some frames are written; the others are NaN at first."""
     if whole is None:
         whole = np.full((len(part), frames, *part.shape[2:]), np.nan)
     whole[:, rows] = part
@@ -193,7 +197,8 @@ def _with_rows(whole: Real | None, rows: Index, part: Real, frames: int) -> Real
 
 
 def core_parameters(scene: Scene, variables: Sequence[Variable]) -> tuple[Parameter, ...]:
-    """Variables as the core differentiates by them, in their units. Ranges do not end what is looked at beside a value."""
+    """Variables as parameters of the core's derivatives, in their units. Ranges are removed, because neighbouring values, which are
+    evaluated too, may lie outside of them."""
     wide = without_ranges(scene)
 
     def of(variable: Variable) -> Parameter:
@@ -213,8 +218,8 @@ def core_parameters(scene: Scene, variables: Sequence[Variable]) -> tuple[Parame
 
 
 def derivatives_of(run: Run, variables: Sequence[Variable]) -> list[tuple[Index, Derivatives]]:
-    """Derivatives of a run by variables of its scene, in their units, each with the numbers of the frames that it is of; frames of
-    one number are compared. Raises `MechanismError`."""
+    """Derivatives of a run with respect to variables of its scene, in their units, in parts, each with the numbers of its frames.
+    They are taken at fixed frame numbers, not at fixed times. Raises `MechanismError`."""
     parameters = core_parameters(run.scene, variables)
     if run.simulation is not None and run.steady is not None:
         assert run.scene.simulation is not None
@@ -228,8 +233,8 @@ def derivatives_of(run: Run, variables: Sequence[Variable]) -> list[tuple[Index,
 
 
 def traced(exact: Derivatives, quantity: Quantity) -> Any:
-    """The values (F, n) of a quantity on the tape, in its unit. Raises `LookupError` where its derivatives are not known, and
-    `MechanismError` where those of the forces are not."""
+    """The values (F, n) of a quantity on the tape, in its unit. Raises `LookupError` where its derivatives are not implemented, and
+    `MechanismError` where the forces have no derivatives."""
     forces = exact.forces if needs_forces(quantity.path) else None
     _check_determined(exact, quantity.path)
     try:
@@ -241,7 +246,8 @@ def traced(exact: Derivatives, quantity: Quantity) -> Any:
 
 
 def _rows(exact: Derivatives, quantity: Quantity) -> Any:
-    """The table of a quantity on the tape, where it is none of those that designs side by side have, too. Raises `LookupError`."""
+    """The table of a quantity on the tape, or None where `table_values` has it. Raises `LookupError` where derivatives are not
+    implemented."""
     match quantity.path[1:]:
         case ("joints" | "cams", joint, what) if joint not in {c.name for c in exact.nominal.model.connections}:
             return _rows_of_separated_cam(exact, what)
@@ -249,8 +255,8 @@ def _rows(exact: Derivatives, quantity: Quantity) -> Any:
             return exact.energy
         case ("power",):
             powers = dict(powers_by_label(exact.forces))
-            names = quantity.curves if len(quantity.curves) > 1 else list(powers)  # a single one is called power
-            nothing = np.zeros(exact.nominal.frames)  # of a stop on which nothing rests
+            names = quantity.curves if len(quantity.curves) > 1 else list(powers)  # the curve of a single power has another name
+            nothing = np.zeros(exact.nominal.frames)  # power of a stop that is not in contact
             return np.stack([powers.get(name, nothing) for name in names], axis=-1)
         case ("shaking",) if (study := exact.nominal.mechanism.studies.shaking) is not None:
             shaken = shaking(exact.motion, study.about)
@@ -258,10 +264,10 @@ def _rows(exact: Derivatives, quantity: Quantity) -> Any:
         case ("cams", joint, "contact" | "normal" | "lift" as what):
             return _of_cam(exact, joint, what)
         case ("loads", *names):
-            if quantity.key.endswith("point_of_action"):  # which may be drawn elsewhere
+            if quantity.key.endswith("point_of_action"):  # may be drawn at another place
                 raise LookupError(quantity.key)
             load = exact.forces.loads.get("/".join(names))
-            return np.zeros((exact.nominal.frames, 5)) if load is None else load.values  # none: nothing rests on that stop
+            return np.zeros((exact.nominal.frames, 5)) if load is None else load.values  # None: a stop that is not in contact
         case ("joints", joint, "friction" | "friction_loss" as what) if (friction := exact.forces.friction) is not None:
             return friction.wrench(joint) if what == "friction" else np.stack([friction.losses(joint)], axis=-1)
         case ("joints", joint, "bearing"):
@@ -281,7 +287,7 @@ def _rows(exact: Derivatives, quantity: Quantity) -> Any:
 
 
 def _rows_of_separated_cam(exact: Derivatives, what: str) -> Any:
-    """Rows of a table of a cam that its follower has left: nothing presses, and nothing else is known of them."""
+    """Rows of a table of a cam while its follower is separated: forces are zero, all else is NaN."""
     unknown = np.nan
     columns = {
         "reaction": [0.0] * 3,
@@ -293,7 +299,7 @@ def _rows_of_separated_cam(exact: Derivatives, what: str) -> Any:
 
 
 def _check_determined(exact: Derivatives, path: tuple[str, ...]) -> None:
-    """Raises `MechanismError` of what one joint carries and statics does not determine."""
+    """Raise `MechanismError` where a table holds a force of a joint that statics does not determine."""
     match path[1:]:
         case ("joints", joint, "reaction") | ("cams", joint, "contact" | "normal"):
             if exact.nominal.model.needs_global_solve and joint in indeterminate(exact.nominal):
@@ -324,30 +330,31 @@ def _of_cam(exact: Derivatives, joint: str, what: str) -> Any:
     side = carrying(pressing)
     turned = column(
         "pressure angle", lambda cam, motion: np.exp(1j * cam.rows(motion, side).pressure_angle)
-    )  # one that stays zero is rounding
+    )  # as a unit vector: a pressure angle that stays zero is rounding relative to it
     curvature = column("curvature", lambda cam, motion: 1.0 / cam.rows(motion, side).radius)
     radius = 1.0 / (curvature + np.where(value_of(curvature) == 0.0, STRAIGHT, 0.0))
     beside = column("eccentricity", lambda cam, motion: cam.rows(motion).eccentricity)
-    unknown = np.full(exact.nominal.frames, np.nan)  # places, which no quantity is
+    unknown = np.full(exact.nominal.frames, np.nan)  # the place of contact, which is not a quantity of the catalogue
     return np.stack([unknown, unknown, force, np.angle(turned), radius, beside], axis=-1)
 
 
 def _seen(exact: Derivatives, joint: str) -> Any:
-    """The part of a cam's contact force that the plane of the mechanism sees (F,), on the tape."""
+    """Ratio (F,) of the contact force's component in the plane of the mechanism to the contact force of a cam, on the tape."""
     return exact.contact_of(
         joint, "seen", lambda cam, motion: cam.seen(motion) if isinstance(cam, PlacedSpatial) else np.ones(motion.frames)
     )
 
 
 def _pressing(exact: Derivatives, joint: str) -> tuple[AnyCam, Real]:
-    """A cam, and the force along its normal (F,) [N], whose sign says which flank carries."""
+    """A cam, and the contact force along its normal (F,) [N], whose sign tells the flank that carries it."""
     (cam,) = (c for c in placed_cams(exact.nominal) if c.name == joint)
     pressed = value_of(exact.forces.pressed(joint))
     return cam, cam.pressing(exact.nominal, pressed[:, 0] + 1j * pressed[:, 1])
 
 
 def _stress(exact: Derivatives, joint: str) -> Any:
-    """Hertz pressure and half width of a cam's contact on the tape, of a force F and curvatures that add up to k."""
+    """Hertz pressure [Pa] and half width [m] of a cam's contact (F, 2) on the tape, from the contact force and the sum of the
+    curvatures of both bodies."""
 
     def elastic(model: Model) -> Real:
         rating = next(p.rating for p in model.mechanism.joints if isinstance(p, CamJoint) and p.name == joint)
@@ -365,7 +372,7 @@ def _stress(exact: Derivatives, joint: str) -> Any:
 
 
 def tornado(row: Sensitivity, title: str, most: int = 20) -> Figure:
-    """A tornado chart: what a percent less and more of each variable does, and its tolerance where it has one."""
+    """Tornado chart: effect of one percent less and more of each of the ``most`` influential variables, and of the tolerances."""
     order = row.order()[:most]
     one, off = row.by_one_percent(), row.by_tolerance()
     toleranced = any(row.variables[k].tolerance for k in order)
@@ -391,8 +398,9 @@ def tornado(row: Sensitivity, title: str, most: int = 20) -> Figure:
 
 @dataclass(frozen=True, eq=False)
 class Bands:
-    """Half widths (F, n) of the curves of quantities by their keys, in their units: the worst case, all tolerances added up; NaN
-    at singular frames. ``refused``: why some or all are missing; ``variables``: whose tolerances they are."""
+    """Tolerance bands: half widths (F, n) of the curves of quantities by key, in their units. They are worst case, the sum of the
+    effects of all tolerances; NaN at singular frames. ``refused``: why some or all are missing; ``variables``: those with the
+    tolerances."""
 
     halves: Mapping[str, Real] = field(default_factory=dict)
     refused: str = ""
@@ -400,13 +408,13 @@ class Bands:
 
 
 def with_tolerances(scene: Scene) -> tuple[Variable, ...]:
-    """The parameters of a scene that have a tolerance."""
+    """The independent parameters of a scene that have a tolerance."""
     return tuple(v for v in parameters_of(scene) if v.tolerance > 0.0)
 
 
 def bands_of(run: Run) -> Bands:
-    """The bands of all quantities of which derivatives are known, by the tolerances of the scene's parameters; none where nothing
-    has a tolerance."""
+    """Tolerance bands of all quantities whose derivatives are implemented, from the tolerances of the scene's parameters; empty
+    where no parameter has a tolerance."""
     variables = with_tolerances(run.scene)
     if not variables:
         return Bands()

@@ -1,4 +1,4 @@
-"""Sweeps: a study of many designs, stored as they are found, so that what is interrupted goes on where it was."""
+"""Sweeps: studies of many designs whose results are stored as they are computed, so that an interrupted study can be resumed."""
 
 from __future__ import annotations
 
@@ -26,15 +26,15 @@ from mechviz.studies.designs.sampling import Sample
 if TYPE_CHECKING:
     import pyarrow as pa
 
-LARGEST_CHUNK = 8192, 512, 8  # designs that are computed at once: by a compiled program; in batches; each by itself, in a process
-FLUSH_SECONDS = 2.0  # [s] between parts that are written
+LARGEST_CHUNK = 8192, 512, 8  # designs per portion: in C; in batches by numpy; run singly
+FLUSH_SECONDS = 2.0  # [s] between writes of parts
 REASON = "reason"
-"""Column of the reasons why there is nothing of a design."""
+"""Name of the column with the reasons why a design has no values."""
 
 
 @dataclass(frozen=True, eq=False)
 class DesignTable:
-    """A study with its designs (D, n) and what was found of them: numbers (D,), or curves (D, F) with the drive's ``axis`` (F,)."""
+    """A study with its designs (D, n) and their results: numbers (D,) or curves (D, F) of each measure."""
 
     study: Study
     designs: Real
@@ -47,16 +47,17 @@ class DesignTable:
 
 
 def parts_of(path: Path) -> Path:
-    """The folder of the parts of a study that is not finished."""
+    """The folder with the parts of an unfinished study that will be written to ``path``."""
     return path.with_name(path.name + ".parts")
 
 
 @dataclass
 class Store:
-    """The designs of a study that are known so far: parts in a folder beside the file that they will become.
+    """Storage of the results of a study: parts in a folder next to the file into which they will be joined.
 
-    A part is there as a whole or not at all, so that a study may be killed at any time. From `open` to `close` the folder is held
-    for this store alone.
+    A part is written completely or not at all, so that a study may be killed at any time. From `open` to `close` this store holds
+    an exclusive lock on the folder. ``about``: header of the files; ``done``: numbers of the designs that are stored; ``written``:
+    number of the next part.
     """
 
     path: Path
@@ -70,8 +71,8 @@ class Store:
         return parts_of(self.path)
 
     def open(self, *, fresh: bool = False) -> None:
-        """Takes up what an earlier run of the same study has left. Raises `MechanismError` where it was another study's,
-        `OutputError` where another run is at it."""
+        """Lock the folder, and find the designs that earlier runs of the same study have stored; ``fresh``: delete these instead.
+        Raises `MechanismError` where the files belong to another study, `OutputError` where another process holds the lock."""
         import pyarrow.parquet as pq
 
         self.folder.mkdir(exist_ok=True)
@@ -94,7 +95,7 @@ class Store:
             self.written = max(self.written, int(part.stem) + 1)
 
     def close(self) -> None:
-        """Lets others write. The folder goes where it holds nothing."""
+        """Release the lock. Removes the folder if it is empty."""
         if self.held is not None:
             if is_locked(self.held, self.folder):
                 with suppress(OSError):
@@ -112,7 +113,7 @@ class Store:
                 raise MechanismError(Fault("--output", f"'{self.path}' holds what {what} has found.", remedy))
 
     def write(self, table: pa.Table) -> None:
-        """Puts down some designs."""
+        """Write the rows of some designs as a part."""
         import pyarrow.parquet as pq
 
         self.folder.mkdir(exist_ok=True)
@@ -122,7 +123,7 @@ class Store:
         self.written += 1
 
     def finish(self) -> pa.Table:
-        """Joins the parts to the one file, in the order of the designs; gives its table."""
+        """Join the parts into the file of the study, in the order of the designs; returns its table."""
         import pyarrow as pa
         import pyarrow.parquet as pq
 
@@ -136,7 +137,7 @@ class Store:
 
 
 def about_study(study: Study, sample: Sample | None) -> dict[str, str]:
-    """Header of a study's file: the scene, the question, the seeds, the version."""
+    """Header of a study's file: scene, variations and measures, sample with its seed, version of the program."""
     question = {
         "vary": [[v.name, v.unit, list(v.values), v.low, v.high, v.count] for v in study.variations],
         "of": [measure.text for measure in study.measures],
@@ -153,7 +154,7 @@ def about_study(study: Study, sample: Sample | None) -> dict[str, str]:
 
 
 def measure_columns(study: Study) -> list[str]:
-    """Headings of the measures, with units."""
+    """Column headings of the measures, with units."""
     columns = []
     for measure, quantity in zip(study.measures, study.quantities, strict=True):
         columns.append(f"{measure.text} [{quantity.unit}]")
@@ -161,7 +162,7 @@ def measure_columns(study: Study) -> list[str]:
 
 
 def arrow_table(study: Study, numbers: Index, designs: Real, results: DesignResults) -> pa.Table:
-    """The rows of some designs: their numbers, the parameters, what was found, and the reasons where nothing was."""
+    """Rows of some designs: their numbers, parameters, results, and the reasons why there are none."""
     import pyarrow as pa
 
     columns: dict[str, pa.Array] = {"design": pa.array(numbers, pa.int64())}
@@ -175,7 +176,7 @@ def arrow_table(study: Study, numbers: Index, designs: Real, results: DesignResu
 
 
 def read_designs(study: Study, table: pa.Table) -> DesignTable:
-    """A study's rows from its file."""
+    """The designs and results of a study, from the table of its file."""
     designs = np.column_stack([table[v.title].to_numpy() for v in study.variations])
     values = []
     for title in measure_columns(study):
@@ -187,7 +188,7 @@ def read_designs(study: Study, table: pa.Table) -> DesignTable:
 
 
 def csv_lines(table: DesignTable) -> Iterator[str]:
-    """A study as lines of CSV; curves, which are long, as texts of numbers with blanks between them."""
+    """A study as lines of CSV; a curve is one cell with numbers separated by blanks."""
     yield ",".join(f'"{title}"' for title in (*(v.title for v in table.study.variations), *measure_columns(table.study), REASON))
     for k, design in enumerate(table.designs):
         cells = [repr(float(x)) for x in design]
@@ -197,8 +198,8 @@ def csv_lines(table: DesignTable) -> Iterator[str]:
 
 
 def chunks(study: Study, count: int, done: set[int]) -> Iterator[Index]:
-    """Numbers of the designs that are left, in the portions that are computed at once; which portion a design belongs to depends
-    on nothing else, so that it comes out the same however often the study was interrupted."""
+    """Numbers of the designs of each portion that is not entirely ``done``. The portions do not depend on ``done``, so that the
+    results of a design are the same however often the study was interrupted."""
     size = LARGEST_CHUNK[0 if study.compiled else 1 if study.batch is not None else 2]
     for start in range(0, count, size):
         numbers = np.arange(start, min(start + size, count))
@@ -215,10 +216,10 @@ def run_study(
     most: int = 4,
     progress: Callable[[int, int], None] = lambda *_: None,
 ) -> DesignTable:
-    """Results of all designs (D, n): by an executor, with ``most`` portions in its hands at once, or here without one. Processes of
-    this machine are left out where C computes, which has threads of its own.
+    """Results of all designs (D, n), computed by an executor with up to ``most`` portions at a time, or in this process without
+    one. A pool of local processes is not used where a C program computes the designs, as it has its own threads.
 
-    With a store, what is known stays known whatever happens. ``progress`` gets the number of designs that are done and their total.
+    With a ``store`` results survive interruptions. ``progress`` gets the number of designs that are done and their total.
     """
     count, known = len(designs), set() if store is None else set(store.done)
     rows: list[pa.Table] = []
@@ -255,7 +256,7 @@ def run_study(
 def _computed(
     study: Study, designs: Real, portions: Iterator[Index], executor: Executor | None, most: int
 ) -> Iterator[tuple[Index, DesignResults]]:
-    """The portions as they are found, with their numbers."""
+    """Numbers and results of the portions, in the order of completion."""
     if executor is None:
         for numbers in portions:
             yield numbers, evaluate(study, designs[numbers])

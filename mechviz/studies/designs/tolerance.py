@@ -1,8 +1,8 @@
-"""Tolerances: what parts that are off within theirs do to a quantity. Worst case, root sum of squares, and samples (Monte Carlo).
+"""Tolerance analysis: effect of the tolerances of parts on a quantity. Worst case, root sum of squares, and samples (Monte Carlo).
 
-The first two come from exact derivatives at the nominal design and say how much each tolerance contributes; corners and samples
-compute the mechanism anew for every design. A tolerance is a limit either way: parts vary normally with a third of it as standard
-deviation, or uniformly or triangularly within it.
+The first two come from exact derivatives at the nominal design and give the contribution of each tolerance. Corners and samples
+solve the mechanism anew for every design. A tolerance is a symmetric limit: parts are distributed normally with a third of it as
+standard deviation, or uniformly or triangularly within it.
 """
 
 from __future__ import annotations
@@ -39,18 +39,18 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Distribution = Literal["normal", "uniform", "triangular"]
-NORMAL_SIGMAS = 3.0  # standard deviations in a tolerance, of parts that vary normally
-SCRAMBLES = 8  # independent scrambles of the samples, whose differences say how far results may be off
-MOST_CORNERS = 12  # tolerances whose corners are all computed
-MOST_NUMBERS = 60_000_000  # of the curves of all samples
-BAND_PLACES = 13  # of a band that is printed
-TAKEN_OVER = 1e-6  # by how much an extreme moves farther than its own frame's value, if another frame takes over
-TAIL_QUANTILES = (0.00135, 0.99865)  # three standard deviations either way, of a normal distribution
+NORMAL_SIGMAS = 3.0  # standard deviations per tolerance, for normal distributions
+SCRAMBLES = 8  # independent scrambles of the samples, whose scatter gives the standard errors
+MOST_CORNERS = 12  # largest number of tolerances whose corners are all computed
+MOST_NUMBERS = 60_000_000  # largest number of values in the curves of all samples
+BAND_PLACES = 13  # rows of a printed band
+TAKEN_OVER = 1e-6  # relative: an extreme that moves farther than its own derivative says has passed to another frame
+TAIL_QUANTILES = (0.00135, 0.99865)  # of a normal distribution at three standard deviations on either side
 
 
 @dataclass(frozen=True)
 class QuantityLimits:
-    """Between which values a quantity has to stay, in its unit; infinite where it need not."""
+    """Least and greatest allowed value of a quantity, in its unit; infinite where there is no limit."""
 
     low: float = -np.inf
     high: float = np.inf
@@ -58,12 +58,15 @@ class QuantityLimits:
 
 @dataclass(frozen=True, eq=False)
 class Tolerances:
-    """Effects of tolerances on a measure, in its unit. Arrays end with the frames (F,) where it is a curve, else they are numbers.
+    """Effects of tolerances on a measure, in its unit. The last axis of the arrays, written (...), is (F,) for a curve and empty
+    for a number.
 
-    ``nominal``; ``slopes`` (P, ...) of each variable, in its unit; ``worst`` and ``root_sum_square``: half widths by the sum of all
-    contributions and by the root of their squares; ``corners``: least and greatest over all corners of the tolerances, where there
-    are few; ``mean``, ``sigma``, ``tails`` (2, ...) and ``ends`` (2, ...) of the samples, and standard errors of the first two;
-    ``lost``, ``lost_corners``: samples and corners that cannot be assembled; ``values`` of samples of a number.
+    ``nominal`` (...): value of the nominal design; ``slopes`` (P, ...): slopes per unit of each variable; ``worst`` and
+    ``root_sum_square`` (...): half widths by the sum of the contributions and by the root of the sum of their squares; ``corners``
+    (2, ...): least and greatest value over all corners of the tolerances, None where there are too many; ``mean``, ``sigma`` (...):
+    mean and standard deviation of the samples; ``errors`` (2, ...): standard errors of these two; ``tails``, ``ends`` (2, ...):
+    99.73 % interval and extremes of the samples; ``lost``, ``lost_corners``: numbers of samples and corners that cannot be
+    assembled; ``values``: of the samples, if the measure is a number.
     """
 
     measure: Measure
@@ -72,7 +75,7 @@ class Tolerances:
     distribution: Distribution
     nominal: Real
     slopes: Real
-    exact: bool  # whether the slopes are derivatives, else they are fitted to the samples
+    exact: bool  # whether the slopes are exact derivatives; otherwise they are fitted to the samples
     worst: Real
     root_sum_square: Real
     corners: Real | None
@@ -86,33 +89,33 @@ class Tolerances:
     lost_corners: int
     values: Real
     limits: QuantityLimits | None
-    inside: float  # part of the samples that stays within the limits at all frames
-    computed_by: str  # what computed the samples, in words
+    inside: float  # fraction of the samples that is within the limits at all frames
+    computed_by: str  # executor of the samples, in words
 
     @property
     def curve(self) -> bool:
-        """Whether it is a curve over the frames."""
+        """Whether the measure is a curve over the frames."""
         return self.nominal.ndim > 0
 
     @property
     def at(self) -> int | None:
-        """The frame where the likely deviation is greatest; None of a number."""
+        """The frame with the greatest root-sum-square deviation; None where the measure is a number."""
         return int(np.argmax(np.nan_to_num(self.root_sum_square, nan=-1.0))) if self.curve else None
 
     def deviations(self) -> Real:
-        """Contribution (P,) of each variable to the worst case, of a curve at its worst frame."""
+        """Contribution (P,) of each variable to the worst case; of a curve at the frame `at`."""
         moved = np.abs(self.slopes[:, self.at] if self.curve else self.slopes)
         return np.asarray(moved * np.array([v.tolerance for v in self.variables]))
 
     def shares(self) -> Real:
-        """Part (P,) of each variable in the variance, of a curve at its worst frame."""
+        """Fraction (P,) of the variance that is due to each variable; of a curve at the frame `at`."""
         squares = self.deviations() ** 2
         return np.asarray(squares / squares.sum()) if squares.sum() > 0.0 else squares
 
     @property
     def capability(self) -> tuple[float, float]:
-        """Cp and Cpk of the samples of a number within its limits: how often six and three standard deviations fit in; NaN where
-        there are no limits that they are about."""
+        """Process capability indices Cp and Cpk of the samples of a number: its limits in units of six standard deviations, and the
+        distance of the mean from the nearer limit in units of three. NaN where they are not defined."""
         if self.curve or self.limits is None or not float(self.sigma) > 0.0:
             return float("nan"), float("nan")
         low, high, mean, sigma = self.limits.low, self.limits.high, float(self.mean), float(self.sigma)
@@ -120,7 +123,7 @@ class Tolerances:
         return cp, min(high - mean, mean - low) / (3.0 * sigma)
 
     def lines(self) -> Iterator[tuple[str, ...]]:
-        """Rows of the figures: name and value."""
+        """Rows of the table of results: name and value."""
         unit, k = self.quantity.unit, self.at
 
         def of(x: Real) -> float:
@@ -147,7 +150,7 @@ class Tolerances:
             yield "not assembled", f"{self.lost} of {self.samples} samples"
 
     def band(self, axis: Axis) -> Iterator[tuple[str, ...]]:
-        """Rows of the band of a curve along an axis, its headings first: at places evenly between its ends."""
+        """Rows of the table of a curve's band at evenly spaced places of an axis, headings first."""
         unit = self.quantity.unit
         yield axis.title, f"nominal [{unit}]", "worst case", "root sum square", "99.73 % between"
         places = np.linspace(axis.values[0], axis.values[-1], BAND_PLACES)
@@ -159,7 +162,7 @@ class Tolerances:
             )  # fmt: skip
 
     def rows(self) -> Iterator[tuple[str, ...]]:
-        """The contributions, their headings first, the greatest first."""
+        """Rows of the table of contributions, headings first, then the greatest first."""
         yield "variable", "value", "tolerance", f"does ± [{self.quantity.unit}]", "of the variance"
         off, shares = self.deviations(), self.shares()
         for k in np.argsort(-shares, kind="stable"):
@@ -171,7 +174,7 @@ class Tolerances:
 
 
 def _deviation(size: float, unit: str = "") -> str:
-    """A deviation in words; not a number: where there are no derivatives."""
+    """A deviation as text; "not known" where it is not finite, as without derivatives."""
     return f"± {size:.4g} {unit}".rstrip() if np.isfinite(size) else UNKNOWN
 
 
@@ -190,9 +193,11 @@ def tolerances(
     progress: Callable[[int, int], None] = lambda *_: None,
     program: Executor = "numpy",
 ) -> list[Tolerances]:
-    """Effects of the tolerances of variables on measures of a run. ``samples``: a power of two, at least 16; ``begin`` gets the
-    study and the number of its designs before they are computed; ``program``: what computes them side by side. Raises
-    `MechanismError`."""
+    """Effects of the tolerances of variables on measures of a run, one for each measure.
+
+    ``limits``: of the measures, in their order; ``samples``: a power of two, at least 16; ``executor``: pool for portions of
+    designs, ``most`` of them at a time; ``begin`` gets the study and the number of its designs before they are computed;
+    ``program``: executor of batches of designs. Raises `MechanismError`."""
     if len(limits) > len(measures):
         why = f"{len(limits)} limits of {len(measures)} quantit{'ies' if len(measures) > 1 else 'y'}."
         raise MechanismError(Fault("--limits", why, "Give at most one of each quantity, in their order."))
@@ -223,7 +228,7 @@ def tolerances(
     try:
         slopes = [slopes_within(s, half) for s in sensitivities(run, measures, some)]
         exact = True
-    except MechanismError:  # energies, motions under forces ...: straight lines through the samples
+    except MechanismError:  # no exact derivatives: linear regression through the samples
         slopes, exact = [_fitted(values, designs, len(corners)) for values in results.values], False
     stated = [*limits, *[None] * (len(measures) - len(limits))]
     return [
@@ -233,8 +238,8 @@ def tolerances(
 
 
 def slopes_within(of: Sensitivity, half: Real) -> Real:
-    """Slopes (P, ...) of a measure over tolerances (P,): its derivatives. An extreme that other frames take over within a tolerance
-    follows from the derivatives at all frames: what the tolerance does at most either way, over the tolerance."""
+    """Slopes (P, ...) of a measure within the tolerances ``half`` (P,): its derivatives. Where an extreme passes to another frame
+    within a tolerance, the slope is the greatest change for either sign, from the derivatives at all frames, over the tolerance."""
     if of.measure.reducer not in ("max", "min", "peak", "range"):
         return of.derivatives if of.measure.reducer else of.slopes
     moved = np.where(np.isfinite(of.slopes), of.slopes, 0.0) * half[:, None]
@@ -246,7 +251,7 @@ def slopes_within(of: Sensitivity, half: Real) -> Real:
 
 
 def parametrised(scene: Scene, variables: Sequence[Variable]) -> tuple[Scene, list[Variation]]:
-    """A scene in which all variables are parameters without ranges, and how they vary within their tolerances."""
+    """A scene in which all variables are parameters without ranges, and their variations within the tolerances."""
     changes: dict[Place, object] = {}
     varied = []
     for k, v in enumerate(variables):
@@ -261,7 +266,7 @@ def parametrised(scene: Scene, variables: Sequence[Variable]) -> tuple[Scene, li
 
 
 def _samples(count: int, samples: int, distribution: Distribution, seed: int) -> Real:
-    """Offsets (samples, count) in tolerances: `SCRAMBLES` scrambles of Sobol points, one after the other."""
+    """Offsets (samples, count) in units of the tolerances: `SCRAMBLES` scrambled Sobol samples, one after the other."""
     from scipy.special import ndtri
     from scipy.stats import qmc
 
@@ -276,7 +281,7 @@ def _samples(count: int, samples: int, distribution: Distribution, seed: int) ->
 
 
 def _fitted(values: Real, designs: Real, corners: int) -> Real:
-    """Slopes (P, ...) of straight lines through samples."""
+    """Slopes (P, ...) by linear regression through the samples, the designs after the nominal one and the corners."""
     sampled, off = values[1 + corners :], designs[1 + corners :] - designs[0]
     known = np.isfinite(sampled.reshape(len(sampled), -1)).all(axis=1)
     matrix = np.column_stack([off[known], np.ones(int(known.sum()))])
@@ -284,7 +289,7 @@ def _fitted(values: Real, designs: Real, corners: int) -> Real:
 
 
 class _Sampled:
-    """Values of a measure: of the nominal design, the corners and the samples."""
+    """Values of a measure for the nominal design, the corners and the samples."""
 
     def __init__(self, study: Study, results: DesignResults, k: int, corners: int):
         self.computed_by = study.computed_by
@@ -313,7 +318,7 @@ def _judged(
     if not len(some):
         raise MechanismError(Fault("--tolerance", "no sample can be assembled.", "Give smaller tolerances."))
     with np.errstate(invalid="ignore"), warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)  # of groups of which next to nothing can be assembled nothing is known
+        warnings.simplefilter("ignore", RuntimeWarning)  # groups in which hardly any sample can be assembled have no statistics
         scatter = np.stack([np.nanmean(groups, axis=1), np.nanstd(groups, axis=1, ddof=1)])
         sigma = np.asarray(some.std(axis=0, ddof=1))
         corners = np.stack([np.nanmin(sample.corners, axis=0), np.nanmax(sample.corners, axis=0)]) if len(sample.corners) else None
@@ -348,10 +353,10 @@ def _judged(
 
 
 def toleranced(scene: Scene, stated: Sequence[str]) -> list[Variable]:
-    """The scene's variables with tolerances: its own, or those of texts such as ``stroke=0.1mm``. Raises `MechanismError`."""
+    """The scene's variables with their tolerances, which texts such as ``stroke=0.1mm`` replace or add. Raises `MechanismError`."""
     given: dict[str, str] = {}
     for text in stated:
-        name, equals, value = text.rpartition("=")  # names of points and links may have one
+        name, equals, value = text.rpartition("=")  # names of points and links may contain "="
         if not equals or not name.strip() or not value.strip():
             raise MechanismError(Fault(f"--tolerance {text}", "is no tolerance.", "Write it like stroke=0.1mm."))
         given[name.strip()] = value.strip().removeprefix("±").strip()
@@ -381,7 +386,7 @@ def _with_tolerance(variable: Variable, text: str) -> Variable:
 
 
 def parse_limits(text: str) -> QuantityLimits:
-    """The limits that a text such as ``90..118``, ``..118`` or ``90..`` names. Raises `MechanismError`."""
+    """The limits that a text such as ``90..118``, ``..118`` or ``90..`` states. Raises `MechanismError`."""
     low, dots, high = text.partition("..")
     try:
         limits = QuantityLimits(float(low) if low.strip() else -np.inf, float(high) if high.strip() else np.inf)
@@ -396,7 +401,8 @@ def parse_limits(text: str) -> QuantityLimits:
 
 # -- charts -----------------------------------------------------------------------------------------------------------
 def tolerance_chart(spans: Tolerances, title: str, axis: Axis) -> Figure:
-    """A curve with its bands over the axis, or the distribution of a number; beside it what each tolerance contributes."""
+    """Figure of the bands of a curve over an axis, or of the distribution of a number, and of the contributions of the
+    tolerances."""
     with chart(9.5, 4.2) as figure:
         left, right = figure.subplots(1, 2, width_ratios=(2.2, 1.0))
         (_band if spans.curve else _histogram)(left, spans, axis)
@@ -421,7 +427,7 @@ def tolerance_chart(spans: Tolerances, title: str, axis: Axis) -> Figure:
 
 
 def _band(axes: Axes, tolerances: Tolerances, axis: Axis) -> None:
-    """Deviations from the nominal curve: the curve itself would hide its band."""
+    """Draw the deviations from the nominal curve; next to the curve itself its band would be too narrow to see."""
     x, nominal = axis.values, tolerances.nominal
     axes.fill_between(x, -tolerances.worst, tolerances.worst, color="#dbe5ee", label="worst case")
     axes.fill_between(x, -tolerances.root_sum_square, tolerances.root_sum_square, color="#a9c6df", label="root sum square")

@@ -1,4 +1,4 @@
-"""Variables of studies: parameters of a scene, or any number of it by its place."""
+"""Variables of studies: parameters of a scene, or any number in it by its path."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from mechviz.scene.reading.formulas import ParameterValue, parameters_behind
 from mechviz.scene.scene import Scene
 from mechviz.scene.units import QuantityError, split, unit_of
 
-SLOPE_WIDTH = 0.02  # of a value: over so much either way it is looked at for its slope
+SLOPE_WIDTH = 0.02  # half width of the range over which slopes are found, relative to the value
 
 
 @dataclass(frozen=True)
 class Variable:
-    """A number of a scene: the ``name`` of a parameter, or its place such as ``links.crank.points.B[0]``; its value, range and
-    tolerance (0: none) in ``unit`` ("": a plain number), and how many SI units are in one of that."""
+    """A number of a scene. ``name``: of a parameter, or a path such as ``links.crank.points.B[0]``; ``value``, range ``low`` to
+    ``high`` and ``tolerance`` (0: none) are in ``unit`` ("": plain number); ``factor``: value of the unit in SI units."""
 
     name: str
     place: Place
@@ -33,7 +33,7 @@ class Variable:
     tolerance: float = 0.0
     low: float = -np.inf
     high: float = np.inf
-    bare: bool = False  # a number of the scene's own unit, written without one
+    bare: bool = False  # written without a unit, in the scene's own
 
     @property
     def title(self) -> str:
@@ -41,7 +41,7 @@ class Variable:
 
     @property
     def width(self) -> float:
-        """Half the range of values over which its slope is looked for."""
+        """Half width of the range of values over which its slope is found."""
         return SLOPE_WIDTH * (abs(self.value) or (1.0 if not self.unit else 0.05 / self.factor))
 
     def stated(self, value: float) -> float | str:
@@ -49,22 +49,22 @@ class Variable:
         return f"{value!r} {self.unit}" if self.unit and not self.bare else value
 
     def at(self, value: float) -> Variable:
-        """The same with another value."""
+        """The same variable with another value."""
         return replace(self, value=value)
 
     def changed(self, scene: Scene, value: float) -> Scene:
-        """The scene with another value of it. Raises `MechanismError`."""
+        """The scene with another value of the variable. Raises `MechanismError`."""
         return scene.changed({self.place: self.stated(value)})
 
 
 def parameters_of(scene: Scene) -> tuple[Variable, ...]:
-    """The parameters of a scene that stand for themselves."""
+    """The independent parameters of a scene, which do not follow from others."""
     return tuple(_of_parameter(scene, known) for known in scene.parameters.values() if known.own)
 
 
 def variables_of(scene: Scene, names: Sequence[str] = ()) -> tuple[Variable, ...]:
-    """Parameters and numbers by their names; without names the scene's own parameters, and where it has none the numbers of its
-    links and loads that are not zero. Raises `MechanismError`."""
+    """Variables by name. Without names: the independent parameters, or, where the scene has none, the nonzero numbers of its links
+    and loads. Raises `MechanismError`."""
     own = {v.name: v for v in parameters_of(scene)}
     if not names and own:
         return tuple(own.values())
@@ -84,7 +84,7 @@ def variables_of(scene: Scene, names: Sequence[str] = ()) -> tuple[Variable, ...
 
 
 def _no_variable(scene: Scene, name: str, known: Sequence[str]) -> Fault:
-    """Why a name is not that of a variable."""
+    """Fault that states why a name is not that of a variable."""
     places = {path_text(place): place for place in scene.document.formulas}
     if name in places:
         behind = parameters_behind(scene.document, places[name])
@@ -116,14 +116,14 @@ def _of_parameter(scene: Scene, known: ParameterValue) -> Variable:
 
 
 def _unit(scene: Scene, stated: str, powers: Powers) -> str:
-    """The unit of a quantity that a parameter states; of an expression of numbers the scene's for what it measures."""
+    """The unit that a parameter states; for an expression of numbers the scene's unit of the same dimension."""
     if is_plain(stated) and unit_of(own := split(stated)[1]).powers == powers:
         return own
     return scene.units.of(powers)
 
 
 def _varies(scene: Scene, leaf: Leaf) -> bool:
-    """Whether a value of the document is a number that stands for itself."""
+    """Whether a value of the document is a number that can vary: neither an expression, nor whole by nature, nor a direction."""
     if leaf.path in scene.document.formulas or leaf.path[0] not in ("links", "joints", "loads"):
         return False
     if "along" in leaf.path or isinstance(leaf.value, bool):

@@ -1,1 +1,1 @@
-"""Synthesis: scenes from tasks, every solution with its numbers and its defects."""
+"""Synthesis of linkages: tasks to solutions, each a scene with its characteristic numbers and its defects."""

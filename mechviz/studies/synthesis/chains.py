@@ -1,4 +1,4 @@
-"""Kinematic chains as sketches and as scenes: links as polygons of their joints, placed so that they hardly cross."""
+"""Kinematic chains as sketches and as scenes: links as polygons of their joints, in a layout with few crossings."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from mechviz.runs import run_scene
 from mechviz.scene.scene import Scene
 from mechviz.studies.synthesis.linkages import LinkageSolution
 
-WEIGHT_TRIES = 8  # weights that are tried for each outer loop
-RADIUS = 100.0  # mm, of the circle on which the outer loop stands
-ENOUGH_ROOM = 20.0  # mm between joints, without a crossing: no other loop is tried
-DRIVE_NUDGE = 5.0  # deg, to each side: the drive of a chain that cannot run as far as it goes
+WEIGHT_TRIES = 8  # random weights that are tried for each outer loop
+RADIUS = 100.0  # [mm] of the circle of the outer loop
+ENOUGH_ROOM = 20.0  # [mm] between joints, without crossings: the search for other loops ends
+DRIVE_NUDGE = 5.0  # [deg] amplitude of the drive of a chain that cannot be run over its reachable range
 
 
 def chain_layout(chain: Chain) -> Complex:
-    """Places (J,) of a chain's joints [mm]: a long loop on a circle, the others at weighted means of their neighbours (Tutte).
+    """Positions (J,) [mm] of a chain's joints: a long loop on a circle, the others at weighted means of their neighbours (Tutte).
 
-    Of a few loops and weights those that keep links from crossing and joints apart."""
+    Several loops and random weights are tried; the layout with the fewest crossings and the largest distances is chosen."""
     rng = np.random.default_rng(0)
     members = [[j for j, joint in enumerate(chain.joints) if link in joint] for link in range(chain.links)]
     near = {j: [k for own in members if j in own for k in own if k != j] for j in range(len(chain.joints))}
@@ -40,7 +40,7 @@ def chain_layout(chain: Chain) -> Complex:
 
 
 def outer_loops(chain: Chain, most: int = 24) -> list[list[int]]:
-    """Loops of a chain, the longest first, each as its joints in order."""
+    """Up to ``most`` loops of a chain, the longest first, each as its joints in order."""
     number = {joint: k for k, joint in enumerate(chain.joints)}
     near = {link: [a if b == link else b for a, b in chain.joints if link in (a, b)] for link in range(chain.links)}
     loops: list[list[int]] = []
@@ -58,7 +58,8 @@ def outer_loops(chain: Chain, most: int = 24) -> list[list[int]]:
 
 
 def _spread(near: dict[int, list[int]], loop: list[int], rng: np.random.Generator) -> Complex:
-    """Joints of a loop on a circle, a little uneven, the others at weighted means of those on the same links."""
+    """Positions of joints: those of a loop unevenly on a circle, the others at randomly weighted means of those on the same
+    links."""
     places = np.zeros(len(near), complex)
     angles = np.sort(np.arange(len(loop)) + rng.uniform(-0.2, 0.2, len(loop))) * 2.0 * np.pi / len(loop) + np.pi / 2.0
     places[loop] = RADIUS * np.exp(1j * angles) * rng.uniform(0.85, 1.0, len(loop))
@@ -78,7 +79,8 @@ def _spread(near: dict[int, list[int]], loop: list[int], rng: np.random.Generato
 
 
 def _quality(chain: Chain, members: list[list[int]], places: Complex) -> float:
-    """Least distance of two joints, or of a third joint from the line of two on one link, less a lot for links that cross."""
+    """Quality of a layout: the least distance of two joints (or twice that of a joint from the line through two others of the same
+    link), less ``RADIUS`` for each crossing of links."""
     distances = [abs(places[a] - places[b]) for a, b in combinations(range(len(places)), 2)]
     for own in members:
         for a, b, c in combinations(own, 3):
@@ -100,14 +102,15 @@ def _cross(a: complex, b: complex, c: complex, d: complex) -> bool:
 
 
 def outline(chain: Chain, link: int, places: Complex) -> Complex:
-    """The corners of a link's polygon: its joints in the order around their mean."""
+    """Corners of a link's polygon: the positions of its joints, ordered by angle about their mean."""
     own: Index = np.array([j for j, joint in enumerate(chain.joints) if link in joint])
     around: Real = np.angle(places[own] - places[own].mean())
     return np.asarray(places[own[np.argsort(around)]])
 
 
 def chain_solutions(chains: tuple[Chain, ...]) -> list[LinkageSolution]:
-    """Every inversion of chains with one degree of freedom as a scene, driven at a joint of the frame; the sketch is its start."""
+    """Solutions: every inversion of chains with one degree of freedom, driven at a joint of the frame. The layout of the chain is
+    the sketch, from which the motion starts."""
     out = []
     for number, chain in enumerate(chains, 1):
         places = chain_layout(chain)
@@ -131,7 +134,7 @@ def _runs(scene: Scene) -> bool:
 
 
 def _nudged(scene: Scene) -> Scene:
-    """A scene whose drive only moves a little to and fro about the sketch."""
+    """The scene with a drive that only oscillates by a small angle about the sketch."""
     name, joint = next((name, joint) for name, joint in scene.document.joints.items() if joint.drive is not None)
     (link,) = {*scene.document.links} & {*joint.links} - {"frame"}
     first, second = (complex(*scene.document.sketch[point]) for point in list(scene.document.links[link].points)[:2])
@@ -140,7 +143,7 @@ def _nudged(scene: Scene) -> Scene:
 
 
 def _scene(chain: Chain, frame: int, places: Complex, name: str, title: str) -> Scene:
-    """A chain with a link held, driven at the joint of the frame whose other link has the fewest joints."""
+    """Scene of a chain with a fixed link, driven at the joint of the frame whose other link has the fewest joints."""
     names = {link: "frame" if link == frame else f"link{link}" for link in range(chain.links)}
     own = [(chain.degrees[a if b == frame else b], j) for j, (a, b) in enumerate(chain.joints) if frame in (a, b)]
     driven = min(own)[1]

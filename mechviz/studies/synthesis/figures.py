@@ -1,4 +1,5 @@
-"""Charts of syntheses: structural errors, Burmester's curves with the positions, paths with their points, chains as sketches."""
+"""Charts of syntheses: structural errors, Burmester curves with the positions, coupler curves with their points, sketches of
+chains."""
 
 from __future__ import annotations
 
@@ -24,12 +25,12 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 MOST_SHOWN = 6
-LINES = 7200  # through a point of a cubic: where they touch it no gap is seen
+LINES = 7200  # lines through a point of the cubic that sample it: so many that there is no visible gap where they are tangent to it
 GREY = "#6c757d"
 
 
 def error_figure(task: FunctionTask, generators: Sequence[FunctionGenerator], symbol: str) -> Figure:
-    """Structural errors over the range, one curve a solution, zero at its precision points."""
+    """Figure of the structural errors over the range, a curve for each solution, zero at its precision points."""
     with chart(7.0, 4.0) as figure:
         axes = figure.subplots()
         x = np.linspace(task.start, task.end, 401)
@@ -43,7 +44,8 @@ def error_figure(task: FunctionTask, generators: Sequence[FunctionGenerator], sy
 
 
 def motion_figure(poses: BodyPositions, designs: Sequence[MotionDesign]) -> Figure:
-    """Positions of the body, the first linkage in all of them, and of four positions the circle-point and centre-point curves."""
+    """Figure of the positions of the body and of the first linkage in all of them; for four positions also the circle-point and
+    centre-point curves."""
     with chart(7.6, 6.4) as figure:
         axes = figure.subplots()
         shown = list(poses.places)
@@ -80,7 +82,7 @@ def motion_figure(poses: BodyPositions, designs: Sequence[MotionDesign]) -> Figu
 
 
 def path_figure(points: Complex, designs: Sequence[PathDesign]) -> Figure:
-    """Points and the coupler curves of the best linkages through them."""
+    """Figure of the task points and the coupler curves of the best linkages."""
     with chart(7.0, 6.0) as figure:
         axes = figure.subplots()
         turn = np.linspace(0.0, 2.0 * np.pi, 721)
@@ -92,7 +94,7 @@ def path_figure(points: Complex, designs: Sequence[PathDesign]) -> Figure:
         for line in ([best.four_bar.crank_pivot * MM, a, b, best.four_bar.rocker_pivot * MM], [a, p, b]):
             _curve(axes, np.array(line), GREY, "", marker="o")
         axes.plot(points.real * MM, points.imag * MM, "o", color="#222222", markersize=4)
-        closed = points[-1] == points[0]  # the first point again needs no number
+        closed = points[-1] == points[0]  # then the last point gets no number
         for k, z in enumerate(points[: len(points) - closed][:60]):
             axes.annotate(f"{k + 1}", (z.real * MM, z.imag * MM), textcoords="offset points", xytext=(4, 4), fontsize="small")
         axes.set(aspect="equal", xlabel="x [mm]", ylabel="y [mm]")
@@ -101,7 +103,7 @@ def path_figure(points: Complex, designs: Sequence[PathDesign]) -> Figure:
 
 
 def dwell_figure(linkages: Sequence[DwellLinkage]) -> Figure:
-    """Angles of the levers over a turn of the crank from the beginning of their rest."""
+    """Figure of the lever angles over a turn of the crank, from the start of the dwell."""
     with chart(7.0, 4.0) as figure:
         axes = figure.subplots()
         turn = np.linspace(0.0, 2.0 * np.pi, 721)
@@ -114,7 +116,7 @@ def dwell_figure(linkages: Sequence[DwellLinkage]) -> Figure:
 
 
 def lid_figure(task: LidTask, springs: Sequence[LidSpring]) -> Figure:
-    """Forces of the hand over the angle of the lid, with and without the springs."""
+    """Figure of the force of the hand over the angle of the lid, without a spring and with each spring."""
     with chart(7.0, 4.0) as figure:
         axes = figure.subplots()
         theta = np.linspace(task.start, task.end, 181)
@@ -127,7 +129,8 @@ def lid_figure(task: LidTask, springs: Sequence[LidSpring]) -> Figure:
 
 
 def chains_figure(chains: Sequence[Chain]) -> Figure:
-    """Sketches of chains: binary links as bars, others as polygons; links of one colour, when held, give the same mechanism."""
+    """Figure of sketches of chains: binary links as bars, others as polygons. Links of the same colour give the same inversion when
+    they are fixed."""
     columns = min(4, len(chains))
     rows = -(-len(chains) // columns)
     with chart(2.4 * columns, 2.5 * rows) as figure:

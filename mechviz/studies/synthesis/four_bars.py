@@ -1,5 +1,5 @@
-"""Function and motion generation: tasks in SI units to four-bars as solutions; motion generation with a slide, where one point of
-the body lies on a line in all positions and a crank leads another one."""
+"""Function and motion generation by four-bars, tasks in SI units; motion generation by a slide and a crank, where one point of the
+body lies on a line in all positions and the crank guides another point."""
 
 from __future__ import annotations
 
@@ -27,21 +27,21 @@ from mechcore.records import dataclass
 from mechviz.scene.scene import Scene
 from mechviz.studies.synthesis.linkages import MM, LinkageSolution, four_bar_scene, once, slider_guide_scene, through
 
-MOST_CHOICES = 12  # four-bars that are offered where positions are placed by hand
-SWING = np.radians(60.0)  # of cranks between two positions, where nothing is said of it
-MARK_DISTANCE = 0.2  # of the reach: how far from its place the mark of a body's direction stands
-PIVOT_GRID = 13  # moving pivots a side that are tried where nothing is said of them
-GRID_REACH = 1.5  # half the side of that grid over the reach of the poses
-FARTHEST_PIVOT = 6.0  # fixed pivots over the reach, beyond which they are left out
-GREATEST_RATIO = 10.0  # longest over shortest link that is offered
-CURVE_POINTS = 120  # points of Burmester's curves that are paired
-MOST_EXAMINED = 400  # of the pairs without defects, those of the best transmission at the poses, that are examined over their range
-DIFFERENT_PIVOTS = 0.25  # of the reach: distance of pivots that makes two proposals different
-RANGE_ANGLES = 181  # crank angles between first and last pose
+MOST_CHOICES = 12  # largest number of four-bars offered where positions are placed by hand
+SWING = np.radians(60.0)  # default rotation of cranks between two positions
+MARK_DISTANCE = 0.2  # distance of the mark of a body's direction from its position, relative to the reach of the poses
+PIVOT_GRID = 13  # moving pivots along a side of the grid that is tried by default
+GRID_REACH = 1.5  # half the side of that grid, relative to the reach of the poses
+FARTHEST_PIVOT = 6.0  # largest distance of pivots, relative to the reach
+GREATEST_RATIO = 10.0  # largest ratio of longest to shortest link that is offered
+CURVE_POINTS = 120  # points of Burmester curves that are paired
+MOST_EXAMINED = 400  # pairs without defects that are examined over their range: those with the best transmission at the poses
+DIFFERENT_PIVOTS = 0.25  # distance of pivots, relative to the reach, above which two proposals count as different
+RANGE_ANGLES = 181  # crank angles between first and last pose at which the transmission angle is examined
 
 
 def function_solutions(task: FunctionTask, designs: Sequence[FunctionGenerator], frame: float, words: str) -> list[LinkageSolution]:
-    """Function generators as solutions, with a frame of some length [m]; ``words``: the function."""
+    """Solutions: function generators, scaled to a ``frame`` length [m]; ``words`` describe the function."""
     out = []
     for k, made in enumerate(designs):
         error, place = made.largest_error(task)
@@ -71,10 +71,11 @@ def function_solutions(task: FunctionTask, designs: Sequence[FunctionGenerator],
 
 # -- motion generation ------------------------------------------------------------------------------------------------
 def dyads(poses: BodyPositions, moving: Sequence[complex], fixed: Sequence[complex], swing: float) -> tuple[Complex, Complex]:
-    """Moving pivots (R,) in the body and fixed pivots (R,) for poses: those that are given, completed, or all there are.
+    """Dyads that guide a body through poses: moving pivots (R,) in the body, and fixed pivots (R,).
 
-    ``moving`` and ``fixed`` are given pivots, for two or three poses; ``swing``: angle [rad] by which cranks turn between two.
-    Without them: a grid of moving pivots for two or three poses, points of Burmester's curves for four, all dyads for five.
+    ``moving`` and ``fixed``: given pivots, which are completed to dyads, for two or three poses; ``swing``: rotation [rad] of
+    cranks between two poses. Without given pivots: dyads of a grid of moving pivots for two or three poses, of points of the
+    Burmester curves for four, all dyads for five or more. Raises `MechanismError` where there is none.
     """
     count = len(poses.places)
     if count > 3 and (moving or fixed):
@@ -118,7 +119,8 @@ def dyads(poses: BodyPositions, moving: Sequence[complex], fixed: Sequence[compl
 
 
 def thinned_curves(curve: BurmesterCurve, poses: BodyPositions) -> tuple[Complex, Complex]:
-    """So many points of Burmester's curves that are not far away, at about equal steps. Raises `MechanismError` where all are."""
+    """Up to `CURVE_POINTS` points (moving and fixed pivots) of the Burmester curves at about equal steps, without far ones. Raises
+    `MechanismError` where all points are far away."""
     middle = poses.places.mean()
     near = (
         np.isfinite(curve.w)
@@ -137,8 +139,9 @@ def thinned_curves(curve: BurmesterCurve, poses: BodyPositions) -> tuple[Complex
 
 @dataclass(frozen=True, eq=False)
 class MotionDesign:
-    """A four-bar that leads a body through N poses: its crank angles there (N,) [rad], pins A and B there (2, N) [m], its least
-    transmission angle between them [rad] (NaN with defects), its defects in words, its pivots in body and frame (4,)."""
+    """A four-bar that guides a body through N poses: crank angles (N,) [rad] and moving pins (2, N) [m] at the poses, the least
+    transmission angle between first and last pose [rad] (NaN with defects), defects in words, and ``pivots`` (4,): both moving
+    pivots in the body, both fixed pivots [m]."""
 
     four_bar: FourBar
     theta: Real
@@ -149,7 +152,11 @@ class MotionDesign:
 
 
 def motion_designs(poses: BodyPositions, w: Complex, c: Complex, most: int, *, all_of_them: bool) -> list[MotionDesign]:
-    """Four-bars of pairs of dyads: all with their defects, or so many that differ, without defects, best transmission first."""
+    """Four-bars of pairs of dyads (``w``, ``c``: moving and fixed pivots).
+
+    ``all_of_them``: the first ``most`` pairs with their defects, those without defects first. Otherwise up to ``most`` four-bars
+    without defects that differ from each other, the best transmission angle first. Raises `MechanismError` where there is none of
+    these."""
     guides = guidance(poses, w, c)
     pins = poses.of_points(guides.w)
     crank, rocker = np.abs(pins[:, 0] - guides.c[:, :1])[:, 0], np.abs(pins[:, 1] - guides.c[:, 1:])[:, 0]
@@ -186,19 +193,19 @@ def motion_designs(poses: BodyPositions, w: Complex, c: Complex, most: int, *, a
 
 
 def motion_choices(poses: BodyPositions, most: int = MOST_CHOICES) -> list[MotionDesign]:
-    """Four-bars for poses without anything else being said: at most so many, those without defects first."""
+    """Up to ``most`` four-bars for poses with default settings, those without defects first."""
     designs = motion_designs(poses, *dyads(poses, (), (), SWING), most, all_of_them=len(poses.places) >= 5)
     return sorted(designs, key=lambda made: bool(made.defects))
 
 
 def pose_marks(poses: BodyPositions) -> dict[str, complex]:
-    """Points of the frame that show poses: P where the body is, Q on its x axis."""
+    """Points of the frame [m] that mark poses: P1, P2, ... at the body's positions, Q1, Q2, ... on its x axis."""
     arms = zip(poses.places, poses.places + MARK_DISTANCE * poses.reach * poses.turns, strict=True)
     return {f"{letter}{k}": complex(z) for k, pair in enumerate(arms, 1) for letter, z in zip("PQ", pair, strict=True)}
 
 
 def four_bar_marks(scene: Scene) -> dict[str, complex]:
-    """Points [m] of the fixed link by their names, of a four-bar with a point E of its coupler that was made here; else none."""
+    """Points [m] of the fixed link by name, if a scene is a four-bar of this module with a coupler point E; else empty."""
     links = {link.name: link for link in scene.mechanism.links}
     frame = scene.mechanism.frame
     if set(links) != {frame, "crank", "coupler", "rocker"} or "E" not in links["coupler"].points:
@@ -207,7 +214,7 @@ def four_bar_marks(scene: Scene) -> dict[str, complex]:
 
 
 def poses_in(scene: Scene) -> BodyPositions | None:
-    """The poses that a scene of `motion_solutions` shows; None for any other scene."""
+    """The poses of a scene from `motion_solutions`; None for any other scene."""
     points = four_bar_marks(scene)
     count = sum(f"P{k}" in points and f"Q{k}" in points for k in range(1, len(points) + 1))
     if count < 2:
@@ -217,7 +224,7 @@ def poses_in(scene: Scene) -> BodyPositions | None:
 
 
 def motion_solutions(poses: BodyPositions, designs: Sequence[MotionDesign]) -> list[LinkageSolution]:
-    """Four-bars that lead a body through poses as solutions."""
+    """Solutions: four-bars that guide a body through poses."""
     count = len(poses.places)
     out = []
     for k, made in enumerate(designs):
@@ -235,7 +242,7 @@ def motion_solutions(poses: BodyPositions, designs: Sequence[MotionDesign]) -> l
             "transmission [deg]": "-" if made.defects else f"{np.degrees(made.transmission):.1f}",
             "type": bar.grashof.value,
         }
-        if count > 5:  # not met exactly
+        if count > 5:  # the positions are not met exactly
             deviation = float(np.abs(bar.positions(made.theta)[2] - poses.places).max())
             numbers |= {"farthest [mm]": f"{deviation * MM:.3g}"}
         out.append(LinkageSolution(scene, numbers, made.defects))
@@ -243,10 +250,11 @@ def motion_solutions(poses: BodyPositions, designs: Sequence[MotionDesign]) -> l
 
 
 def crank_angles(bar: FourBar, theta: Real) -> Real:
-    """Crank angles of poses on the side of the turn that the crank passes: those that do not turn fully, without a jump."""
+    """Crank angles (N,) [rad] of poses. If the crank cannot rotate fully, they are shifted by turns so that its range of motion has
+    no jump."""
     if bar.crank_turns:
         return theta
-    cut = bar.frame_angle + np.pi  # where the crank lies stretched; it cannot pass there unless it cannot pass folded
+    cut = bar.frame_angle + np.pi  # extended: crank in line with the frame, away from D; impassable unless the folded position is
     if abs(bar.frame - bar.crank) < abs(bar.coupler - bar.rocker) and bar.frame + bar.crank <= bar.coupler + bar.rocker:
         cut = bar.frame_angle
     turn = 2.0 * np.pi
@@ -254,7 +262,7 @@ def crank_angles(bar: FourBar, theta: Real) -> Real:
 
 
 def four_bar_lengths(bar: FourBar) -> dict[str, str]:
-    """The lengths of a four-bar [mm] by their titles."""
+    """The lengths of a four-bar [mm] as text, by title."""
     return {
         f"{name} [mm]": f"{value * MM:.6g}"
         for name, value in (("frame", bar.frame), ("crank", bar.crank), ("coupler", bar.coupler), ("rocker", bar.rocker))
@@ -265,14 +273,14 @@ def _angle(value: float) -> str:
     return f"{np.degrees(np.angle(np.exp(1j * value))):.4g}"
 
 
-LONG_ROCKER = 1e4  # of the reach: a rocker so long judges a slide, whose pin it leads on a line to a part of 1e-4
+LONG_ROCKER = 1e4  # length of a rocker that approximates a slide, relative to the reach: its pin follows a line to about 1e-4
 
 
 @dataclass(frozen=True, eq=False)
 class SliderGuide:
-    """A crank and a slide that lead a body through N poses: the four-bar with a very long rocker that stands for them, crank angles
-    (N,) [rad], both pins at the start, the slide's unit direction, and the least transmission angle between the poses [rad], NaN
-    with defects."""
+    """A crank and a slide that guide a body through N poses: the four-bar with a very long rocker that approximates them, crank
+    angles (N,) [rad], both pins at the first pose [m], the unit direction of the slide, and the least transmission angle between
+    first and last pose [rad] (NaN with defects)."""
 
     four_bar: FourBar
     theta: Real
@@ -283,8 +291,9 @@ class SliderGuide:
 
 
 def slider_guides(poses: BodyPositions, w: Complex, c: Complex, most: int) -> list[SliderGuide]:
-    """Guides by one of the cranks (R,), moving pivots in the body and fixed ones, and one of the slides of the poses: so many that
-    differ, those without defects first, the best transmission first. Raises `MechanismError` where there is no slide."""
+    """Up to ``most`` guides by one of the cranks (moving pivots ``w`` (R,) in the body, fixed pivots ``c`` (R,)) and one of the
+    slides of the poses. They differ from each other; those without defects come first, then the best transmission angle. Raises
+    `MechanismError` where no crank fits a slide."""
     points, along = slider_points(poses)
     near = np.abs(points) < FARTHEST_PIVOT * poses.reach
     points, along = (points[near], along[near]) if near.any() else (points, along)
@@ -317,7 +326,7 @@ def slider_guides(poses: BodyPositions, w: Complex, c: Complex, most: int) -> li
 
 
 def slider_guide_solutions(poses: BodyPositions, designs: Sequence[SliderGuide]) -> list[LinkageSolution]:
-    """Guides as solutions."""
+    """Solutions: guides by a crank and a slide."""
     out = []
     for k, made in enumerate(designs, 1):
         bar, (b, c) = made.four_bar, made.pins

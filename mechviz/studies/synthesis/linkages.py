@@ -1,5 +1,5 @@
-"""Scenes of linkages that were synthesised: four-bars, slider-cranks, slotted levers, lengths in mm, angles in degrees; and
-solutions of a synthesis with their numbers and defects, as a table and as scene files."""
+"""Scenes of synthesised linkages (four-bars, slider-cranks, slotted levers; lengths in mm, angles in degrees), and solutions of a
+synthesis with their numbers and defects, as a table and as scene files."""
 
 from __future__ import annotations
 
@@ -34,8 +34,10 @@ def four_bar_scene(
     driven: str = "A",
     side: int = 0,
 ) -> Scene:
-    """A four-bar as a scene: crank on A with pin B, coupler to C, rocker on D, traced point E; ``marks``: points of the frame;
-    ``driven``: the joint that the drive turns; ``side`` of C, +1 left, where that is not of B -> D."""
+    """Scene of a four-bar: crank A-B, coupler B-C with the traced point E, rocker D-C, frame A-D.
+
+    ``marks``: additional points of the frame [m]; ``driven``: joint of the drive; ``side``: side of C, +1 left or -1 right, in the
+    assembly mode; 0: that of ``bar``, which is the side of B -> D."""
     links, joints = four_bar_parts(bar, drive, traced=traced)
     if driven != "A":
         joints[driven]["drive"] = joints["A"].pop("drive")
@@ -55,7 +57,7 @@ def four_bar_scene(
 
 
 def four_bar_parts(bar: FourBar, drive: DriveEntry, *, traced: bool) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Links and joints of a four-bar as tables of a scene in mm."""
+    """Links and joints of a four-bar as tables of a scene [mm]."""
     coupler = {"B": [0, 0], "C": [bar.coupler * MM, 0]} | ({"E": place_mm(bar.tracer)} if traced else {})
     links = {
         "frame": {"points": {"A": place_mm(bar.crank_pivot), "D": place_mm(bar.rocker_pivot)}},
@@ -75,7 +77,7 @@ def four_bar_parts(bar: FourBar, drive: DriveEntry, *, traced: bool) -> tuple[di
 def slider_crank_scene(
     crank: float, rod: float, offset: float, drive: DriveEntry, *, name: str, title: str, learning_goal: str, ahead: bool = True
 ) -> Scene:
-    """A slider-crank as a scene: crank on A, pins B and C, the slide along x through G. Lengths and offset [m]."""
+    """Scene of a slider-crank: crank A-B, rod B-C, slide along x through G. Lengths and offset [m]."""
     return Scene.build(
         name=name,
         title=title,
@@ -98,7 +100,7 @@ def slider_crank_scene(
 
 
 def slotted_lever_scene(made: SlottedLever, *, name: str, title: str, learning_goal: str) -> Scene:
-    """A crank O-A whose block slides on a lever, B-C, as a scene."""
+    """Scene of a slotted lever: a crank O-A whose block slides on the lever B-C."""
     return Scene.build(
         name=name,
         title=title,
@@ -121,7 +123,8 @@ def slotted_lever_scene(made: SlottedLever, *, name: str, title: str, learning_g
 
 
 def whitworth_scene(made: Whitworth, *, name: str, title: str, learning_goal: str) -> Scene:
-    """A crank O-A whose block leads a lever that turns about B; its arm B-C moves a slider along x by a rod C-D, as a scene."""
+    """Scene of a Whitworth quick-return mechanism: the block of a crank O-A turns a lever about B, whose arm B-C moves a slider
+    along x by a rod C-D."""
     return Scene.build(
         name=name,
         title=title,
@@ -157,8 +160,8 @@ def slider_guide_scene(
     marks: Mapping[str, complex],
     **words: str,
 ) -> Scene:
-    """A crank A-B and a slide through C that lead a body with the point E, as a scene. Places at the start [m]; ``along``: unit
-    direction of the slide."""  # fmt: skip
+    """Scene of a body that is guided by a crank A-B and a slide through C. ``pivot``, ``pins`` and the traced point E: positions at
+    the start [m]; ``along``: unit direction of the slide."""  # fmt: skip
     b, c = pins
     turned = (c - b) / abs(c - b)
     return Scene.build(
@@ -186,9 +189,10 @@ def slider_guide_scene(
 
 
 def through(bar: FourBar, theta: Real, *, usable: bool) -> DriveEntry:
-    """A drive that leads the crank through angles (K,) [rad]: full turns where it can, else to and fro between the ends.
+    """Document of a drive that moves the crank through angles (K,) [rad]: by full turns if the crank can rotate fully, else by an
+    oscillation between the first and the last angle.
 
-    A linkage that is not ``usable`` runs as far as it can go.
+    A linkage that is not ``usable``, and whose crank does not rotate fully, runs over its reachable range.
     """
     if not usable and not bar.crank_turns:
         return {"speed": SPEED, "range": "reachable", "start": math.degrees(theta[0])}
@@ -199,26 +203,27 @@ def through(bar: FourBar, theta: Real, *, usable: bool) -> DriveEntry:
 
 
 def to_and_fro(first: float, last: float) -> DriveEntry:
-    """A harmonic motion between two angles [rad], from the first on."""
+    """Document of a drive that oscillates harmonically between two angles [rad], starting at the first."""
     half = math.degrees(abs(last - first)) / 2.0
     phase = -90 if last >= first else 90
     return {"oscillation": {"centre": math.degrees(first + last) / 2.0, "amplitude": half, "period": "2 s", "phase": phase}}
 
 
 def once(first: float, last: float) -> DriveEntry:
-    """A steady motion from an angle to another [rad] in two seconds."""
+    """Document of a drive at constant speed from one angle to another [rad] in two seconds."""
     speed = math.degrees(last - first) / 2.0
     return {"speed": f"{speed!r} deg/s", "range": sorted(math.degrees(angle) for angle in (first, last))}
 
 
 def place_mm(z: complex) -> list[float]:
-    """Coordinates [mm] of a place [m]."""
+    """Coordinates [mm] of a complex position [m]."""
     return [float(np.real(z)) * MM, float(np.imag(z)) * MM]
 
 
 @dataclass(frozen=True, eq=False)
 class LinkageSolution:
-    """A linkage as a scene, its characteristic numbers by title, and its defects in words, "" for none."""
+    """A solution of a synthesis: the linkage as a scene, its characteristic numbers by title, and its defects in words, "" for
+    none."""
 
     scene: Scene
     numbers: Mapping[str, str]
@@ -226,7 +231,7 @@ class LinkageSolution:
 
 
 def solution_table(solutions: Sequence[LinkageSolution]) -> Iterator[str]:
-    """Lines: number, numbers of the solution, defects."""
+    """Table of solutions as lines of text: index, characteristic numbers, defects."""
     rows = [["", *solutions[0].numbers, "defects"]] if solutions else []
     rows += [[str(k + 1), *one.numbers.values(), one.defects or "none"] for k, one in enumerate(solutions)]
     widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))] if rows else []
@@ -236,7 +241,7 @@ def solution_table(solutions: Sequence[LinkageSolution]) -> Iterator[str]:
 
 
 def check_folder(target: Path) -> None:
-    """Refuse, before anything is computed, a target that scenes cannot be written to. Raises `OutputError`."""
+    """Raise `OutputError` where scenes cannot be written to a target; called before anything is computed."""
     if target.suffix == ".toml":
         check_target(target)
     elif target.exists() and not target.is_dir():
@@ -246,7 +251,7 @@ def check_folder(target: Path) -> None:
 
 
 def write(solutions: Sequence[LinkageSolution], target: Path) -> list[Path]:
-    """Write the first solution to a file that ends in ``.toml``, or all of them to a folder; gives the files."""
+    """Write the first solution to a file that ends in ``.toml``, or all solutions to a folder; returns the files."""
     if target.suffix == ".toml":
         dump(solutions[0].scene, target)
         return [target]

@@ -1,5 +1,5 @@
-"""Path generation: four-bars through points or along a drawn curve, as solutions; cognates, the two other four-bars that draw the
-curve of a scene's coupler point (Roberts and Chebyshev)."""
+"""Path generation: solutions with four-bars through points or along a drawn curve, and the two cognates of a scene's four-bar,
+which generate the same coupler curve (Roberts and Chebyshev)."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ from mechviz.scene.scene import Scene
 from mechviz.studies.synthesis.four_bars import four_bar_lengths, four_bar_marks
 from mechviz.studies.synthesis.linkages import MM, SPEED, LinkageSolution, four_bar_scene, through
 
-EXACT_MISS = 1e-9  # of the size of a path: what misses by less passes its points
-DRAWN_POINTS = 20  # points that stand for a drawn curve, at equal distances along it
-CLOSED_GAP = 0.1  # of the length of a drawn curve: one that ends so near its beginning is meant to be closed
-MOST_OFFERED = 6  # four-bars for a drawn curve
-LONGEST_LINK = 6.0  # of a drawn curve's size: longest link, and farthest place of pivots and of the point in the coupler
-SHORTEST_LINK = 0.1  # of a drawn curve's size: shortest link
-DIFFERENT_LENGTHS = 0.02  # relative difference of lengths from which on two of them are offered
+EXACT_MISS = 1e-9  # relative to the size of a path: with a smaller error a coupler curve passes exactly through its points
+DRAWN_POINTS = 20  # points that represent a drawn curve, at equal distances along it
+CLOSED_GAP = 0.1  # gap between the ends of a drawn curve, relative to its length, below which it counts as closed
+MOST_OFFERED = 6  # largest number of four-bars offered for a drawn curve
+LONGEST_LINK = 6.0  # relative to a drawn curve's size: longest link, and farthest pivots and coupler point
+SHORTEST_LINK = 0.1  # relative to a drawn curve's size: shortest link
+DIFFERENT_LENGTHS = 0.02  # least relative difference of the lengths of two four-bars that are both offered
 
 
 def ranked_paths(designs: Sequence[PathDesign], points: Complex) -> list[PathDesign]:
-    """Designs, the best first: those that miss nothing in the order of their transmission angles, the others of their errors."""
+    """Designs, the best first: those that pass exactly through the points, by transmission angle, then the others, by error."""
     size = float(np.abs(points - points.mean()).max())
 
     def rank(made: PathDesign) -> tuple[float, float]:
@@ -39,7 +39,7 @@ def ranked_paths(designs: Sequence[PathDesign], points: Complex) -> list[PathDes
 
 
 def path_solutions(designs: Sequence[PathDesign], points: Complex) -> list[LinkageSolution]:
-    """Four-bars through points as solutions."""
+    """Solutions: four-bars whose coupler points pass through points (K,) [m]."""
     out = []
     for k, made in enumerate(designs):
         drive = through(made.four_bar, made.theta, usable=True)
@@ -65,8 +65,8 @@ def path_solutions(designs: Sequence[PathDesign], points: Complex) -> list[Linka
 
 
 def drawn_points(stroke: Complex) -> Complex:
-    """Points (20,) [m] at equal distances along a curve that was drawn through places (N,) [m], rounded to a part of 1e4 of its
-    length; the last is the first where it ends near its beginning. Raises `MechanismError` where nothing was drawn."""
+    """Points (20,) [m] at equal distances along a curve that was drawn through places (N,) [m], rounded to about 1e-4 of its
+    length. The last point equals the first where the curve ends near its start. Raises `MechanismError` where nothing was drawn."""
     line = stroke[np.isfinite(stroke)]
     length = float(np.abs(np.diff(line)).sum())
     if len(line) < 3 or length == 0.0:
@@ -81,7 +81,7 @@ def drawn_points(stroke: Complex) -> Complex:
 
 
 def path_in(scene: Scene) -> Complex | None:
-    """The points that a scene of `path_solutions` shows, in order (K,) [m]; None for any other scene."""
+    """The task points (K,) [m] of a scene from `path_solutions`, in order; None for any other scene."""
     points = four_bar_marks(scene)
     if "Q1" in points:
         return None
@@ -90,8 +90,8 @@ def path_in(scene: Scene) -> Complex | None:
 
 
 def path_choices(points: Complex, most: int = MOST_OFFERED) -> list[PathDesign]:
-    """Different four-bars, not much larger than points (K,) [m], whose coupler point passes these without timing, the best first.
-    Raises `MechanismError` where there is none."""
+    """Up to ``most`` four-bars of limited size whose coupler points pass through points (K,) [m] without prescribed timing, the
+    best first. They differ from each other in their lengths. Raises `MechanismError` where there is none."""
     kept: list[PathDesign] = []
     size = PathTask(points).size
     task = PathTask(
@@ -108,7 +108,7 @@ def path_choices(points: Complex, most: int = MOST_OFFERED) -> list[PathDesign]:
 
 def traced_four_bar(run: Run) -> tuple[FourBar, float]:
     """The four-bar of a run with its traced coupler point, and its crank angle at the start [rad]. Raises `MechanismError` where
-    there is none, or several."""
+    the run has no such four-bar, or several."""
     motion, mechanism = run.motion, run.motion.mechanism
     loops = [loop.joints for loop in grashof(motion.model)]
     if len(loops) != 1:
@@ -134,8 +134,10 @@ def traced_four_bar(run: Run) -> tuple[FourBar, float]:
 
 
 def cognate_solutions(bar: FourBar, theta: float) -> list[LinkageSolution]:
-    """The cognates of a four-bar in the assembly mode that it has at a crank angle [rad]. The second one's crank turns as that of
-    the four-bar does; in the first it is the coupler that does, so that a drive turns that against its crank."""
+    """Solutions: the two cognates of a four-bar in its assembly mode at a crank angle ``theta`` [rad].
+
+    In the second cognate the crank rotates like the crank of the four-bar. In the first it is the coupler that does, so that the
+    drive acts between its crank and its coupler (joint B)."""
     out = []
     for k, (made, pin) in enumerate(zip(bar.cognates(theta), bar.cognate_pins(theta), strict=True), 1):
         begin = float(np.angle(pin[0] - made.crank_pivot))

@@ -1,4 +1,4 @@
-"""Strokes, swings, straight lines, dwell six-bars and balancing springs of lids as solutions."""
+"""Solutions for strokes, swings, straight lines, dwells (six-bars), and springs that balance lids."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ from mechviz.studies.synthesis.linkages import (
     whitworth_scene,
 )
 
-PATH_SAMPLES = 361  # of a structural error
+PATH_SAMPLES = 361  # places at which the structural error is sampled
 QUICK = "At constant speed of the crank the way back takes less time than the way out, by the angle between the dead lines."
 
 
 def slider_crank_solution(made: SliderCrank, stroke: float, ratio: float) -> LinkageSolution:
-    """A slider-crank of a stroke [m] and a time ratio."""
+    """Solution: a slider-crank with a stroke [m] and a time ratio."""
     scene = slider_crank_scene(
         made.crank, made.rod, made.offset, {"speed": SPEED}, name="stroke", learning_goal=QUICK,
         title=f"Slider-crank with a stroke of {stroke * MM:g} mm and a time ratio of {ratio:g}",
@@ -50,7 +50,7 @@ def slider_crank_solution(made: SliderCrank, stroke: float, ratio: float) -> Lin
 
 
 def slider_function_solution(task: FunctionTask, made: SliderGenerator, words: str) -> LinkageSolution:
-    """A slider-crank whose slider follows a function, ``words``."""
+    """Solution: a slider-crank whose slider displacement follows a function of the crank angle; ``words`` describe the function."""
     x = np.linspace(task.start, task.end, PATH_SAMPLES)
     turned, wanted = task.turned(x)
     errors = made.displacements(made.input_start + turned) - made.output_start - wanted
@@ -74,7 +74,7 @@ def slider_function_solution(task: FunctionTask, made: SliderGenerator, words: s
 
 
 def slotted_lever_solution(made: SlottedLever, stroke: float, ratio: float) -> LinkageSolution:
-    """A slotted lever whose end has a stroke [m] and a time ratio."""
+    """Solution: a slotted lever whose end has a stroke [m] and a time ratio."""
     title = f"Slotted lever with a stroke of {stroke * MM:g} mm and a time ratio of {ratio:g}"
     numbers = {
         "crank [mm]": f"{made.crank * MM:.6g}",
@@ -86,7 +86,7 @@ def slotted_lever_solution(made: SlottedLever, stroke: float, ratio: float) -> L
 
 
 def whitworth_solution(made: Whitworth, stroke: float, ratio: float) -> LinkageSolution:
-    """Whitworth's quick return of a stroke [m] and a time ratio."""
+    """Solution: a Whitworth quick-return mechanism with a stroke [m] and a time ratio."""
     title = f"Whitworth's quick return with a stroke of {stroke * MM:g} mm and a time ratio of {ratio:g}"
     learning_goal = "The lever turns fully, faster on the side of the crank's pivot: the slider returns quickly."
     numbers = {
@@ -99,7 +99,7 @@ def whitworth_solution(made: Whitworth, stroke: float, ratio: float) -> LinkageS
 
 
 def crank_rocker_solution(made: FourBar, swing: float, ratio: float) -> LinkageSolution:
-    """A crank-rocker of a swing [rad] and a time ratio."""
+    """Solution: a crank-rocker with a swing angle [rad] and a time ratio."""
     scene = four_bar_scene(
         made, {"speed": SPEED}, name="swing", learning_goal=QUICK, traced=False,
         title=f"Crank-rocker with a swing of {np.degrees(swing):g} deg and a time ratio of {ratio:g}",
@@ -108,7 +108,8 @@ def crank_rocker_solution(made: FourBar, swing: float, ratio: float) -> LinkageS
 
 
 def straight_line_solutions(names: list[str], travel: float, straight: float | None) -> list[LinkageSolution]:
-    """Straight-line linkages by name, of a travel [m]; ``straight``: crank range [rad] for which Hoecken's are chosen."""
+    """Solutions: straight-line linkages by name (all without names), scaled to a travel [m]; ``straight``: crank range [rad] for
+    which Hoecken's linkage is designed. Raises `MechanismError`."""
     for name in names:
         if name not in STRAIGHT_LINES:
             raise MechanismError(Fault("name", f"there is no straight line of '{name}'.", did_you_mean(name, STRAIGHT_LINES)))
@@ -141,7 +142,7 @@ def _straight_line(name: str, line: StraightLine, travel: float) -> LinkageSolut
 
 
 def dwell_solutions(linkages: Sequence[DwellLinkage], crank: float, dwell: float) -> list[LinkageSolution]:
-    """Dwell linkages as solutions, with a crank of some length [m]."""
+    """Solutions: dwell linkages, scaled to a ``crank`` length [m]; ``dwell``: crank angle of the dwell [rad], for the title."""
     out = []
     for k, made in enumerate(linkages):
         bar = made.four_bar.scaled(crank)
@@ -177,7 +178,8 @@ def dwell_solutions(linkages: Sequence[DwellLinkage], crank: float, dwell: float
 
 
 def lid_solutions(task: LidTask, springs: Sequence[LidSpring]) -> list[LinkageSolution]:
-    """Balancing springs as solutions: the drive of the hinge is what the hand has to do, times its distance."""
+    """Solutions: springs that balance a lid. The driving torque of the hinge is the force of the hand times its distance from
+    it."""
     out = []
     for k, made in enumerate(springs):
         scene = Scene.build(
