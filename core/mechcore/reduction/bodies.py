@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 
 from mechcore.arrays import Real, Vec2
 from mechcore.errors import Fault, MechanismError
+from mechcore.kinematics.dyads import cross
 from mechcore.records import dataclass
 from mechcore.texts import as_length
 
@@ -200,47 +201,31 @@ class Area:
         return RigidBody(surface_density * self.area, self.centre, surface_density * self.polar)
 
 
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(24)
+"""Gauss-Legendre quadrature along a side: exact on straight ones, to rounding on arcs of up to a full circle, however shallow."""
+
+
 def area_of(vertices: ArrayLike, bulges: Sequence[float] | None = None) -> Area:
     """Integrals over the inside of an outline (n, 2) [m], in either sense of rotation. `MechanismError` where it has no area."""
-    z = np.asarray(vertices, float)
-    middle = z.mean(axis=0)
-    p = z - middle  # integrals about a point inside: no cancellation for outlines far from the origin
-    q = np.roll(p, -1, axis=0)
-    c = p[:, 0] * q[:, 1] - q[:, 0] * p[:, 1]
-    area = 0.5 * c.sum()
-    first = (c[:, None] * (p + q)).sum(axis=0) / 6.0
-    second = (c * ((p * p).sum(axis=1) + (p * q).sum(axis=1) + (q * q).sum(axis=1))).sum() / 12.0
-    for bulge, a, b in zip(bulges or (), p, q, strict=bool(bulges)):
-        if bulge:
-            da, df, ds = _segment(a, b, bulge)
-            area, first, second = area + da, first + df, second + ds
-    if abs(area) <= 1e-12 * float((p * p).sum()):
+    xy = np.asarray(vertices, float)
+    middle = xy.mean(axis=0)
+    z = (xy - middle) @ np.array([1.0, 1j])  # integrals about a point inside: no cancellation for outlines far from the origin
+    bulge = np.zeros(len(z)) if not bulges else np.asarray(bulges, float)
+    half, curved = 2.0 * np.arctan(bulge), bulge != 0.0  # half the angle that each side spans
+    over_sine = np.divide(0.5 * (1.0 + bulge**2), bulge, out=np.ones(len(z)), where=curved)
+    t = 0.5 * (1.0 + _NODES[:, None])  # of each side
+    side = np.roll(z, -1) - z
+    place = z + side * np.where(curved, np.sin(half * t) * over_sine * np.exp(1j * half * (t - 1.0)), t)
+    pace = side * np.where(curved, half * over_sine, 1.0) * np.exp(1j * half * (2.0 * t - 1.0))
+    swept = 0.5 * _WEIGHTS[:, None] * cross(place, pace)  # twice the area between side and origin
+    area, moment = 0.5 * float(swept.sum()), complex((swept * place).sum()) / 3.0
+    first, second = np.array([moment.real, moment.imag]), 0.25 * float((swept * np.abs(place) ** 2).sum())
+    if abs(area) <= 1e-12 * float((np.abs(z) ** 2).sum()):
         raise MechanismError(Fault("outline", "the outline has no area.", "Check its corners and bulges."))
     if area < 0.0:
         area, first, second = -area, -first, -second
     centre = first / area
     return Area(float(area), (float(middle[0] + centre[0]), float(middle[1] + centre[1])), float(second - area * (centre**2).sum()))
-
-
-def _segment(a: Real, b: Real, bulge: float) -> tuple[float, Real, float]:
-    """Signed area, first and second polar moment about the origin of the segment between a chord and its arc."""
-    chord = b - a
-    length = float(np.hypot(*chord))
-    angle = 4.0 * math.atan(abs(bulge))  # that the arc spans
-    radius = length / (2.0 * math.sin(0.5 * angle))
-    out = np.array([chord[1], -chord[0]]) / length * math.copysign(1.0, bulge)  # from the chord to the arc
-    centre = 0.5 * (a + b) - out * radius * math.cos(0.5 * angle)
-    half = 0.5 * angle
-    area = radius**2 * (half - math.sin(half) * math.cos(half))
-    # distance of the segment's centre from the circle's, and its polar moment about the circle's centre
-    away = 2.0 / 3.0 * radius**3 * math.sin(half) ** 3 / area if area > 0.0 else radius
-    # sector less triangle, both about the circle's centre
-    triangle = radius**2 * math.sin(half) * math.cos(half) * radius**2 * (math.cos(half) ** 2 / 2.0 + math.sin(half) ** 2 / 6.0)
-    polar = radius**4 * half / 2.0 - triangle
-    at = centre + away * out
-    polar += area * (float((at**2).sum()) - away**2)
-    sign = math.copysign(1.0, bulge)
-    return sign * area, sign * area * at, sign * polar
 
 
 def circle(centre: Vec2, radius: float) -> Area:
