@@ -341,12 +341,23 @@ def _mesh(m: MassDocument, density: float | None, mass: float | None, convert: C
         return RigidBody(1.0)
     if mesh.volume < 0.0:
         mesh.invert()
+    if not (mesh.is_winding_consistent and _hollows_lie_inside(mesh)):
+        convert.note(f"{path}.mesh", f"some faces of '{m.mesh}' look inwards.", "Repair the mesh: all its normals point outwards.")
+        return RigidBody(1.0)
     unit = convert.si(m.mesh_unit, "length", f"{path}.mesh_unit")
     mesh.density = 1.0
     volume = float(mesh.volume) * unit**3
     factor = density if density is not None else (mass or 0.0) / volume
     x, y, _ = (float(v) * unit for v in mesh.center_mass)
     return RigidBody(volume * factor, (x, y), float(mesh.moment_inertia[2, 2]) * unit**5 * factor)
+
+
+def _hollows_lie_inside(mesh: Any) -> bool:
+    """Whether all closed surfaces of a mesh that are inside out lie, by their extent, in one that is not."""
+    bodies = mesh.split(only_watertight=False)
+    bounds = [body.bounds for body in bodies if body.volume > 0.0]
+    hollows = [body.bounds for body in bodies if body.volume < 0.0]
+    return all(any((low <= inner[0]).all() and (inner[1] <= high).all() for low, high in bounds) for inner in hollows)
 
 
 def polygon_of(corners: Sequence[Vec2], bulges: Sequence[float] | None) -> shapely.Polygon | None:

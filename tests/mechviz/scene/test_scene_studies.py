@@ -525,6 +525,31 @@ def test_masses_from_a_mesh_file(tmp_path):
         mechviz.load(tmp_path / "scene.toml")
 
 
+def test_a_mesh_whose_faces_do_not_all_look_outwards_is_refused(tmp_path):
+    """Two turned triangles moved the centre of a box, whose volume was right, and a second body inside out was taken away."""
+    import trimesh
+
+    def read(*bodies):
+        trimesh.util.concatenate(bodies).export(tmp_path / "part.stl")
+        return next(k for k in mechviz.load(tmp_path / "scene.toml").mechanism.links if k.name == "crank")
+
+    text = with_(**link("crank", mass=0.123, centre=None, inertia=None, shape="bar")).to_toml()
+    text = text.replace('mass = 0.123, shape = "bar"', 'mass = { mesh = "part.stl", density = 7850 }')
+    (tmp_path / "scene.toml").write_text(text)
+    box, hollow, beside = (trimesh.creation.box(sides) for sides in ((100, 40, 10), (60, 20, 6), (60, 20, 6)))
+    hollow.invert()
+    assert read(box, hollow).mass == pytest.approx((100 * 40 * 10 - 60 * 20 * 6) * 7850e-9, rel=1e-6)
+    beside.apply_translation((0, 100, 0))
+    assert read(box, beside).mass == pytest.approx((100 * 40 * 10 + 60 * 20 * 6) * 7850e-9, rel=1e-6)
+    beside.invert()
+    with pytest.raises(mechviz.SceneError, match="look inwards"):
+        read(box, beside)
+    faces = box.faces.copy()
+    faces[[3, 7]] = faces[[3, 7], ::-1]
+    with pytest.raises(mechviz.SceneError, match="look inwards"):
+        read(trimesh.Trimesh(box.vertices, faces, process=False))
+
+
 # -- recording ----------------------------------------------------------------------------------------------------------
 def test_a_recording_has_the_polygons_and_their_closing_errors(tmp_path):
     path = tmp_path / "all.rrd"
