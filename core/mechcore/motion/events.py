@@ -13,7 +13,15 @@ from mechcore.arrays import Flags, Real
 from mechcore.constants import REST, SINGULAR
 from mechcore.laws.timed import JUMPS, Table, TableLaw, moves
 from mechcore.motion.at_once import indeterminate
-from mechcore.motion.metrics import curvature, largest_maximum, per_unit_drive_speed, transmission_angles, velocity_ratios, zeros
+from mechcore.motion.metrics import (
+    curvature,
+    largest_maximum,
+    per_unit_drive_speed,
+    ratio_in_time,
+    transmission_angles,
+    velocity_ratios,
+    zeros,
+)
 from mechcore.motion.motion import Motion
 from mechcore.numerics.interpolation import between
 from mechcore.records import dataclass
@@ -319,12 +327,7 @@ def _ratios(motion: Motion, asked: Sequence[str]) -> Iterator[Event]:
 
 def _toggles(motion: Motion, joint: str) -> Iterator[Event]:
     """Instants at which the mechanical advantage of a joint is unbounded: its velocity ratio passes through zero."""
-
-    def rows(m: Motion) -> Real:
-        """The ratio and its derivative by time: the second derivative by the drive's coordinate times the drive's speed."""
-        unit = per_unit_drive_speed(m).coordinate(joint)
-        return np.stack([unit[:, 1], unit[:, 2] * m.drives[0][1]], axis=-1)
-
+    rows = partial(ratio_in_time, joint=joint)
     own = rows(motion)
     for t in zeros(motion, rows, turning_points(motion.time, own[:, 0], own[:, 1])):
         text = _placed("mechanical advantage without bound (toggle)", motion, float(t))

@@ -62,6 +62,24 @@ def per_unit_drive_speed(motion: Motion, lead: int = 0, sense: Real | float = 1.
     return _at_pace(motion, drives, np.where(np.any(beside, axis=0), np.nan, pace), motion.drives[lead][2] * sense)
 
 
+def ratio_in_time(motion: Motion, joint: str) -> Real:
+    """Velocity ratio of a joint to the first drive, and its rate (F, 2) [1/s], whichever drives move.
+
+    The rate has the mixed derivatives by the first drive and each other. Accelerations are a quadratic form of the drives' speeds,
+    so that they are a quarter of the difference of two: with a speed of the first drive that is greater and less by one.
+    """
+    unit = per_unit_drive_speed(motion).coordinate(joint)
+    if not any(np.any(v) for _, v, _ in motion.drives[1:]):
+        return np.stack([unit[:, 1], unit[:, 2] * motion.drives[0][1]], axis=-1)
+    (first, speed, _), *others = motion.drives
+    zero, unknown = np.zeros(motion.frames), np.full(motion.frames, np.nan)
+    ahead, behind = (
+        _at_pace(motion, [(first, speed + more, zero), *((q, v, zero) for q, v, _ in others)], unknown, zero).coordinate(joint)
+        for more in (1.0, -1.0)
+    )
+    return np.stack([unit[:, 1], 0.25 * (ahead[:, 2] - behind[:, 2])], axis=-1)
+
+
 def along_motion(motion: Motion) -> Motion:
     """The same positions passed as in the motion itself, but at unit speed.
 

@@ -213,6 +213,34 @@ def test_extremes_between_frames(frames):
     np.testing.assert_allclose(swing, at_limit, atol=1e-9)
 
 
+@pytest.mark.parametrize("frames", [24, 90])
+def test_toggles_while_the_drives_pivot_moves_too(frames):
+    """A crank-rocker whose crank turns on a slide that swings: the ratio changes with both drives, so does the toggle's place."""
+    g = CRANK_ROCKER
+    moving = {"slide": {"A": 0.0}, "crank": {"A": 0.0, "B": g["a"]}, "coupler": {"B": 0.0, "D": g["b"]}}
+    links = {"frame": {"F": 0.0, "E": g["d"]}, **moving, "rocker": {"E": 0.0, "D": g["c"]}}
+    pins = {"A": ("slide", "crank"), "B": ("crank", "coupler"), "D": ("coupler", "rocker"), "E": ("frame", "rocker")}
+    m = Mechanism(
+        name="sliding crank-rocker",
+        frame="frame",
+        links=tuple(Link(name=k, points={p: (x, 0.0) for p, x in points.items()}) for k, points in links.items()),
+        joints=(
+            Prismatic(name="S", links=("frame", "slide"), points=("F", "A"), along=(1.0, 0.0)),
+            *(Revolute(name=k, links=ends, points=(k, k)) for k, ends in pins.items()),
+        ),
+        drives=(Drive(joint="A", law=ConstantSpeed(0.013, 2.0)), Drive(joint="S", law=Oscillation(0.0, 0.02, 0.7))),
+        modes={"D": "left"},
+        metrics=("mechanical_advantage",),
+    )
+    motion = solve_motion(compile_mechanism(m), np.linspace(0.0, np.pi, frames + 1))
+    times = np.array([e.time for e in find_events(motion) if "toggle" in e.text])
+    at = motion.again(times)
+    crank, base = at.pose("crank")[:, 2], at.coordinate("S")[:, 0]
+    away = g["d"] - base  # where crank and coupler lie in line the rocker's pin is b +- a from the crank's
+    far = [np.sqrt(away**2 + r**2 - 2.0 * away * r * np.cos(crank)) for r in (g["b"] + g["a"], g["a"] - g["b"])]
+    assert len(times) == 2 and np.abs(np.array(far) - g["c"]).min(axis=0) == pytest.approx(0.0, abs=1e-12)
+
+
 def test_extremes_in_time_do_not_depend_on_the_law():
     """A swinging drive meets the same worst angle at the same place of the drive."""
     swings = replace(crank_rocker(), drives=(Drive(joint="A", law=Oscillation(0.3, 0.8, 0.7)),))
