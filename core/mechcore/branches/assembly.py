@@ -280,10 +280,12 @@ def _fix_relation(model: Model, block: Block, state: State, constants: list[floa
 
 
 def _placed_by_angle(model: Model, group: int) -> str:
-    """The first link of a group with joints at different points, so that its angle at the start matters; "" if there is none."""
-    ends = [(e[p], joint.b if p else joint.a) for joint, e in zip(model.joints, model.ends, strict=True) for p in (0, 1)]
+    """The first link of a group with a guide or with joints at different points, so that its angle at the start matters; "" if there
+    is none."""
     for k in model.angles.links_of[group]:
-        if len({place for link, place in ends if link == k}) > 1:
+        sides = [(model.joints[j], side) for j, ends in enumerate(model.ends) for side in (0, 1) if ends[side] == k]
+        guides = any(joint.slide is not None and joint.guide == side for joint, side in sides)
+        if guides or len({joint.b if side else joint.a for joint, side in sides}) > 1:
             return model.links[k]
     return ""
 

@@ -97,7 +97,7 @@ def _assembled(model: Model, start: tuple[float, ...], accuracy: Accuracy) -> As
         return assemble(replace(model, mechanism=replace(mechanism, sketch=sketch)), start)
     led_by = zip(mechanism.drives, drawn, strict=True)
     places = ", ".join(f"{d.joint} = {as_coordinate(q, rotary=model.rotary(d.joint), digits=4)}" for d, q in led_by)
-    why = f"the sketch is drawn at {places}, and the mechanism cannot be led from there to the start: it"
+    why = f"the sketch is drawn at {places}, and the mechanism cannot be led from there to the start. On the way:"
     remedy = f"Sketch the mechanism where its drives start{fitting_statements(model, start)}"
     said = [(f.path, Text.of(f.message).source, Text.of(f.remedy).source) for f in faults]
     raise MechanismError([Fault(path, f"{why} {message}", f"{remedy}, or: {other}") for path, message, other in said])

@@ -79,7 +79,7 @@ def test_a_planetary_train_that_its_sun_drives():
     """Two meshes decide arm and planet together, without a loop. It is the same motion, so the drives have the same power."""
     arm_driven = planetary()
     joints = tuple(_at("S", "frame", "O", "sun") if p.name == "S" else p for p in arm_driven.joints)
-    drawn = {"sun": (0.0, 0.0, 0.0), "arm": (0.0, 0.0, 0.0), "planet": (0.05, 0.0, 0.0)}
+    drawn = {"arm": (0.0, 0.0, 0.0)}  # how the wheels stand does not matter
     drives = (Drive(joint="S", law=ConstantSpeed(0.0, 15.0)),)
     forces = load(replace(arm_driven, joints=joints, drives=drives, sketch=drawn), 5.0 * THETA, 15.0, 10.0)
     sound(forces)
@@ -87,6 +87,32 @@ def test_a_planetary_train_that_its_sun_drives():
     np.testing.assert_allclose(forces.motion.pose("arm")[:, 2], THETA, rtol=1e-12)
     np.testing.assert_allclose(forces.motion.acceleration("planet")[:, 2], 2.0 * (1 - 80 / 30), rtol=1e-12)
     np.testing.assert_allclose(5.0 * forces.effort("S"), want.effort("O"), rtol=1e-11)
+
+
+def test_what_matters_of_the_start_of_geared_links_has_to_be_sketched():
+    """The arm that two meshes turn, by name; and a wheel with a slot through its axis, which was taken to stand at zero."""
+    planets = planetary()
+    joints = tuple(_at("S", "frame", "O", "sun") if p.name == "S" else p for p in planets.joints)
+    with pytest.raises(MechanismError, match="how 'arm' stands") as told:
+        compile_mechanism(replace(planets, joints=joints, drives=(Drive(joint="S", law=ConstantSpeed(0.0, 15.0)),)))
+    assert [f.path for f in told.value.faults] == ["joints.sun-planet", "joints.planet-ring"]
+    slotted = Mechanism(
+        name="slotted wheel",
+        frame="frame",
+        links=(Link(name="frame", points={"A": (0.0, 0.0), "B": (0.1, 0.0), "H": (0.12, 0.0)}), wheel("motor"), wheel("slotted"),
+               wheel("lever", U=(0.06, 0.0))),
+        joints=(
+            _at("A", "frame", "A", "motor"), _at("B", "frame", "B", "slotted"), _at("H", "frame", "H", "lever"),
+            Gear(name="G", links=("motor", "slotted"), carrier="frame", sizes=(20, 30)),
+            PinSlot(name="S", links=("slotted", "lever"), points=("c", "U"), along=(1.0, 0.0)),
+        ),
+        drives=(Drive(joint="A", law=ConstantSpeed(0.0, 1.0)),),
+        modes={"S": "ahead"},
+    )  # fmt: skip
+    with pytest.raises(MechanismError, match="how 'slotted' stands"):
+        compile_mechanism(slotted)
+    motion = move(replace(slotted, sketch={"slotted": (0.1, 0.0, 0.7)}), THETA)
+    np.testing.assert_allclose(motion.pose("slotted")[:, 2], 0.7 - THETA / 1.5, atol=1e-12)
 
 
 def gear_train(internal: bool = False) -> Mechanism:
