@@ -333,3 +333,12 @@ def joint_wrench(at: Configuration, joint: str, effort: Values, *, name: str, ki
         return Wrench(name, kind, second, 0j, effort, arm, cause, first, other_arm)
     along = at.guide(j) * (1.0 if loop_joint.guide == 0 else -1.0)  # the coordinate grows where the link without the guide goes
     return Wrench(name, kind, second, effort * along, 0.0, arm, cause, first, other_arm)
+
+
+def couple_between(at: Configuration, first: int, second: int, moment: Values, *, name: str, kind: str, cause: str) -> Wrench:
+    """A moment [N m] on a link, the opposite on another: at the pin on which they turn against each other, if there is one, else at
+    the origins of both."""
+    turning = (j for j, ends in enumerate(at.model.ends) if {*ends} == {first, second} and at.model.joints[j].coordinate == "angle")
+    place = next((at.joint_point(j) for j in turning), None)
+    arm, other_arm = (0j, 0j) if place is None else (place - at.origins[first], place - at.origins[second])
+    return Wrench(name, kind, first, 0j, moment, arm, cause, second, other_arm)

@@ -10,7 +10,7 @@ import numpy as np
 
 from mechcore.arrays import Index, Real, Values
 from mechcore.compiled.symbols import Symbol, Untraceable
-from mechcore.effects.base import Configuration, LoadEffect, PointLoad, Wrench, coordinate, joint_wrench, rate
+from mechcore.effects.base import Configuration, LoadEffect, PointLoad, Wrench, coordinate, couple_between, joint_wrench, rate
 from mechcore.effects.springs import Line
 from mechcore.errors import Fault, MechanismError
 from mechcore.kinematics.model import Model
@@ -208,8 +208,10 @@ class AppliedTorque(FactoredLoad[Torque]):
     def wrenches(self, at: Configuration) -> list[Wrench]:
         load = self.load
         moment = load.moment * factor_of(at, load.factor, load.name)
-        other = None if load.against is None else at.model.index[load.against]
-        return [Wrench(load.name, "torque", at.model.index[load.link], 0j, moment, 0j, other=other)]
+        k = at.model.index[load.link]
+        if load.against is None:
+            return [Wrench(load.name, "torque", k, 0j, moment, 0j)]
+        return [couple_between(at, k, at.model.index[load.against], moment, name=load.name, kind="torque", cause=self.cause)]
 
 
 class ConstantThrust(FactoredLoad[Actuator], Line[Actuator]):

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 
 from mechcore.arrays import Complex, Index, Plane, Real, unit_vectors
-from mechcore.effects.base import Configuration, Effect, LoadEffect, Wrench, joint_wrench, rate, relative_speed
+from mechcore.effects.base import Configuration, Effect, LoadEffect, Wrench, couple_between, joint_wrench, rate, relative_speed
 from mechcore.numerics.tape import value_of
 from mechcore.spec.loads import BeltTension, Drag, JournalContact, JournalLoss, Viscous
 
@@ -99,8 +99,8 @@ class ViscousFriction(LoadEffect[Viscous]):
         for link, radius in relation.angles[:2]:
             k = at.model.index[link]
             moment = -0.5 * self.load.coefficient * radius**2 * relative_speed(at, carrier, k)
-            arm = at.origins[k] - at.origins[carrier]
-            out.append(Wrench(f"{self.name}/{link}", "viscous torque", k, 0j, moment, 0j, self.cause, carrier, arm))
+            name = f"{self.name}/{link}"
+            out.append(couple_between(at, k, carrier, moment, name=name, kind="viscous torque", cause=self.cause))
         return out
 
 

@@ -7,7 +7,7 @@ from typing import TypeVar
 import numpy as np
 
 from mechcore.arrays import Complex, Plane, Real, Values, unit_vectors
-from mechcore.effects.base import Configuration, LoadEffect, Wrench, relative_speed
+from mechcore.effects.base import Configuration, LoadEffect, Wrench, couple_between, relative_speed
 from mechcore.errors import Fault, MechanismError
 from mechcore.spec.loads import Actuator, Bushing, BushingDamper, Damper, GasSpring, Spring, TorsionDamper, TorsionSpring
 from mechcore.texts import as_length
@@ -146,7 +146,7 @@ class AngleSpring(LoadEffect[TorsionSpring]):
     def wrenches(self, at: Configuration) -> list[Wrench]:
         first, second = (at.model.index[k] for k in self.load.links)
         moment = self.load.stiffness * self._turned(at)
-        return [Wrench(self.name, "torsion spring", first, 0j, moment, 0j, self.cause, second)]
+        return [couple_between(at, first, second, moment, name=self.name, kind="torsion spring", cause=self.cause)]
 
     def potential(self, at: Configuration) -> Real:
         return 0.5 * self.load.stiffness * self._turned(at) ** 2
@@ -165,7 +165,7 @@ class AngleDamper(LoadEffect[TorsionDamper]):
     def wrenches(self, at: Configuration) -> list[Wrench]:
         first, second = (at.model.index[k] for k in self.load.links)
         moment = self.load.coefficient * relative_speed(at, first, second)
-        return [Wrench(self.name, "torsion damper", first, 0j, moment, 0j, self.cause, second)]
+        return [couple_between(at, first, second, moment, name=self.name, kind="torsion damper", cause=self.cause)]
 
 
 class _Bushed(_BetweenPoints[Joining]):

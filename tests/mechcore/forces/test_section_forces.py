@@ -15,7 +15,7 @@ from mechcore.forces.section_forces import SectionForces, guide_load, section_fo
 from mechcore.forces.section_lines import Cuts, MassPart, SectionAxis, axis_of, mass_line
 from mechcore.laws.timed import ConstantSpeed, Law, Oscillation
 from mechcore.motion.solve import compile_mechanism, solve_motion
-from mechcore.spec.loads import Actuator, Force, GasSpring, Spring
+from mechcore.spec.loads import Actuator, Force, GasSpring, Load, Spring, Torque, TorsionDamper, TorsionSpring
 from mechcore.spec.mechanism import Drive, Friction, Link, Mechanism, Prismatic, Weld
 from mechcore.spec.studies import CrossSection, SectionStudy
 
@@ -55,6 +55,28 @@ def test_a_beam_in_uniform_rotation_is_pulled_by_the_masses_farther_out() -> Non
     scale = pull.max()
     assert np.abs(diagrams.shear).max() < 1e-12 * scale
     assert np.abs(diagrams.moment).max() < 1e-12 * scale * LENGTH
+
+
+@pytest.mark.parametrize(
+    "load",
+    [
+        TorsionSpring(name="couple", links=("bar", "frame"), stiffness=2.0),
+        TorsionDamper(name="couple", links=("frame", "bar"), coefficient=0.3),
+        Torque(name="couple", link="bar", moment=4.0, against="frame"),
+    ],
+)
+def test_a_couple_between_two_links_acts_where_they_are_pinned(load: Load) -> None:
+    """The drive in the same pin holds it: nothing is left inside the bar, whose frame has its origin at the other end."""
+    held = bar(ConstantSpeed(0.3, SPEED), effects=(), loads=(load,))
+    frame = Link(name="frame", points={"B": (0.2, 0.1)})
+    held = replace(
+        held, links=(frame, held.links[1]), joints=(pin("B", "frame", "bar"),), drives=(Drive(joint="B", law=held.drives[0].law),)
+    )
+    forces = solved(held, [0.0, 0.1])
+    assert np.abs(forces.effort("B")).min() > 0.5
+    np.testing.assert_allclose(forces.loads["couple"].values[:, 3:], [[0.2, 0.1]] * 2)
+    diagrams = section_forces(forces, SectionStudy(link="bar"))
+    assert np.abs(diagrams.moment[:, inside(diagrams)]).max() < 1e-12
 
 
 def test_a_rod_that_falls_about_its_end_bends_most_at_a_third_of_its_length() -> None:
