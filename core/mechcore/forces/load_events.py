@@ -174,10 +174,17 @@ def belt_events(forces: Forces) -> list[Event]:
             continue
         grip = belt_grip(motion, load)
 
-        def margin(f: Forces, grip: BeltGrip = grip) -> Real:
-            return np.asarray(grip.most - np.hypot(*f.reaction(grip.joint)[:, :2].T), float)
+        def asked(f: Forces, joint: str = load.joint) -> Real:
+            return np.asarray(np.hypot(*f.reaction(joint)[:, :2].T), float)
 
-        left, time = margin(forces), motion.time
+        def margin(f: Forces, most: float = grip.most) -> Real:
+            return most - asked(f)
+
+        time, left = motion.time, margin(forces)
+        peak, most = largest_maximum(motion, lambda m: asked(forces if m is motion else forces.again(m.time)))  # between two frames
+        if np.isfinite(peak) and peak not in time:
+            k = int(np.searchsorted(time, peak))
+            time, left = np.insert(time, k, peak), np.insert(left, k, grip.most - most)
         for first, last in runs(left < -1e-9 * grip.most):
             available = grip.most - float(left[first : last + 1].min())
             start, end = float(time[first]), float(time[last])

@@ -239,6 +239,16 @@ def test_a_belt_slips_where_its_tensions_differ_too_much():
     assert belt_events(solve_forces(solve_motion(compile_mechanism(held), np.linspace(0.0, 4.0, 31)))) == []
 
 
+def test_a_belt_that_slips_between_two_frames_is_told():
+    """A torque that swings with time asks for 1.01 times what the belt carries for a moment, halfway between two of the frames."""
+    most = 200.0 * (np.exp(0.3 * (np.pi - 2 * np.arcsin(0.1 / np.hypot(0.5, 0.2)))) - 1.0)
+    swing = Factor(function=lambda t: np.sin(0.5 * np.pi * t), of="time")
+    m = replace(drum(-1.01 * most * 0.15, factor=swing), drives=(Drive(joint="A", law=ConstantSpeed(0.0, 1.0)),))
+    (event,) = belt_events(solve_forces(solve_motion(compile_mechanism(m), np.linspace(0.0, 2.0, 6))))
+    assert event.value == pytest.approx(1.01 * most, rel=1e-9)
+    assert event.time == pytest.approx(np.arcsin(1.0 / 1.01) * 2.0 / np.pi, rel=1e-4)
+
+
 DRUM = """
 units = { length = "mm", angle = "deg" }
 effects = ["inertia"]
