@@ -280,8 +280,7 @@ def _fix_relation(model: Model, block: Block, state: State, constants: list[floa
 
 
 def _placed_by_angle(model: Model, group: int) -> str:
-    """The first link of a group with a guide or with joints at different points, so that its angle at the start matters; "" if there
-    is none."""
+    """The first link of a group with a guide or with joints at different points: its angle at the start matters; "" without one."""
     for k in model.angles.links_of[group]:
         sides = [(model.joints[j], side) for j, ends in enumerate(model.ends) for side in (0, 1) if ends[side] == k]
         guides = any(joint.slide is not None and joint.guide == side for joint, side in sides)

@@ -95,7 +95,7 @@ def test_what_matters_of_the_start_of_geared_links_has_to_be_sketched():
     joints = tuple(_at("S", "frame", "O", "sun") if p.name == "S" else p for p in planets.joints)
     with pytest.raises(MechanismError, match="how 'arm' stands") as told:
         compile_mechanism(replace(planets, joints=joints, drives=(Drive(joint="S", law=ConstantSpeed(0.0, 15.0)),)))
-    assert [f.path for f in told.value.faults] == ["joints.sun-planet", "joints.planet-ring"]
+    assert [f.path for f in told.value.faults] == ["joints.sun-planet"]
     slotted = Mechanism(
         name="slotted wheel",
         frame="frame",
