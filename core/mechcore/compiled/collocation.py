@@ -18,7 +18,7 @@ from mechcore.compiled.symbols import HELPERS, Code
 from mechcore.compiled.toolchain import MOST_LIBRARIES, library
 
 AROUND, PHASES = (Path(__file__).with_name(name) for name in ("collocation.c", "phases.c"))
-HEAD = 10  # numbers before the coordinates in what tells where windows begin, see `collocation.c`
+HEAD = 10  # numbers before the coordinates in the array that describes the start of windows, see `collocation.c`
 REDUCED = """
 #define F {freedoms}
 #define STATES {states}
@@ -54,7 +54,8 @@ static void forms(const double *p, const double *m, const double *q, const doubl
 
 
 class CollocationRule(Protocol):
-    """Nodes (s,) of a window, and (s, s) each: what integrates values there once and twice, and gives Legendre coefficients."""
+    """Nodes (s,) of a window, and matrices (s, s) that integrate values at the nodes once and twice, and give Legendre
+    coefficients."""
 
     @property
     def nodes(self) -> Real: ...
@@ -68,7 +69,7 @@ class CollocationRule(Protocol):
 
 class WindowTrial(NamedTuple):
     """A window to be solved: from ``start`` [s] over ``length`` [s], ``q``, ``v`` (f,) at its start, a ``guess`` (s, f) of the
-    accelerations at its nodes. ``tolerance``: of the positions' error that is left, absolute, in units of q."""
+    accelerations at its nodes. ``tolerance``: absolute, of the remaining error of the positions, in units of q."""
 
     start: float
     length: float
@@ -79,9 +80,9 @@ class WindowTrial(NamedTuple):
 
 
 class BatchLimits(NamedTuple):
-    """Limits of windows in a row: their ``end``, the ``shortest`` and the ``longest`` window [s], the ``tolerance``, and that of
-    Newton's method. They are ``most`` in number or fewer; they end at the times ``breaks`` (k,) [s], and where laws change their
-    forms if that is ``checked``."""
+    """Limits of consecutive windows: their ``end``, the ``shortest`` and the ``longest`` window [s], the ``tolerance``, and that of
+    Newton's method. There are ``most`` windows or fewer; they end at the times ``breaks`` (k,) [s] and, if that is ``checked``,
+    where laws change their forms."""
 
     end: float
     shortest: float
@@ -104,9 +105,9 @@ class BatchLimits(NamedTuple):
 
 
 class WindowBatch(NamedTuple):
-    """Windows in a row: ``starts``, ``lengths`` (w,) [s], position and speed ``q``, ``v`` (w, f) at the starts, Legendre
+    """Consecutive windows: ``starts``, ``lengths`` (w,) [s], position and speed ``q``, ``v`` (w, f) at the starts, Legendre
     coefficients ``a`` (w, s, f) of the accelerations; ``strain`` (w,) at their ends; ``cut`` (w,), whether they end at a
-    breakpoint; ``stuck``: after the last one none is short enough."""
+    breakpoint; ``stuck``: after the last one, no window is short enough."""
 
     starts: Real
     lengths: Real
@@ -119,7 +120,8 @@ class WindowBatch(NamedTuple):
 
 
 class ContactCounts(NamedTuple):
-    """How many elements rub, joints rest on stops, and joints have stops whose coordinates are known, see `phases.c`."""
+    """Numbers of friction elements, of joints that rest on stops, and of joints with stops whose coordinates are known, see
+    `phases.c`."""
 
     elements: int
     rests: int
@@ -127,8 +129,8 @@ class ContactCounts(NamedTuple):
 
 
 class PhaseBatch(NamedTuple):
-    """Phases of a motion with contacts: what `phases.c` tells of each in ``marks`` (p, 8), the ``signs`` (p + 1, e) of the elements
-    in each and after them, and their ``windows``."""
+    """Phases of a motion with contacts: the data of `phases.c` about each in ``marks`` (p, 8), the ``signs`` (p + 1, e) of the
+    elements in each and after them, and their ``windows``."""
 
     marks: Real
     signs: Real
@@ -140,9 +142,9 @@ class WrittenEquations:
     that are followed; ratios of rates of joints to those of the coordinates; forms of laws that have several;
     additional outputs.
 
-    They are computed from what C calls ``q[k]``, ``v[k]``, ``t``, modes ``m[k]``, ``given`` values ``d[k]`` of prescribed drives,
-    and angles ``near[k]`` from which the ``angles`` are followed; values of functions `of_time` come after those of drives.
-    ``freedoms``: how many coordinates, and how many states. ``contacts``: of which the additional outputs tell.
+    They are computed from inputs that C calls ``q[k]``, ``v[k]``, ``t``, modes ``m[k]``, ``given`` values ``d[k]`` of prescribed
+    drives, and angles ``near[k]`` from which the ``angles`` are followed; values of functions `of_time` come after those of drives.
+    ``freedoms``: numbers of coordinates and of states. ``contacts``: those that the additional outputs describe.
     """
 
     def __init__(
@@ -205,7 +207,7 @@ class _Rule(ctypes.Structure):
 
 @lru_cache(MOST_LIBRARIES)
 def _functions(loaded: ctypes.CDLL) -> ctypes.CDLL:
-    """A library whose functions say what they return."""
+    """A library with declared return types of its functions."""
     loaded.window.restype = loaded.windows.restype = ctypes.c_long
     if hasattr(loaded, "phases"):
         loaded.phases.restype = ctypes.c_long
@@ -225,14 +227,14 @@ def lower_triangle(k: int) -> tuple[Index, Index]:
     return i, j
 
 
-_RULES: dict[int, tuple[Any, ...]] = {}  # in C, by the object that has the matrices
+_RULES: dict[int, tuple[Any, ...]] = {}  # rules in C, by the id of the object that has the matrices
 
 
 class CompiledEquations:
     """Equations of motion ready to run, at assembly modes (b,), for coordinates with typical sizes ``scale`` (f,).
 
-    ``laws``: of the drives and then of functions of the time, as far as C has them all; None where it is given their values.
-    Raises `MechanismError` where they cannot be compiled.
+    ``laws``: of the drives and then of functions of time, if C has them all; None where their values are inputs. Raises
+    `MechanismError` where they cannot be compiled.
     """
 
     def __init__(
@@ -253,7 +255,7 @@ class CompiledEquations:
         self._system = ctypes.byref(_System(self.freedoms, self.given, self.angles, *map(address, self._kept)))
 
     def strain(self, q: Real, v: Real, t: Real, d: Real, near: Real) -> Real:
-        """Largest ratio of a joint's rate to that of a coordinate (n,), for what `accelerations` is given."""
+        """Largest ratio of a joint's rate to that of a coordinate (n,), arguments as of `accelerations`."""
         given = [np.ascontiguousarray(x, float) for x in (q, v, t, d, near)]
         out = np.empty(len(t))
         self._loaded.strained_at(self._system, ctypes.c_long(len(t)), *(_at(x) for x in given), _at(out))
@@ -267,7 +269,7 @@ class CompiledEquations:
         return out
 
     def reduced(self, q: Real, v: Real, t: Real, d: Real, near: Real) -> tuple[Real, Real]:
-        """M (n, k, k) and Q - h (n, k) of the k coordinates that are no states, for what `accelerations` is given."""
+        """M (n, k, k) and Q - h (n, k) of the k coordinates without the states, arguments as of `accelerations`."""
         k, (i, j) = self.coordinates, lower_triangle(self.coordinates)
         rest = self._rows(q, v, t, d, near)
         inertia = np.empty((len(t), k, k))
@@ -275,15 +277,15 @@ class CompiledEquations:
         return inertia, rest[:, len(i) : len(i) + k]
 
     def at_rest(self, q: Real, modes: Real) -> Real:
-        """M, Q - h and what `strain` is at a unit rate (n, 3), at places (n,) of the only coordinate with assembly modes (n, b) of
-        their own; no angle is followed, and there are no drives."""
+        """M, Q - h and the `strain` at a unit rate (n, 3), at positions (n,) of the only coordinate, each with its own assembly
+        modes (n, b); no angle is followed, and there are no prescribed drives."""
         out = np.empty((len(q), 3))
         modes = np.ascontiguousarray(modes, float)
         self._loaded.resting(self._system, ctypes.c_long(len(q)), _at(q), _at(modes), ctypes.c_long(modes.shape[1]), _at(out))
         return out
 
     def outputs(self, q: Real, v: Real, t: Real, d: Real, near: Real) -> tuple[Real, Real]:
-        """Q - h and rates of states (n, f), which are accelerations where M is one, and additional outputs (n, k)."""
+        """Q - h and rates of states (n, f), which are accelerations where M is the identity, and additional outputs (n, k)."""
         rest, k = self._rows(q, v, t, d, near), len(lower_triangle(self.coordinates)[0])
         return rest[:, k : k + self.freedoms], rest[:, k + self.freedoms :]
 
@@ -321,7 +323,7 @@ class CompiledEquations:
         return (a, int(count)) if count else None
 
     def windows(self, rule: CollocationRule, at: Real, limits: BatchLimits) -> WindowBatch:
-        """Windows from where ``at`` says, which then says where they end; see `collocation.c`."""
+        """Windows from the state in ``at``, which then has the state at their end; see `collocation.c`."""
         s, f = len(rule.nodes), self.freedoms
         out = np.empty((limits.most, 4 + 2 * f + s * f))
         numbers = (ctypes.c_double(x) for x in limits.bounds)
@@ -332,10 +334,10 @@ class CompiledEquations:
     def phases(
         self, rule: CollocationRule, at: Real, limits: BatchLimits, constants: Sequence[float], given: Sequence[Real]
     ) -> PhaseBatch:
-        """Phases of a motion with contacts from where ``at`` says, within the ``limits`` of their windows; see `phases.c`.
+        """Phases of a motion with contacts from the state in ``at``, within the ``limits`` of their windows; see `phases.c`.
 
-        ``constants``: numbers that follow those of the limits there; ``given``: scales of the elements (e,) and their signs (e,),
-        the stops (k, 5). Not where angles are followed.
+        ``constants``: numbers that follow those of the limits in C; ``given``: scales of the elements (e,) and their signs (e,),
+        the stops (k, 5). Not available where angles are followed.
         """
         scales, signs, stops = given
         s, f, e, count = len(rule.nodes), self.freedoms, len(signs), limits.most

@@ -1,4 +1,4 @@
-"""Motions by their energy in C: the time that a turn takes, and where a motion is at some time; `energy.c` from Python."""
+"""Motions by their energy in C: the time of a turn, and the position of a motion at a time; `energy.c` from Python."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from mechcore.errors import MechanismError
 from mechcore.numerics.chebyshev import FIT, NODES, PANEL_NODES, TAIL_NOISE, Panels
 
 MOST_PANELS = 4096  # MOST of energy.c
-LAST_STEP = 1e-10  # a last step of Newton's method that is shorter leaves an error of its square
+LAST_STEP = 1e-10  # after a shorter last step of Newton's method the error is of the order of its square
 
 
 @cache
@@ -37,11 +37,11 @@ def _functions() -> ctypes.CDLL | None:
 def time_of_turn(
     table: Panels, q: float, v: float, tolerance: float, first: int, limits: tuple[float, float, float]
 ) -> Panels | None:
-    """dt/du and t(u) of a turn from q on, u in [0, 1], where the motion goes round for ever from there at a rate v; None where it
-    does not, or this is not found.
+    """dt/du and t(u) of a turn from q on, u in [0, 1], where a motion that starts there at a rate v rotates continually; None where
+    it does not, or where that is not found.
 
-    ``table``: inertia and force over a turn, on equal panels. ``limits``, in parts of the largest work: what a turn may bring
-    that is rounding, the least kinetic energy, and the least that is left of it everywhere.
+    ``table``: inertia and force over a turn, on equal panels. ``limits``, relative to the largest work: the gain of a turn that
+    counts as rounding, the least kinetic energy, and the least kinetic energy left everywhere.
     """
     functions = _functions()
     if functions is None:

@@ -1,4 +1,4 @@
-"""Programs that go over frames, or over designs and frames: rows of numbers in, rows of numbers out, one call in C for all."""
+"""Programs over frames, or over designs and frames: rows of numbers in, rows of numbers out, in one call of C."""
 
 from __future__ import annotations
 
@@ -24,17 +24,17 @@ from mechcore.compiled.symbols import HELPERS, Code, Symbol
 if TYPE_CHECKING:
     from concurrent.futures import ThreadPoolExecutor
 
-LANE, FRAME = 1, 2  # what a number of a program differs with
+LANE, FRAME = 1, 2  # what a number of a program depends on
 BOTH = LANE | FRAME
-CARRIED_NAME = "c["  # how names of numbers begin that go on from frame to frame
+CARRIED_NAME = "c["  # prefix of names of numbers that are carried from frame to frame
 SLOW_FUNCTIONS = ("atan2", "atan", "cos", "sin", "tan", "tanh", "exp", "expm1", "log", "log1p", "pow", "modulo")
 TABLE_FUNCTIONS = ("piecewise", "searched", "curve")
-"""Functions that compilers do not compute for several lanes at once, and those that look something up."""
+"""Functions that compilers do not vectorise over lanes, and functions that look values up in tables."""
 
 
 class Stages(NamedTuple):
-    """Lines of C: what is the same for all, what differs with the frames, with the lanes, with both (in loops one after the
-    other). So many numbers are ``kept`` from loop to loop, in rows ``z``."""
+    """Lines of C by stages: constant, dependent on the frames, on the lanes, on both (in consecutive loops). ``kept``: count of the
+    numbers that are kept from loop to loop, in rows ``z``."""
 
     of_none: list[str]
     of_frames: list[str]
@@ -44,17 +44,17 @@ class Stages(NamedTuple):
 
 
 def staged(code: Code, outputs: Sequence[tuple[str, Operand]], parameters: list[float], depends: Mapping[int, int]) -> Stages:
-    """The program of some outputs: ``depends`` says of inputs by their numbers whether they differ with the lanes or the frames;
-    where none does with the frames all is of one stage.
+    """The program of some outputs: ``depends`` gives for inputs, by their numbers, whether they depend on the lanes or the frames;
+    where none depends on the frames, there is a single stage.
 
-    Functions for which a compiler has no vectors get loops of their own, so that it makes vectors of the others.
+    Functions that a compiler cannot vectorise get loops of their own, so that it vectorises the others.
     """
     names, order = OperandNames(parameters), code.needed(outputs)
     stage = dict.fromkeys(order, BOTH)
     if any(depends.get(number, LANE) & FRAME for number in order):
         for number in order:
             stage[number] = reduce(or_, map(stage.__getitem__, code.operands(number)), depends.get(number, 0))
-    loop = dict.fromkeys(order, 0)  # of those that differ with both: odd for slow functions
+    loop = dict.fromkeys(order, 0)  # of numbers that depend on both: odd for slow functions
     for number in order:
         if stage[number] == BOTH:
             slow = number in code.arrays or code.form(number).startswith(
@@ -97,9 +97,9 @@ def staged(code: Code, outputs: Sequence[tuple[str, Operand]], parameters: list[
 
 
 BLOCK_LANES = 64  # LANES of lanes.c
-LEAST_A_THREAD = 256 * BLOCK_LANES  # numbers of a row that are worth a thread of their own
+LEAST_A_THREAD = 256 * BLOCK_LANES  # numbers of a row for which a thread pays
 KERNEL_HELPERS = HELPERS + Path(__file__).with_name("lanes.c").read_text(encoding="utf-8")
-"""Functions of these programs."""
+"""C functions that these programs call."""
 FUNCTION_TEMPLATE = """
 CLONES int {name}(
     long from, long to, long n, long frames, const double *p, const double *const *in, const long *step, double *result
@@ -123,11 +123,11 @@ CLONES int {name}(
     return x && y && z && c;
 }}
 """
-"""Blocks of lanes, each computed whole, number by number in rows of its own: so the compiler makes vectors of them."""
+"""Blocks of lanes, each computed as a whole, number by number in rows of its own, so that the compiler vectorises them."""
 
 
 class _KernelCode(Code):
-    """The code of a kernel, whose values of functions of the time are given for each frame."""
+    """The code of a kernel, whose values of functions of time are inputs."""
 
     def __init__(self, kernel: Kernel):
         super().__init__()
@@ -140,23 +140,23 @@ class _KernelCode(Code):
 
 
 class Kernel:
-    """A program that is written line by line, then compiled, and goes over *lanes* side by side: the frames of a motion; or the
-    designs of a sweep, for each of which it goes over the frames. Terms that differ with the lanes only, or the frames only, are
+    """A program that is written line by line, then compiled, and runs over *lanes* in parallel: the frames of a motion; or the
+    designs of a sweep, for each of which it runs over the frames. Terms that depend on the lanes only, or the frames only, are
     computed once for these."""
 
     def __init__(self, name: str, of_time: Callable[[Kernel, str], Symbol] | None = None):
-        self.of_time = of_time or Kernel.real_of_frame  # what a function of the time is given for
+        self.of_time = of_time or Kernel.real_of_frame  # makes the input for the values of a function of time
         self.code = _KernelCode(self)
-        self.keys: list[str] = []  # of what it is given
-        self.inputs: dict[tuple[Operand, Operand], str] = {}  # keys of what is given for each lane
-        self._fetched: dict[int, list[str]] = {}  # of inputs that differ with the lanes: rows of x
+        self.keys: list[str] = []  # of the inputs
+        self.inputs: dict[tuple[Operand, Operand], str] = {}  # keys of the inputs for each lane
+        self._fetched: dict[int, list[str]] = {}  # of inputs that depend on the lanes: rows of x
         self._depends: dict[int, int] = {}  # inputs: LANE or FRAME
         self.carries = 0  # of real numbers
         self._begin(name)
 
     def _begin(self, name: str) -> None:
         self.name = name
-        self._next: list[tuple[str, Operand]] = []  # what is carried to the next frame
+        self._next: list[tuple[str, Operand]] = []  # numbers that are carried to the next frame
         self._planes: list[tuple[Operand, Operand]] = []
         self._reals: list[Operand] = []
         self.parameters: list[float] = []
@@ -169,17 +169,17 @@ class Kernel:
 
     @property
     def rows(self) -> int:
-        """How many rows of real numbers it has."""
+        """Number of rows of real numbers."""
         return len(self._reals)
 
     @property
     def planes(self) -> int:
-        """How many rows of plane vectors it has."""
+        """Number of rows of plane vectors."""
         return len(self._planes)
 
     @property
     def lines(self) -> int:
-        """How many numbers it computes."""
+        """Number of lines of the program."""
         return len(self.code.written(self._outputs, []))
 
     @property
@@ -188,11 +188,11 @@ class Kernel:
         return [*self._next, *((f"y[{row}][k]", x) for row, x in enumerate(rows))]
 
     def real(self, key: str) -> Symbol:
-        """A number that is given for each lane, by a key."""
+        """An input for each lane, a real number, by a key."""
         return self._given_by(key, self.code.input(*self._rows(key, 1)))
 
     def plane(self, key: str) -> Symbol:
-        """A plane vector that is given for each lane."""
+        """An input for each lane, a plane vector, by a key."""
         return self._given_by(key, self.code.plane_input(*self._rows(key, 2)))
 
     def _given_by(self, key: str, symbol: Symbol) -> Symbol:
@@ -200,15 +200,16 @@ class Kernel:
         return self._input(symbol, LANE)
 
     def real_of_frame(self, key: str) -> Symbol:
-        """A number that is given for each frame, the same for all designs."""
+        """An input for each frame, a real number, the same for all designs."""
         return self._input(self.code.input(self._at_frame(key, 0)), FRAME)
 
     def plane_of_frame(self, key: str) -> Symbol:
-        """A plane vector that is given for each frame, the same for all designs."""
+        """An input for each frame, a plane vector, the same for all designs."""
         return self._input(self.code.plane_input(self._at_frame(key, 0), self._at_frame(key, 1)), FRAME)
 
     def carried(self, of: Callable[[Symbol], Any]) -> Any:
-        """A number that each design carries from frame to frame, zero before the first one: ``of`` what it was before."""
+        """A number that each design carries from frame to frame, zero before the first one: ``of`` computes it from its previous
+        value."""
         row, self.carries = self.carries, self.carries + 1
         value = of(self._input(self.code.input(f"{CARRIED_NAME}{row}][k]"), BOTH))
         self._next.append((f"{CARRIED_NAME}{row}][k]", value.re if isinstance(value, Symbol) else float(value)))
@@ -237,12 +238,12 @@ class Kernel:
         return f"in[{place}][frame * step[{place}] + {part}]"
 
     def put(self, value: Any) -> int:
-        """The number of a new row of real numbers."""
+        """Add a row of real numbers; returns its number."""
         self._reals.append(value.re if isinstance(value, Symbol) else float(value))
         return len(self._reals) - 1
 
     def put_plane(self, value: Any) -> int:
-        """The number of a new row of plane vectors; these come before the real numbers."""
+        """Add a row of plane vectors, which come before the real numbers; returns its number."""
         self._planes.append((value.re, value.im) if isinstance(value, Symbol) else (value.real, value.imag))
         return len(self._planes) - 1
 
@@ -275,7 +276,7 @@ class Kernel:
         )
 
     def load(self, loaded: ctypes.CDLL) -> None:
-        """Take the compiled program."""
+        """Bind the compiled program from a library."""
         self._function = getattr(loaded, self.name)
         self._function.restype = ctypes.c_int
         self._function.argtypes = [*[ctypes.c_long] * 4, *[ctypes.c_void_p] * 4]
@@ -285,8 +286,8 @@ class Kernel:
         self._zeros = bytes(16 * len(self.keys))
 
     def __call__(self, n: int, given: Mapping[str, Any], frames: int = 1) -> tuple[Complex, Real]:
-        """Rows of plane vectors (frames, rows, n) and of real numbers at n lanes, for given numbers, (n,) or (frames,) as they were
-        asked for, or one for all. Raises `MemoryError`."""
+        """Rows of plane vectors (frames, rows, n) and of real numbers (frames, rows, n) at n lanes, for the inputs ``given`` by
+        key: (n,) or (frames,) as they were declared, or one number for all. Raises `MemoryError`."""
         out = self.rows_at(n, [given[key] for key in self.keys], frames)
         planes, reals, step = len(self._planes), len(self._reals), out.strides[0]
         return (
@@ -297,10 +298,10 @@ class Kernel:
     def rows_at(self, n: int, given: Sequence[Any], frames: int = 1) -> Real:
         """All rows (frames, rows, n), those of plane vectors first, two numbers each lane; ``given``: in the order of the keys.
 
-        Many lanes are shared out to the processor's cores. Raises `MemoryError`.
+        Many lanes are distributed over the processor's cores. Raises `MemoryError`.
         """
         kept, pointers, steps = [], [], []
-        plain = array("d", self._zeros)  # numbers for all, two for each key
+        plain = array("d", self._zeros)  # inputs that are one number for all, two places for each key
         place, _ = plain.buffer_info()
         for k, x in enumerate(given):
             if type(x) is ndarray:
@@ -331,13 +332,13 @@ _from_buffer = ctypes.c_char.from_buffer
 
 
 def _plain_row(values: Any) -> Any:
-    """Numbers (n,), real or complex ones, of an array of another shape or type."""
+    """Real or complex numbers (n,) from an array of another shape or type."""
     row = np.array(values, ndmin=1)
     return row if row.dtype in PLAIN_TYPES else row.astype(float)
 
 
 def address(array: Any) -> int:
-    """Where the numbers of an array are in memory; `numpy` says it for every array, in four times the time."""
+    """Address of an array's data in memory; numpy's own interface, which works for every array, takes four times as long."""
     try:
         return ctypes.addressof(_from_buffer(array))
     except (TypeError, ValueError, BufferError):  # read only, not contiguous, or empty
@@ -347,7 +348,7 @@ def address(array: Any) -> int:
 
 @cache
 def cores() -> int:
-    """How many threads compute: the cores that the process may use, or fewer as ``OMP_NUM_THREADS`` says."""
+    """Number of threads: the cores that the process may use, or fewer if ``OMP_NUM_THREADS`` states so."""
     stated = os.environ.get("OMP_NUM_THREADS", "")
     own = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     return max(1, min(own, int(stated))) if stated.isdecimal() else own
@@ -361,17 +362,17 @@ def _threads() -> ThreadPoolExecutor:
 
 
 class Results:
-    """What a program gives over frames, value by value. Rows of their own have only values that it computes, each of them once:
-    others are plain, or as they are given."""
+    """Results of a program over frames, value by value. Only computed values have rows, each value one row; others are constants or
+    inputs."""
 
     def __init__(self, kernel: Kernel):
         self._kernel = kernel
         self._plain: list[Any] = []
         self._sources: dict[tuple[bool, Operand, Operand], tuple[int, int]] = {}
-        self._values: list[tuple[int, int]] = []  # of each: whether plain, given, a plane vector or real; its number there
+        self._values: list[tuple[int, int]] = []  # of each: number of its table (see `__call__`), and its number there
 
     def put(self, value: Any, plane: bool = False) -> None:
-        """A real number, or a plane vector."""
+        """Add a result: a real number, or a plane vector."""
         re, im = (value.re, value.im) if isinstance(value, Symbol) else (value.real, value.imag)
         place = plane, re, im
         if place not in self._sources:
@@ -390,8 +391,8 @@ class Results:
         return len(self._values)
 
     def __call__(self, n: int, known: Mapping[str, Any] | tuple[Any, ...]) -> Callable[[int, int], list[Any]]:
-        """The values at n frames, (n,) or one for all: those of any range of the order in which they were put. What the program is
-        given is known by its keys, or in the order in which it asked for it."""
+        """A function that gives the values at n frames, (n,) or one for all, for any range of the order in which they were put.
+        ``known``: the inputs, by their keys or in the order of declaration."""
         kernel = self._kernel
         given = known if isinstance(known, tuple) else [known[key] for key in kernel.keys]
         rows, planes = kernel.rows_at(n, given), kernel.planes

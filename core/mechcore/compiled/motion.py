@@ -1,4 +1,4 @@
-"""Positions and rates over frames by a compiled program: one call in place of some hundred calls of numpy."""
+"""Positions and rates over frames by a compiled program: one call instead of some hundred calls of numpy."""
 
 from __future__ import annotations
 
@@ -24,17 +24,17 @@ from mechcore.numerics.frames import lazy
 
 Executor = Literal["auto", "numpy", "c"]
 """The executor of a mechanism's program: numpy over all frames, or a program in C that is compiled when first needed."""
-LEAST_FRAMES_TO_COMPILE = 1_000_000  # frames from which on compiling a program costs less than it spares: both grow with its length
+LEAST_FRAMES_TO_COMPILE = 1_000_000  # frames above which compiling a program costs less than it saves: both grow with its length
 MOST_LINES = 40_000  # of a program: compiling that takes some 20 s
 
 
 Rows = Callable[[int, int], list[Any]]
-"""Values of a program, of any range of their order."""
+"""Function that gives the values of a program for any range of their order."""
 
 
 class CompiledRates:
-    """First or second rates, derivatives of all rotations, and rates of the origins of all moving links, read off a program's
-    values from one of them on when they are asked for."""
+    """First or second rates, derivatives of all rotations, and rates of the origins of all moving links, read from a program's
+    values on demand."""
 
     def __init__(self, program: MotionProgram, values: Rows, state: State, drives: Sequence[Values], before: CompiledRates | None):
         self._program, self._values, self._state, self._drives, self._before = program, values, state, drives, before
@@ -63,7 +63,7 @@ class CompiledRates:
 
 
 class MotionProgram:
-    """The forward program of a model as C. Raises `Untraceable` where a step is not one that C has."""
+    """The forward program of a model in C. Raises `Untraceable` where a step cannot be written in C."""
 
     def __init__(self, model: Model):
         check_traceable(model)
@@ -133,7 +133,7 @@ class MotionProgram:
             along[j] = speeds.slide[j] * known[c] + s * once[c]
             faster[j] = bent.slide[j] * known[c] + 2.0 * speeds.slide[j] * once[c] + s * twice[c]
         counts = len(known), len(self.slides), len(self.groups), len(known), len(model.links) - 1
-        self.of_rates = sum(counts)  # values, of the first as of the second ones
+        self.of_rates = sum(counts)  # number of values of the first rates, and of the second
         self.parts_of_rates = tuple(pairwise(accumulate(counts, initial=0)))
         for rates, turned, slid in ((speeds, once, along), (bent, twice, faster)):
             for s in range(len(turned)):
@@ -162,8 +162,8 @@ class MotionProgram:
         n: int,
         tolerance: float = DEFAULT.position,
     ) -> tuple[State, Callable[[], list[Plane]]]:
-        """Positions of all blocks at n frames, as `mechcore.kinematics.positions.place_all`; what gives the origins of moving
-        links."""
+        """Positions of all blocks at n frames, as `mechcore.kinematics.positions.place_all`; and a function that gives the origins
+        of moving links."""
         state = initial_state(self.model, drives, constants, starts, tolerance)
         near: list[Any] = []
         if starts:
@@ -192,7 +192,7 @@ class MotionProgram:
 
 
 def written_motion(model: Model) -> MotionProgram | str:
-    """The program of a model, or why C has none; ask for it by `Model.once`."""
+    """The program of a model, or the reason why C has none; call it through `Model.once`."""
     try:
         program = MotionProgram(model)
     except Untraceable as reason:
@@ -201,7 +201,7 @@ def written_motion(model: Model) -> MotionProgram | str:
 
 
 def loaded(model: Model) -> MotionProgram | MechanismError | None:
-    """The program of a model ready to run, or why it cannot be compiled; None where there is none. Ask for it by `Model.once`."""
+    """The program of a model ready to run, or the error of its compilation; None where C has none. Call it through `Model.once`."""
     program = model.once(written_motion)
     if isinstance(program, str):
         return None
@@ -212,9 +212,9 @@ def loaded(model: Model) -> MotionProgram | MechanismError | None:
 
 
 def motion_program(model: Model, executor: Executor, frames: int) -> MotionProgram | None:
-    """The executor of a model's steps at so many frames: a compiled program; None for numpy.
+    """The executor of a model's steps at a number of frames: a compiled program; None for numpy.
 
-    Raises `MechanismError` where C is asked for and cannot be compiled.
+    Raises `MechanismError` where the executor is "c" and the program cannot be compiled.
     """
     if executor == "numpy" or (executor == "auto" and frames < LEAST_FRAMES_TO_COMPILE):
         return None

@@ -6,23 +6,23 @@ from typing import NamedTuple, TypeAlias
 
 
 class ExpressionNode(NamedTuple):
-    """A real number that the program computes, by its place in it."""
+    """A real number that the program computes, by its number in the program."""
 
     number: int
 
 
 class ParameterRow(NamedTuple):
-    """Parameters that stand side by side, as tables have them: C is given where the first one is."""
+    """Contiguous parameters, as of tables: C gets a pointer to the first one."""
 
     values: tuple[float, ...]
 
 
 Operand: TypeAlias = ExpressionNode | float
-FOLDED_NUMBERS = (0.0, 1.0, -1.0, 2.0, -2.0, 0.5, -0.5)  # numbers that stand in the program itself: other ones are parameters
+FOLDED_NUMBERS = (0.0, 1.0, -1.0, 2.0, -2.0, 0.5, -0.5)  # numbers that are literals in the program: others are parameters
 
 
 class OperandNames:
-    """Names of a program's operands in C; numbers become ``parameters`` when first asked for."""
+    """Names of a program's operands in C; numbers become ``parameters`` at first use."""
 
     def __init__(self, parameters: list[float]):
         self._parameters = parameters

@@ -1,4 +1,5 @@
-"""The steps of a mechanism's program on symbols: what numpy executes over frames is written down once, as a program in C."""
+"""The steps of a mechanism's program on symbols: the operations that numpy executes over frames are traced once, as a program in
+C."""
 
 from __future__ import annotations
 
@@ -18,7 +19,7 @@ TURN = 6.283185307179586
 
 
 def check_traceable(model: Model) -> None:
-    """Raise `Untraceable` where C does not have a step; it names the joint."""
+    """Raise `Untraceable`, with the reason, where a step cannot be written in C."""
     if model.designs:
         raise Untraceable("several designs side by side")
     for block in model.blocks:
@@ -27,7 +28,7 @@ def check_traceable(model: Model) -> None:
 
 
 def check_forces_traceable(model: Model) -> None:
-    """Raise `Untraceable` where reactions and efforts follow from more than sums; it says why."""
+    """Raise `Untraceable`, with the reason, where reactions and efforts cannot be written in C."""
     check_traceable(model)
     if model.needs_global_solve:
         raise Untraceable("reactions that constraints do not determine are solved for all joints together")
@@ -38,7 +39,7 @@ def check_forces_traceable(model: Model) -> None:
 
 def place_all_symbols(model: Model, state: State, modes: list[Any], *, tied: bool = False) -> None:
     """Positions of all blocks, filled into a state of symbols; ``modes``: assembly mode of each block. Newton's method starts from
-    ``state.near``; ``tied``: it may only go on from there."""
+    ``state.near``; ``tied``: only a solution near that start, on its branch, is accepted."""
     for block, mode in zip(model.blocks, modes, strict=True):
         if block.kind == "relation":
             place_block(model, block, state, mode)
@@ -62,8 +63,8 @@ def placed_state(
     modes: list[Any],
     tolerance: Any = DEFAULT.position,
 ) -> Any:
-    """Positions of all blocks where the drives are (position first) and turn rotation classes by ``delta``, all on symbols.
-    ``near`` and ``tolerance`` as of `State`."""
+    """Positions of all blocks at ``drives`` (position first) that turn rotation classes by ``delta``, all on symbols. ``near`` and
+    ``tolerance`` as of `State`."""
     state: Any = State(
         drives=[q for q, *_ in drives],
         delta=delta,
@@ -78,8 +79,8 @@ def placed_state(
 
 
 def origins(model: Model, turned: Sequence[Any], slid: Mapping[int, Any]) -> list[Any]:
-    """Places of all links' origins from rotations E of the rotation classes and s E of the sliding joints; or their rates, from
-    the rates of these."""
+    """Positions of all links' origins from rotations E of the rotation classes and s E of the sliding joints; or the origins'
+    rates, from the rates of these."""
     places: list[Any] = [0j] * len(model.links)
 
     def arm(k: int, j: int, side: int) -> Any:
@@ -97,7 +98,7 @@ def origins(model: Model, turned: Sequence[Any], slid: Mapping[int, Any]) -> lis
 
 
 def followed_angle(model: Model, state: State, group: int) -> Any:
-    """A group's angle beyond one turn, which the rough one in ``state.near`` decides."""
+    """A group's unwrapped angle: the turn is that of the approximate angle in ``state.near``."""
     rotation_class = model.angles.classes_of[group][0]
     e: Any = state.rot[rotation_class] * state.delta[rotation_class].conjugate()
     angle = called("atan2", e.imag, e.real)
@@ -151,7 +152,7 @@ def _place_general(model: Model, block: Block, state: State, code: Code, *, tied
         numbers += [total, *(c for _, c in unknowns)]
     solved = code.filled("newton", len(block.unknowns), shape, numbers)
     for group, x in zip(block.angles, solved, strict=False):
-        state.angle[group] = x  # type: ignore[assignment]  # symbols stand for arrays
+        state.angle[group] = x  # type: ignore[assignment]  # symbols replace arrays
         for rotation_class in model.angles.classes_of[group]:
             state.rot[rotation_class] = rotation(x) * state.delta[rotation_class]
     for j, x in zip(block.slides, solved[count:], strict=True):

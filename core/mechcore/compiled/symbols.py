@@ -1,8 +1,8 @@
-"""Numbers of which only the name is known: what is computed with them is written down as a straight-line program in C.
+"""Symbolic numbers: computations with them are traced as a straight-line program in C.
 
-A `Symbol` stands where an array over frames stands otherwise, so that the code that numpy executes writes its own program. Equal
-terms are computed once; zeros and ones are folded away; every other number is a parameter of the program, so that mechanisms of one
-structure share it. Operations that need a value (a comparison, an array) raise `Untraceable`.
+A `Symbol` takes the place of an array over frames, so that the code that numpy executes writes its own program. Equal terms are
+computed once; zeros and ones are folded away; every other number is a parameter of the program, so that mechanisms of one structure
+share it. Operations that need a value (a decision, an array) raise `Untraceable`.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ from mechcore.compiled.operands import ExpressionNode, Operand, OperandNames, Pa
 
 
 class Untraceable(TypeError):
-    """Something that a straight-line program of real numbers does not say."""
+    """An operation that a straight-line program of real numbers cannot express."""
 
 
 @contextmanager
 def on_symbols(what: str) -> Iterator[None]:
-    """Raise `Untraceable` about ``what`` where code for arrays cannot have symbols; what Python says of it is the cause."""
+    """Raise `Untraceable` about ``what`` where code for arrays does not accept symbols; Python's own error is the cause."""
     try:
         yield
     except Untraceable:
@@ -36,47 +36,48 @@ def on_symbols(what: str) -> Iterator[None]:
 
 
 HELPERS = Path(__file__).with_name("helpers.c").read_text(encoding="utf-8")
-"""Functions of the programs."""
+"""C functions that the programs call."""
 
 
 class Code:
-    """A straight-line program that is being written. Its nodes are forms of C with places for their operands."""
+    """A straight-line program that is being written. Its nodes are C expressions with placeholders for their operands."""
 
     def __init__(self) -> None:
         self._nodes: list[tuple[str, tuple[Operand | ParameterRow, ...]]] = []
         self._known: dict[tuple[str, tuple[Operand | ParameterRow, ...]], ExpressionNode] = {}
-        self.of_time: list[Callable[[Any], Any]] = []  # functions of the time whose values the program is given
-        self.arrays: dict[int, int] = {}  # nodes that fill an array of so many numbers, and with 0 those that are its parts
+        self.of_time: list[Callable[[Any], Any]] = []  # functions of time whose values are inputs of the program
+        self.arrays: dict[int, int] = {}  # nodes that fill an array, with its length, and nodes that are its parts, with 0
 
     def input(self, expression: str) -> Symbol:
-        """A real number that the program is given, as C names it."""
+        """A real input of the program, by its expression in C."""
         return Symbol(self, self.node(expression), 0.0)
 
     def plane_input(self, real: str, imaginary: str) -> Symbol:
-        """A plane vector that the program is given."""
+        """An input of the program that is a plane vector."""
         return Symbol(self, self.node(real), self.node(imaginary))
 
     def value_of(self, function: Callable[[Any], Any]) -> Symbol:
-        """The value of a function of the time, which the program is given: C need not have it."""
+        """The value of a function of time, an input of the program: C need not have the function."""
         if function not in self.of_time:
             self.of_time.append(function)
         return self.input(f"w[{self.of_time.index(function)}]")
 
     def piecewise(self, x: Symbol, borders: Real, coefficients: Real) -> Symbol:
         """Polynomials between borders (n + 1,), of x less the lower one, by coefficients (n, 4), highest power first; the first and
-        the last one go on beyond."""
+        the last one also hold beyond."""
         return self.looked_up(f"piecewise({{}}, {len(coefficients)}, {{}})", (*borders, *coefficients.ravel()), x)
 
     def searched(self, x: Symbol, numbers: Sequence[float] | Real) -> Symbol:
-        """How many of some numbers in order are not greater than x."""
+        """Number of elements of an ascending sequence that are not greater than x."""
         return self.looked_up(f"searched({{}}, {len(numbers)}, {{}})", numbers, x)
 
     def looked_up(self, form: str, numbers: Iterable[float], x: Symbol) -> Symbol:
-        """The value of a form of C for a row of numbers and x."""
+        """The value of a C expression of a row of numbers and x."""
         return Symbol(self, self.node(form, ParameterRow(tuple(map(float, numbers))), x.re), 0.0)
 
     def node(self, form: str, *operands: Operand | ParameterRow) -> ExpressionNode:
-        """A real number in C, the operands at the places ``{}`` of its form; known already, where it has been written before."""
+        """The node of a C expression with operands in its placeholders ``{}``; the existing one where it has been written
+        before."""
         key = form, operands
         known = self._known.get(key)
         if known is None:
@@ -85,8 +86,8 @@ class Code:
         return known
 
     def written(self, outputs: Sequence[tuple[str, Operand]], parameters: list[float]) -> list[str]:
-        """Lines of C that compute what the outputs need, and assign these to what C names them; numbers that the lines call
-        ``p[k]`` are added to the ``parameters``."""
+        """Lines of C that compute the outputs and assign them to their targets in C; numbers that the lines call ``p[k]`` are added
+        to the ``parameters``."""
         names = OperandNames(parameters)
         lines = [self.line(number, names) for number in self.needed(outputs)]
         return lines + [f"{target} = {names(value)};" for target, value in outputs]
@@ -104,7 +105,7 @@ class Code:
         return [x.number for x in self._nodes[number][1] if isinstance(x, ExpressionNode)]
 
     def form(self, number: int) -> str:
-        """A node in C, with places for its operands."""
+        """The C expression of a node, with placeholders for its operands."""
         return self._nodes[number][0]
 
     def line(self, number: int, names: OperandNames) -> str:
@@ -168,8 +169,8 @@ class Code:
         return Symbol(self, self.call(function, *self._real(function, values)), 0.0)
 
     def filled(self, function: str, count: int, fixed: Sequence[int], values: Sequence[Any]) -> list[Symbol]:
-        """So many numbers that a function of `HELPERS` puts into its first argument, from whole numbers that are ``fixed`` in the
-        program and real symbols or numbers."""
+        """The ``count`` numbers that a function of `HELPERS` writes into its first argument, from integers that are ``fixed`` in
+        the program and from real symbols or numbers."""
         places, own = ", ".join(map(str, fixed)), ", ".join(["{}"] * len(values))
         form = f"{function}(OWN, (const long[]){{{{{places}}}}}, (const double[]){{{{{own}}}}})"
         call = self.node(form, *self._real(function, values))
@@ -186,15 +187,15 @@ class Code:
 
 
 class Symbol:
-    """A real number or a plane vector over frames: ``re`` and ``im`` of a program. It is an operand of whatever numpy's arrays are,
-    by itself or in numpy's functions."""
+    """A real number or a plane vector over frames: ``re`` and ``im`` of a program. It can replace a numpy array in operators and in
+    numpy's functions."""
 
     __slots__ = ("code", "im", "re")
 
     def __init__(self, code: Code, re: Operand, im: Operand):
         self.code, self.re, self.im = code, re, im
 
-    # -- what an array has ------------------------------------------------------------------------------------------------
+    # -- interface of an array --------------------------------------------------------------------------------------------
     @property
     def real(self) -> Symbol | float:
         return _plain(self.code, self.re)
@@ -229,20 +230,21 @@ class Symbol:
         return self
 
     def clip(self, low: Any = None, high: Any = None) -> Symbol:
-        """Kept between two numbers, as numpy has it."""
+        """Limited to the interval between two numbers, as in numpy."""
         above = self if low is None else called("larger", self, low)
         return above if high is None else called("smaller", above, high)
 
     def among(self, numbers: Sequence[float] | Real) -> Symbol:
-        """The one of some numbers whose place this is."""
+        """The element of some numbers at this index."""
         return self.code.looked_up("knot({}, {})", numbers, self)
 
     def on_curve(self, numbers: Sequence[float], order: int) -> SymbolRows:
-        """A motion curve here, by its ``numbers`` as `curve` of `HELPERS` takes them: value and derivatives up to an order."""
+        """A motion curve at this argument, by its ``numbers`` as `curve` of `HELPERS` takes them: value and derivatives up to an
+        order."""
         return SymbolRows([self.code.looked_up(f"curve({{}}, {{}}, {k})", numbers, self) for k in range(order + 1)])
 
     def astype(self, _: Any) -> Symbol:
-        """The same number: C knows one kind."""
+        """The same number: C has a single type."""
         return self
 
     def _compared(self, how: str, other: Any) -> Symbol:
@@ -320,8 +322,8 @@ class Symbol:
 
 
 class SymbolRows:
-    """Numbers side by side along a last axis, as tables have them: ``columns`` are symbols and plain numbers. With a ``width`` they
-    are the rows of a matrix, one after the other."""
+    """Numbers along a last axis: ``columns`` are symbols and plain numbers. With a ``width`` they are the consecutive rows of a
+    matrix."""
 
     def __init__(self, columns: Sequence[Any], width: int = 0):
         self.columns, self.width = list(columns), width
@@ -355,7 +357,7 @@ class SymbolRows:
     __radd__ = __add__
 
     def reshape(self, *shape: Any) -> SymbolRows:
-        """The same numbers, or a matrix of them: they have no axis of frames."""
+        """The same numbers, or a matrix of them; there is no axis of frames."""
         return SymbolRows(self.columns, shape[-1]) if len(shape) == 2 else self
 
     def __array__(self, *_: Any, **__: Any) -> Any:
@@ -380,7 +382,7 @@ def _plain(code: Code, operand: Operand) -> Symbol | float:
 
 
 def _plain_or(value: Symbol) -> Symbol | complex:
-    """A symbol, or the number that it turned out to be."""
+    """The symbol, or its value where it is a plain number."""
     if isinstance(value.re, ExpressionNode) or isinstance(value.im, ExpressionNode):
         return value
     return complex(value.re, value.im) if value.im else value.re
@@ -391,7 +393,7 @@ def _first(*operands: Any) -> Symbol:
 
 
 def called(function: str, *operands: Any) -> Symbol:
-    """A function of C of operands at least one of which is a symbol."""
+    """A C function of operands, at least one of which is a symbol."""
     return _first(*operands).code.called(function, *operands)
 
 
@@ -427,7 +429,7 @@ def _exponential(z: Symbol) -> Any:
 
 
 def _side_by_side(parts: Sequence[Any], axis: int = -1) -> SymbolRows:
-    """Numbers, and rows of them, in one row."""
+    """Numbers, and rows of numbers, concatenated into one row."""
     if axis not in (-1, 0, 1):
         raise Untraceable("an array with several axes")
     columns: list[Any] = []
@@ -456,7 +458,7 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     "imag": lambda z: z.imag,
     "angle": lambda z: called("atan2", z.imag, z.real),
     "clip": lambda x, low=None, high=None: x.clip(low, high),
-    "any": lambda _: True,  # it may be other than nothing
+    "any": lambda _: True,  # it may be nonzero
     "all": lambda _: False,
     "empty_like": lambda rows, *_: SymbolRows([0.0] * len(rows)),
     "zeros_like": lambda rows, *_: SymbolRows([0.0] * len(rows)),

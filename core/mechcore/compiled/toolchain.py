@@ -1,6 +1,6 @@
-"""Libraries of generated C: the compiler of the machine, a cache of what it has made, and loading.
+"""Libraries of generated C: the compiler of the machine, a cache of its output, and loading.
 
-A library is known by what it is made of: its source, the compiler and its options.
+A library is identified by its source, the compiler and its options.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ COMPILER_OPTIONS = (
     "-ffp-contract=off",
     "-fPIC",
     "-shared",
-)  # none that lets results depend on the machine
+)  # none makes results depend on the machine
 LONGEST_COMPILATION = 300.0  # [s] that the compiler may take
 LIBRARY_SUFFIX = ".so"
 MOST_LIBRARIES = 256  # libraries that stay loaded under their source
@@ -67,7 +67,8 @@ def cached(source: str) -> bool:
 
 
 def _identity(command: tuple[str, ...], source: str) -> str:
-    """A digest of all that a library depends on; of the compiler its file (of ziglang the package's), size and time of change."""
+    """A digest of all that a library depends on; of the compiler its file (for ziglang that of the package), size and modification
+    time."""
     package = find_spec(command[2]) if len(command) > 2 else None
     real = os.path.realpath(command[0] if package is None or package.origin is None else package.origin)
     state = os.stat(real)

@@ -3,24 +3,24 @@
 Instant centres of all pairs of links follow by Kennedy's theorem: the centres of three links lie on one straight line.
 
 A pin is the centre of its two links; that of a sliding joint lies at infinity, across its guide; that of a higher pair lies on the
-common normal. Every other centre is where two lines meet, each through two centres known before. Centres are homogeneous (x, y, w),
-so that one at infinity (w = 0) is no exception. Where the lines meet is compared with the centre that the solved velocities give; a
-pair that no two lines decide (in groups of class III and higher) has the latter alone.
+common normal. Every other centre is the intersection of two lines, each through two centres known before. Centres are homogeneous
+(x, y, w), so that one at infinity (w = 0) is no exception. The intersection is compared with the centre that the solved velocities
+give; a pair that no two lines determine (in groups of class III and higher) has only the latter.
 
 Curvature of paths: centre of curvature and evolute of a point's path, inflection circle of a link, Euler-Savary, Bobillier.
 
-Everything is about geometry: where one drive moves, of the motion per unit of its coordinate, and it may stand still. With the pole
-P (instant centre against the frame), the angular velocity w and the acceleration a_P of the link's point at P, the points that pass
-through an inflection of their paths lie on the circle with the diameter from P to the inflection pole J = P + a_P / w^2. On a ray
-through P it decides all centres of curvature K (Euler-Savary): XP^2 = XK XJ', directed, where J' is on the circle. Bobillier: the
-angle from the pole tangent to the ray of one point is that from the ray of another to the collineation axis, which leads from P to
-where the line of the two points meets that of their centres of curvature.
+All of this is geometry: where a single drive moves, it is taken per unit of the drive's coordinate, and the drive may stand still.
+With the pole P (instant centre against the frame), the angular velocity w and the acceleration a_P of the link's point at P, the
+points that pass through an inflection of their paths lie on the circle with the diameter from P to the inflection pole
+J = P + a_P / w^2. On a ray through P it determines all centres of curvature K (Euler-Savary): XP^2 = XK XJ', directed, where J' is
+on the circle. Bobillier: the angle from the pole tangent to the ray of one point equals that from the ray of another point to the
+collineation axis, which leads from P to the intersection of the line of the two points with that of their centres of curvature.
 
-Centre of percussion of a link and the line of its inertia resultant, with the lecture's construction of that line.
+Centre of percussion of a link and the line of its inertia resultant, with the construction of that line in lectures.
 
-With a pivot B the inertia forces fall into two: -m a_B through the centre of mass S, as of a translation with B, and -m a_SB
-through the centre of percussion W on the line BS, as of a rotation about B, inertia moment included. The resultant goes through the
-point T where the two lines meet; about a fixed pivot T is W.
+With a pivot B the inertia forces have two parts: -m a_B through the centre of mass S, as of a translation with B, and -m a_SB
+through the centre of percussion W on the line BS, as of a rotation about B, inertia moment included. The resultant passes through
+the intersection T of the two lines; about a fixed pivot, T is W.
 """
 
 from __future__ import annotations
@@ -43,13 +43,14 @@ from mechcore.records import dataclass
 from mechcore.reduction.bodies import percussion_centre
 
 LEAST_SINE = 1e-6
-"""Sine of the angle between two lines, or distance of two centres, typical of the frames, below which they decide nothing."""
+"""Median over the frames of the sine of the angle between two lines, or of the distance of two centres, below which they are
+useless."""
 AT_INFINITY = 1e-9
 """A centre farther than the mechanism's size over this is at infinity."""
 ROUNDING_RATE = 1e-11
 """Rates below this part of the largest in the mechanism are rounding."""
 MOST_LINES = 6
-"""Lines among which the two that meet best are chosen."""
+"""Lines among which the two with the largest angle are chosen."""
 
 Pair = tuple[int, int]
 
@@ -66,10 +67,10 @@ class CentreLine:
 
 @dataclass(frozen=True, eq=False)
 class InstantCentre:
-    """The instant centre of two links: ``place`` (F,) [m], NaN where it lies at infinity, there in the direction ``away`` (F,).
+    """The instant centre of two links: ``place`` (F,) [m], NaN where it lies at infinity, then in the direction ``away`` (F,).
 
-    ``lines``: the two in which it was found; none of joints. ``closure_error`` (F,) [m]: how far from the centre by velocities
-    the lines meet, NaN where they do not.
+    ``lines``: the two by which it is constructed; none for joints. ``closure_error`` (F,) [m]: distance of their intersection from
+    the centre by velocities, NaN where they do not intersect.
     """
 
     links: tuple[str, str]
@@ -90,10 +91,10 @@ class _Locus:
 
 
 def kennedy(motion: Motion, links: Sequence[str] = ()) -> dict[str, InstantCentre]:
-    """The instant centres of every two of some links (none named: of all) and those that their lines run through.
+    """The instant centres of every two of some links (none named: of all), and the centres through which their lines run.
 
-    By their names: P01 is that of the frame, number 0, and of the first link in the model's order. A single drive may stand
-    still. Links that do not move against each other are one.
+    They are given by name: P01 is that of the frame, number 0, and of the first link in the model's order. A single drive may stand
+    still. Links without relative motion count as one.
     """
     model, n = motion.model, motion.frames
     scene = _Scene(motion)
@@ -101,12 +102,12 @@ def kennedy(motion: Motion, links: Sequence[str] = ()) -> dict[str, InstantCentr
     normals = scene.normals(bodies, true)
     loci: dict[Pair, tuple[_Locus, ...]] = {pair: () for pair in _pins(model, bodies) if pair in true}
     while fresh := {p: _best(p, sorted(set(bodies)), loci, true, normals) for p in true if p not in loci}:
-        loci |= {p: two for p, two in fresh.items() if two}  # in rounds: each centre by as short a chain as there is
+        loci |= {p: two for p, two in fresh.items() if two}  # in rounds: each centre by the shortest chain
         if not any(fresh.values()):
             break
     asked = {bodies[model.index[link]] for link in links} if links else set(bodies)
     wanted = [pair for pair in true if set(pair) <= asked]
-    for pair in wanted:  # grows while it is walked through
+    for pair in wanted:  # grows during the loop
         wanted += [other for locus in loci.get(pair, ()) for other in locus.pairs if other not in wanted]
     name = instant_centre_names(len(model.links))
     out = {}
@@ -124,7 +125,7 @@ def kennedy(motion: Motion, links: Sequence[str] = ()) -> dict[str, InstantCentr
 
 
 def instant_centre_names(links: int) -> dict[Pair, str]:
-    """P01, P02 ...: the names of the centres of so many links, numbered from the frame, which is 0."""
+    """P01, P02 ...: the names of the centres of a number of ``links``, numbered from the frame, which is 0."""
     comma = "," if links > 10 else ""
     return {(a, b): f"P{a}{comma}{b}" for a, b in combinations(range(links), 2)}
 
@@ -138,8 +139,8 @@ class _Scene:
         self.middle = complex(np.nanmean(places)) if places else 0j
 
     def centres(self) -> tuple[dict[Pair, Real], list[int]]:
-        """Unit vectors (F, 3) of the centres by velocities, NaN where two links do not move against each other, and of each link
-        the lowest number of those against which it never moves: only these have centres."""
+        """Unit vectors (F, 3) of the centres by velocities, NaN where two links have no relative motion; and for each link the
+        lowest number of the links against which it never moves: only links with their own number have centres."""
         crosses: dict[Pair, Real] = {}
         index = self.motion.model.index
         for (first, second), (turn, shift) in relative_turns(self.motion).items():
@@ -154,7 +155,7 @@ class _Scene:
         return {(a, b): _unit(c, least[:, None]) for (a, b), c in crosses.items() if bodies[a] == a and bodies[b] == b}, bodies
 
     def normals(self, bodies: Sequence[int], true: Mapping[Pair, Real]) -> dict[Pair, list[_Locus]]:
-        """Common normals of higher pairs by links; not of joints out of the plane, whose centre does not lie on it."""
+        """Common normals of higher pairs by links, except joints out of the plane, whose centre does not lie on the normal."""
         motion, model = self.motion, self.motion.model
         lines = [(j.name, e, motion.joint_point(k), 1j * motion.guide(k))
                  for k, (j, e) in enumerate(zip(model.joints, model.ends, strict=True)) if j.freedoms == 2]  # fmt: skip
@@ -169,7 +170,7 @@ class _Scene:
         return loci_of
 
     def point(self, c: Real) -> tuple[Complex, Complex]:
-        """The place (F,) of a homogeneous point (F, 3), NaN at infinity, and the direction (F,) in which it lies there."""
+        """The position (F,) of a homogeneous point (F, 3), NaN at infinity, and the direction (F,) in which it then lies."""
         with np.errstate(invalid="ignore", divide="ignore"):
             far = np.abs(c[:, 2]) <= AT_INFINITY * np.hypot(c[:, 0], c[:, 1])
             z = c[:, 0] + 1j * c[:, 1]
@@ -200,7 +201,8 @@ def _pins(model: Model, bodies: Sequence[int]) -> set[Pair]:
 def _best(
     pair: Pair, bodies: Sequence[int], known: Mapping[Pair, object], true: Mapping[Pair, Real], normals: Mapping[Pair, list[_Locus]]
 ) -> tuple[_Locus, ...]:
-    """The two lines on which a centre lies that meet under the largest angle, typical of the frames; none where they do not."""
+    """The two lines through a centre with the largest angle between them, as a median over the frames; none where all are
+    parallel."""
     a, b = pair
     candidates = [*normals.get(pair, ())]
     for k in bodies:
@@ -231,16 +233,16 @@ def _unit(vectors: Real, least: Real | float = 0.0) -> Real:
 
 
 CUSP_SPEED = 1e-9
-"""A point slower than this part of its own largest rate is at a cusp, or turns back."""
+"""A point slower than this part of its own largest rate is at a cusp or a turning point."""
 ROUNDING_LINK_RATE = 1e-12
 """Rates below this part of the largest in the mechanism are rounding."""
 
 
 @dataclass(frozen=True, eq=False)
 class PathCurvature:
-    """Of the path of a point, with its ``place`` (F,) [m], the unit ``tangent`` (F,), the signed ``curvature`` (F,) [1/m],
+    """Curvature of the path of a point: its ``place`` (F,) [m], the unit ``tangent`` (F,), the signed ``curvature`` (F,) [1/m],
     positive to the left, and the ``centre`` of curvature (F,) [m]: over the frames the evolute. NaN at a cusp, the centre also
-    where it is straight."""
+    where the path is straight."""
 
     link: str
     point: str
@@ -265,8 +267,8 @@ def path_curvature(motion: Motion, link: str, point: str) -> PathCurvature:
 @dataclass(frozen=True, eq=False)
 class Bobillier:
     """Bobillier's construction of the pole tangent from two ``points`` of a link, with their ``places`` and ``centres`` of
-    curvature (2, F) [m]: ``meeting`` (F,) of the lines of the points and of the centres, and the ``tangent`` (F,) that follows, a
-    unit vector."""
+    curvature (2, F) [m]: ``meeting`` (F,): intersection of the line of the points with that of the centres; ``tangent`` (F,): the
+    pole tangent that follows, a unit vector."""
 
     points: tuple[str, str]
     places: Complex
@@ -277,8 +279,8 @@ class Bobillier:
 
 @dataclass(frozen=True, eq=False)
 class InflectionCircle:
-    """Of a link against the frame: ``pole`` and inflection ``end`` (F,) [m], which are ends of a diameter of the inflection
-    circle; NaN where the link does not turn. ``bobillier``: where the link has two pins on paths with centres of curvature."""
+    """Inflection circle of a link against the frame: ``pole`` and inflection pole ``end`` (F,) [m], the ends of a diameter; NaN
+    where the link does not turn. ``bobillier``: where the link has two pins on paths with centres of curvature."""
 
     link: str
     pole: Complex
@@ -291,7 +293,7 @@ class InflectionCircle:
         with np.errstate(invalid="ignore", divide="ignore"):
             x = np.abs(ray)
             e = ray / x
-            j = np.real(np.conj(e) * (self.end - self.pole))  # of the circle on the ray, from the pole
+            j = np.real(np.conj(e) * (self.end - self.pole))  # intersection of circle and ray, from the pole
             return np.asarray(self.pole - e * x * j / (x - j))
 
 
@@ -312,7 +314,8 @@ def inflection_circle(motion: Motion, link: str) -> InflectionCircle:
 
 
 def _bobillier(motion: Motion, circle: InflectionCircle) -> Bobillier | None:
-    """By the first two pins of the link whose centres of curvature are finite, on different rays, in most frames."""
+    """Bobillier's construction by the first two pins of the link on different rays whose centres of curvature are finite in most
+    frames; None where there are not two."""
     model, n = motion.model, motion.frames
     k, size = model.index[circle.link], model.length_scale
     pairs: list[tuple[str, complex, Complex, Complex]] = []
@@ -341,7 +344,7 @@ def _bobillier(motion: Motion, circle: InflectionCircle) -> Bobillier | None:
 @dataclass(frozen=True, eq=False)
 class Percussion:
     """Places (F,) [m] of ``pivot`` B, ``mass_centre`` S and ``centre`` of percussion W; the inertia ``force`` (F,) [N] of the link
-    as a single force through ``through`` (F,), the point of its line nearest to W, NaN where there is a couple or nothing.
+    as a single force through ``through`` (F,), the point of its line nearest to W, NaN where there is a couple or no force.
 
     ``direct``: -m a_B (F,) [N] through S; ``turned``: -m a_SB (F,) [N] through W; ``meeting`` T (F,), NaN where they are parallel.
     """

@@ -1,9 +1,9 @@
-"""A mechanism written out: its contour graph (links are vertices, joints edges, independent loops the independent cycles), and the
+"""Equations of a mechanism: its contour graph (links are vertices, joints edges, independent loops the independent cycles), and the
 equilibrium equations of every link (d'Alembert) with numbers, group by group in the order of the hand method: last group first.
 
-Every link has three equations: forces along x, forces along y, moments about one of its joints. Unknown are the reactions on the
-second links of the joints and the efforts of the drives; a reaction that a group has given is known in those that follow. All
-equations together are one linear system, solved at once as a check of what the groups gave one after the other.
+Every link has three equations: forces along x, forces along y, moments about one of its joints. The unknowns are the reactions on
+the second links of the joints and the efforts of the drives; a reaction found in one group is known in those that follow. All
+equations together are one linear system, solved at once as a check of the results of the consecutive groups.
 """
 
 from __future__ import annotations
@@ -69,8 +69,8 @@ class LinkEquations:
 
 @dataclass(frozen=True)
 class GroupEquations:
-    """The equations of a group, with the values that they give, those that groups before it gave, and those of its own that statics
-    does not determine: the smallest that balance."""
+    """The equations of a group, with the values ``solved`` in it, those ``known`` from groups before it, and those of its own that
+    statics does not determine: the balancing values of least norm."""
 
     group: Group
     links: tuple[LinkEquations, ...]
@@ -83,8 +83,8 @@ class EquilibriumSystem:
     """The equilibrium of all moving links of a motion as one linear system ``matrix`` x + ``loads`` = 0.
 
     Equations (F, 3 links): forces along x and y, and moments [N m] about the origin of each link's frame. ``values`` (F, unknowns):
-    those of `solve_forces`. Dry friction counts among the loads. Of the matrix its cells are kept that are not empty: their rows
-    ``row`` and columns ``column`` (n,), in the order of the rows, and ``cells`` (F, n).
+    those of `solve_forces`. Dry friction counts among the loads. The nonzero cells of the matrix are kept: their rows ``row`` and
+    columns ``column`` (n,), in the order of the rows, and ``cells`` (F, n).
     """
 
     def __init__(self, forces: Forces):
@@ -139,7 +139,7 @@ class EquilibriumSystem:
 
     @cached_property
     def residual(self) -> Real:
-        """Residual of each equation (F,) at the values of `solve_forces`, as a part of the largest term of that frame."""
+        """Largest residual of the equations (F,) at the values of `solve_forces`, relative to the largest term of that frame."""
         terms, left = self.cells * self.values[:, self.column], self.loads.T.copy()
         np.add.at(left, self.row, terms.T)
         largest = np.maximum(np.abs(terms).max(axis=1, initial=0.0), np.abs(self.loads).max(axis=1, initial=0.0))
@@ -154,7 +154,7 @@ class EquilibriumSystem:
 
     @cached_property
     def determinate(self) -> bool:
-        """Whether there are as many unknowns as equations, which decide all of them at some frame."""
+        """Whether there are as many unknowns as equations, and the equations determine all of them at some frame."""
         if self.equations != len(self.unknowns):
             return False
         if self.equations > DENSE_UNKNOWNS:
@@ -187,8 +187,8 @@ class EquilibriumSystem:
         return factors
 
     def at_once(self) -> Real:
-        """The unknowns (F, unknowns) by all equations together, without splitting into groups; the shortest of all solutions where
-        statics does not decide."""
+        """The unknowns (F, unknowns) by all equations together, without splitting into groups; the solution of least norm where
+        statics does not determine them."""
         given = -self.loads / self._scale
         if self.equations > DENSE_UNKNOWNS and self.determinate:
             nothing = np.full(len(self.unknowns), np.nan)
@@ -256,7 +256,7 @@ class EquilibriumSystem:
         return LinkEquations(model.links[k], tuple(listed), tuple(equations))
 
     def _loads_on(self, k: int) -> list[LinkLoad]:
-        """Loads on a link, friction too."""
+        """Loads on a link, including friction."""
         loads, friction = loads_on(self.forces, k), self.forces.friction
         model = self.forces.motion.model
         for connection in model.connections if friction is not None else ():
@@ -281,7 +281,7 @@ class EquilibriumSystem:
 
 
 def _flank(forces: Forces, relation: Relation) -> Real:
-    """The multiplier's sign (F,) of the flank or span that carries: of both lines of contact that along which the reaction
+    """The multiplier's sign (F,) for the flank or span that carries: that one of both lines of contact along which the reaction
     points."""
     motion, force = forces.motion, forces.pressed(relation.name)[:, :2] @ PLANE
     ones = np.ones(motion.frames)
@@ -311,8 +311,7 @@ class GraphEdge:
 @dataclass(frozen=True)
 class ContourGraph:
     """``links`` by number, the frame first; ``edges``; ``loops``: vertices round each independent loop, from the one nearest to the
-    frame, and the edges by number, the first from the first vertex to the second. There are as many as edges and one more than
-    vertices leave over."""
+    frame, and the edges by number, the first from the first vertex to the second. Their number is edges - vertices + 1."""
 
     links: tuple[str, ...]
     edges: tuple[GraphEdge, ...]
@@ -320,8 +319,8 @@ class ContourGraph:
 
 
 def contour_graph(model: Model) -> ContourGraph:
-    """The contour graph of a mechanism: its vector loops in the order of their equations, then those that gears, cams, belts
-    close."""
+    """The contour graph of a mechanism: its vector loops in the order of their equations, then those closed by gears, cams and
+    belts."""
     bound = {r.name for r in model.relations}
     edges = [GraphEdge(j.name, ends, j.freedoms == 2 and j.name not in bound, k in model.driven)
              for k, (j, ends) in enumerate(zip(model.joints, model.ends, strict=True))]  # fmt: skip
@@ -331,7 +330,7 @@ def contour_graph(model: Model) -> ContourGraph:
         loops.append((tuple(p for _, p, _ in steps), tuple(j for j, _, _ in steps)))
     for relation in model.relations:
         if relation.name in model.joint_index:
-            continue  # it rolls along a slot, which is an edge already
+            continue  # rolling on a slot that is an edge already
         p, q = (model.index[link] for link in relation.links)
         path = _shortest(edges, p, q)
         edges.append(GraphEdge(relation.name, (p, q), True, False))
@@ -345,7 +344,7 @@ def _shortest(edges: Sequence[GraphEdge], start: int, end: int) -> tuple[list[in
     """Vertices and edges of a shortest path; None where there is none."""
     paths: dict[int, tuple[list[int], list[int]]] = {start: ([start], [])}
     fresh = [start]
-    for vertex in fresh:  # grows while it is walked through
+    for vertex in fresh:  # grows during the loop
         for k, edge in enumerate(edges):
             if vertex in edge.ends:
                 other = edge.ends[0] if edge.ends[1] == vertex else edge.ends[1]

@@ -1,9 +1,9 @@
 """Equivalent linkages: higher pairs (class IV) replaced by lower ones (class V) at the centres of curvature, at every frame.
 
-Up to accelerations the touching profiles act like a link between their centres of curvature, pinned to the two links there; where a
-profile is straight its centre lies at infinity and a sliding joint takes the place of the pin. Cams: centre of curvature of the cam
-(under a roller of the path of its centre). Teeth are involutes: their centres of curvature are the points in which the line of
-action touches the base circles. A pin in a slot: its block.
+Up to accelerations, the touching profiles act like a link between their centres of curvature, pinned to the two links there; where
+a profile is straight, its centre lies at infinity and a sliding joint replaces the pin. Cams: centre of curvature of the cam (for a
+roller that of the pitch curve). Teeth are involutes: their centres of curvature are the points at which the line of action touches
+the base circles. A pin in a slot: its block.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class Equivalent:
 
 
 def equivalent(motion: Motion, joint: str, forces: Forces | None = None) -> Equivalent:
-    """The equivalent linkage of a cam, gear, rack or pin in a slot. With ``forces`` that of the flank that carries.
+    """The equivalent linkage of a cam, gear, rack or pin in a slot. With ``forces``, that of the flank that carries.
 
     Raises `MechanismError` for other kinds of joints.
     """
@@ -79,14 +79,14 @@ def _cam(motion: Motion, joint: CamJoint) -> Equivalent:
     along = frames_of(1j * s.ground_normal * world, motion.frames)
     straight = np.isnan(linkage.centre)
     blocks = [SlidingBlock(pins["T"], np.where(flat | straight, along, np.nan))]
-    if placed.cam.wedge:  # it moves straight on: its centre of curvature is pinned to a block on its bed
+    if placed.cam.wedge:  # it moves in a straight line: its centre of curvature is pinned to a block on its bed
         blocks.append(SlidingBlock(pins["K"], np.where(straight, np.nan, frames_of(world, motion.frames))))
     return Equivalent(joint.name, pins, tuple(bars), tuple(b for b in blocks if np.isfinite(b.along).any()))
 
 
 def _teeth(motion: Motion, joint: Gear | Rack, forces: Forces | None) -> Equivalent:
     relation = next(r for r in motion.model.relations if r.name == joint.name)
-    pitch, force = relation.contact(motion, 1.0)  # the flank that pushes the second link along with a positive multiplier
+    pitch, force = relation.contact(motion, 1.0)  # the flank that drives the second link with a positive multiplier
     line = force / np.abs(force)
     if isinstance(joint, Rack):
         side = 1.0 if joint.side == "left" else -1.0

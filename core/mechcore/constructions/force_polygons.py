@@ -1,9 +1,9 @@
 """Force polygons: of the structural groups, and with its rays the funicular (string) polygon of any plane force system.
 
-Of groups: the closed polygon of forces of every group, in the order of the hand method (last group first). At an outer pin of a
-group the reaction is taken apart along and across its link. The part across (t) comes from the moments about the link's inner
-pin, as by hand, and not from the solved reactions; the part along (n) is that of the solved reaction. So the polygon closes only
-if moments and reactions agree. In a dyad the reaction of the inner joint is the diagonal that closes the polygon of each link.
+Groups: the closed polygon of forces of every group, in the order of the hand method (last group first). At an outer pin of a group
+the reaction is resolved along and across its link. The part across (t) follows from the moments about the link's inner pin, as by
+hand, and not from the solved reactions; the part along (n) is that of the solved reaction. So the polygon closes only if moments
+and reactions agree. In a dyad the reaction of the inner joint is the diagonal that closes the polygon of each link.
 
 Funicular polygon: the forces are laid end to end; rays lead from a pole O to the corners of this force polygon; string i is
 parallel to ray i, and two consecutive strings meet on the line of the force between their rays. First and last string meet on the
@@ -84,7 +84,7 @@ def _on(forces: Forces, joint: str, ends: dict[str, tuple[int, ...]], link: int)
 
 
 def _reaction(forces: Forces, joint: str, ends: dict[str, tuple[int, ...]], own: list[int]) -> list[tuple[str, str, Complex]]:
-    """An outer reaction on the group: normal then tangential part where its link allows it, else as a whole."""
+    """An outer reaction on the group: normal, then tangential part where its link has two pins, else as a whole."""
     model: Model = forces.motion.model
     link = _own(ends[joint], own)
     force = _on(forces, joint, ends, link)
@@ -116,10 +116,10 @@ class Funicular:
     """The construction over all frames, plane vectors complex.
 
     ``points``, ``forces`` (F, n): the system, couples as two forces. ``corners`` (F, n + 1): of the force polygon, from zero;
-    ``pole`` (F,). ``knots`` (F, n): where strings meet on the lines of the forces. ``meeting`` (F,): where the outer strings meet,
-    NaN if they are parallel. ``kind`` (F,): what the drawing shows, see `REDUCED_KINDS`. ``moment`` (F,): of the outer strings
-    about the world's origin [N m]. ``closure_error`` (F,): by how much that differs from the algebra [N m], ``scale`` [N m] that
-    of the system, ``extent`` its size [m].
+    ``pole`` (F,). ``knots`` (F, n): intersections of strings on the lines of the forces. ``meeting`` (F,): intersection of the
+    outer strings, NaN if they are parallel. ``kind`` (F,): the result of the drawing, see `REDUCED_KINDS`. ``moment`` (F,): of the
+    outer strings about the world's origin [N m]. ``closure_error`` (F,): its difference from the computed moment [N m]; ``scale``
+    (F,) [N m]: the largest force times the system's size; ``extent`` [m]: this size.
     """
 
     names: tuple[str, ...]
@@ -146,7 +146,7 @@ class Funicular:
 
     @property
     def closing(self) -> Real:
-        """Difference to the algebra relative to the largest force times the system's size (F,)."""
+        """Closure error relative to the largest force of the run times the system's size (F,)."""
         most = float(self.scale.max(initial=0.0))
         return self.closure_error / most if most > 0.0 else np.zeros_like(self.closure_error)
 
@@ -167,10 +167,10 @@ def funicular(
     pole: ArrayLike | None = None,
     names: tuple[str, ...] = (),
 ) -> Funicular:
-    """Funicular polygon of forces (F, n, 2) [N] at points (F, n, 2) [m] with couples (F, n) [N m]; one system may leave out F.
+    """Funicular polygon of forces (F, n, 2) [N] at points (F, n, 2) [m] with couples (F, n) [N m]; a single system may leave out F.
 
-    ``pole``: (2,) or (F, 2) [N] from the start of the force polygon; none: one that leaves no string nearly parallel to its force.
-    Forces that vanish are passed by. The first string is drawn through the first force's point.
+    ``pole``: (2,) or (F, 2) [N] from the start of the force polygon; None: one with no string nearly parallel to its force. Forces
+    that vanish are passed over. The first string is drawn through the first force's point.
     """
     f = _complex(forces)
     p = np.array(np.broadcast_to(_complex(points), f.shape))
@@ -190,7 +190,7 @@ def funicular(
         for i in range(1, f.shape[1]):
             before, ray, away = knots[:, i - 1], rays[:, i], p[:, i] - knots[:, i - 1]
             along = cross(away, f[:, i]) / cross(ray, f[:, i])
-            passing = np.real(away * np.conj(ray)) / np.abs(ray) ** 2  # a force that vanishes bends no string
+            passing = np.real(away * np.conj(ray)) / np.abs(ray) ** 2  # the string has no corner at a force that vanishes
             knots[:, i] = before + np.where(np.abs(f[:, i]) <= least, passing, along) * ray
         first, last = rays[:, 0], rays[:, -1]
         reach = cross(knots[:, -1] - knots[:, 0], last) / cross(first, last)
@@ -239,7 +239,7 @@ def _extent(p: Complex) -> float:
 
 
 def _with_couples(p: Complex, f: Complex, couples: Real, names: list[str], extent: float) -> tuple[Complex, Complex, list[str]]:
-    """Couples as pairs of opposite forces, upright, at half the system's size from their point."""
+    """Couples as pairs of opposite vertical forces, at half the system's size on either side of their point."""
     points, forces, labels = [*p.T], [*f.T], list(names)
     couples = np.broadcast_to(couples, f.shape)
     for i in range(f.shape[1]):
@@ -254,8 +254,8 @@ def _with_couples(p: Complex, f: Complex, couples: Real, names: list[str], exten
 
 
 def _best_pole(corners: Complex, forces: Complex) -> Complex:
-    """A pole beside the force polygon, at the same place relative to it in all frames, from which no ray is nearly parallel to a
-    force or to another outer ray; in frames where that cannot be had for all, one of their own."""
+    """A pole beside the force polygon, at the same place relative to it in all frames, such that no ray is nearly parallel to a
+    force, and the outer rays not to each other; where one place does not suit a frame, the frame has its own best one."""
     middle = corners.mean(axis=1)
     size = float(np.abs(corners - middle[:, None]).max(initial=0.0)) or 1.0
     offsets = [size * rho * np.exp(1j * t) for rho in (0.9, 1.3) for t in np.linspace(0.0, 2.0 * np.pi, 36, endpoint=False)]
@@ -267,7 +267,7 @@ def _best_pole(corners: Complex, forces: Complex) -> Complex:
 
 
 def _quality(corners: Complex, forces: Complex, pole: Complex, size: float) -> Real:
-    """Sine of the smallest angle between a string and its force, and of the outer strings weighed by what the resultant is."""
+    """Sine of the smallest angle between a string and its force, and between the outer strings where the resultant is not small."""
     rays = corners - pole[:, None]
     with np.errstate(invalid="ignore", divide="ignore"):
         sines = np.abs(cross(rays[:, :-1], forces)) / (np.abs(rays[:, :-1]) * np.abs(forces))

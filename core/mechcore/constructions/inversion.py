@@ -1,9 +1,9 @@
 """Synthesis of a plane cam by inversion, as it is drawn: the cam stands still and the frame turns back about it, step by step.
 
 In every step the guide of the follower lies on the ray that is turned back by the cam's angle (tangent to the offset circle; the
-pivot of an oscillating follower on its circle), the lift is laid off from the base circle, and the follower is drawn there. The
-profile touches all these positions from inside: it is their envelope. Along a wedge the frame is pushed back instead; of a
-conjugate pair both cams are drawn so.
+pivot of an oscillating follower lies on its circle), the lift is laid off from the base circle, and the follower is drawn there.
+The profile is the envelope of all these positions, which it touches from inside. For a wedge the frame is shifted back instead; for
+a conjugate pair both cams are constructed.
 """
 
 from __future__ import annotations
@@ -21,18 +21,18 @@ DRAWN_POSITIONS = 30
 """Positions of the follower that are drawn in a turn."""
 CIRCLE_POINTS = np.exp(2j * np.pi * np.linspace(0.0, 1.0, 49))
 PROFILE_POINTS = 3600
-"""Points of the profile, from which its distance to the follower is measured."""
+"""Points of the profile, by which its distance from the follower is measured."""
 
 
 @dataclass(frozen=True, eq=False)
 class CamInversion:
-    """Over the steps (n), places in the axes of the cam's ``link`` [m], the cam's axis at ``centre``.
+    """Construction over the steps (n): positions in the axes of the cam's ``link`` [m], the cam's axis at ``centre``.
 
     ``angles`` of the law [rad], of a wedge lengths [m]; ``origins``: feet of the guide's line on the offset circle, or pivots,
-    which lie on a circle, too; ``starts``: reference points without lift, ``references``: with it. ``radius`` of the roller,
+    which also lie on a circle; ``starts``: reference points without lift, ``references``: with it. ``radius`` of the roller,
     mushroom or knife (0); ``faces`` (n, 2): ends of a flat face, else None. ``base`` radius of the base circle, of a wedge the
-    height of the base line; ``bases``: that and the way of the origins, each a line (k,). ``profile`` (m,), closed but for a
-    ``wedge``. ``gap`` (n) [m]: how far the profile stays away from the follower; negative where it is undercut.
+    height of the base line; ``bases``: the base circle or line and the path of the origins, each a polyline (k,). ``profile`` (m,),
+    closed except for a ``wedge``. ``gap`` (n) [m]: distance of the profile from the follower; negative where it is undercut.
     """
 
     joint: str
@@ -57,7 +57,7 @@ class CamInversion:
 
 
 def cam_inversions(motion: Motion, joint: str, steps: int = DRAWN_POSITIONS) -> dict[str, CamInversion]:
-    """The construction of a plane cam's profile in some steps, by the name of the joint; of a conjugate pair that of both profiles.
+    """The construction of a plane cam's profile in ``steps``, by the name of the joint; for a conjugate pair that of both profiles.
 
     Raises `MechanismError` for joints that are no plane cams, and for cams whose profile is given.
     """
@@ -98,7 +98,7 @@ def _constructed(placed: PlacedCam, steps: int) -> CamInversion:
         along = turn * follower.face_direction(s.motion[0])
         left, right = (
             min(reach, float(np.abs(profile).max())) for reach in (face.left, face.right)
-        )  # of one without an end, enough
+        )  # for a face without an end, far enough
         faces = np.stack([s.pitch - left * along, s.pitch + right * along], axis=1)
         gap = np.array([np.min(np.imag(np.conj(d) * (z - profile))) for d, z in zip(along, s.pitch, strict=True)])
         radius = 0.0

@@ -1,15 +1,16 @@
-"""Polygons of vectors laid end to end, of which graphical constructions are made: those of velocities and accelerations; centrodes.
+"""Polygons of vectors laid end to end for graphical constructions: those of velocities and accelerations; and centrodes.
 
-Velocity and acceleration polygons are images of a mechanism's points, joined by the vectors of which they are made up. From the
-pole every link pivoted on the frame leads to the images of its points, by omega x r in the velocity polygon, by the centripetal
+Velocity and acceleration polygons are images of a mechanism's points, joined by the vectors of which they are composed. From the
+pole, every link pivoted on the frame leads to the images of its points, by omega x r in the velocity polygon, by the centripetal
 part -omega^2 r and the tangential part alpha x r in the acceleration polygon; couplers lead from image to image. Where a point
 slides along a turning guide, the sliding velocity, or the Coriolis part 2 omega x v_r and the sliding acceleration, leads from the
-image of the guide's point beneath it. The images themselves come along one chain of links only, so that the other chains show
-whether the polygon closes. Corners of the polygons are the places of the mechanism that are at one point of a link.
+image of the guide's point beneath it. Each image follows from the solved motion along a single chain of links, so that the other
+chains show whether the polygon closes. Corners of the polygons are the places of the mechanism that are fixed points of one or more
+links.
 
 The moving centrode of a link rolls on the fixed one without slipping: that is the motion of the link.
 
-Values are in the quantity's own unit (m/s, m/s^2, N); whoever draws them chooses a scale. Plane vectors are complex, (F,) each.
+Values are in the quantity's own unit (m/s, m/s^2, N); the drawing chooses a scale. Plane vectors are complex, (F,) each.
 """
 
 from __future__ import annotations
@@ -25,12 +26,12 @@ from mechcore.motion.motion import Motion
 from mechcore.motion.structure import groups
 from mechcore.records import dataclass
 
-POLE = "pole"  # of a polygon of velocities or accelerations: the corner of what stands still
+POLE = "pole"  # of a polygon of velocities or accelerations: the corner of the points at rest
 
 
 @dataclass(frozen=True, eq=False)
 class Edge:
-    """A vector (F,) drawn from ``start`` (F,), with the name that stands at it.
+    """A vector (F,) drawn from ``start`` (F,), with its label ``name``.
 
     ``kind``: "absolute", "relative", "normal", "tangential", "coriolis", "sliding" of motions; "reaction", "reaction normal",
     "reaction tangential", "inner", "load", "inertia", "gravity", "resultant", "ray" of forces.
@@ -50,7 +51,7 @@ class Edge:
 class Polygon:
     """A polygon of vectors over all frames.
 
-    ``images``: named corners (F,). ``closure_error`` (F,): the largest distance between where a chain of sides ends and has to end,
+    ``images``: named corners (F,). ``closure_error`` (F,): the largest distance between the end of a chain of sides and its target,
     in the polygon's ``unit``.
     """
 
@@ -67,7 +68,7 @@ class Polygon:
 
     @property
     def closing(self) -> Real:
-        """Closing error relative to the longest side of the run (F,): 0 where there is no side at all."""
+        """Closure error relative to the longest side of the run (F,); 0 where there is no side."""
         most = float(np.nanmax(self.largest, initial=0.0))
         return self.closure_error / most if most > 0.0 else np.zeros_like(self.closure_error)
 
@@ -106,7 +107,7 @@ def _polygon(motion: Motion, order: int) -> Polygon:
             images[_free(c.label.lower() if len(c.label) == 1 else c.label, images)] = place
     edges: list[Edge] = []
     error = np.zeros(n)
-    reached: set[int] = set()  # corners to which a chain leads straight from the pole
+    reached: set[int] = set()  # corners to which a chain leads directly from the pole
     for s in spans:
         a, b = corners[s.start], corners[s.end]
         if b.fixed:
@@ -142,7 +143,7 @@ def _sliding(
     images: dict[str, Complex],
     target: Complex,
 ) -> Real:
-    """The chain from the guide's point beneath a sliding corner to the corner; how far it misses (F,)."""
+    """Add the chain from the guide's point beneath a sliding corner to the corner; returns its closure error (F,)."""
     n = motion.frames
     c = corners[slide.corner]
     d = motion.guide(slide.joint)
@@ -180,7 +181,7 @@ def _slid(letter: str, label: str, guide: str, on: int) -> str:
 
 
 def _chain(edges: list[Edge], start: Complex, parts: list[tuple[str, str, Plane]], target: Complex) -> Real:
-    """Vectors laid end to end from ``start``; how far the last one ends from the target (F,)."""
+    """Add vectors laid end to end from ``start``; returns the distance of their end from the target (F,)."""
     at = start
     for kind, name, vector in parts:
         edges.append(Edge(name, kind, at, frames_of(vector, len(start))))
@@ -203,7 +204,7 @@ CornerKey = tuple[int, complex]
 
 @dataclass(frozen=True, eq=False)
 class Corner:
-    """A place that keeps its point on one or more links. ``label``: the name of the point; ``fixed``: it is on the frame."""
+    """A place that is a fixed point of one or more links. ``label``: the name of the point; ``fixed``: it is on the frame."""
 
     label: str
     keys: tuple[CornerKey, ...]
@@ -227,7 +228,7 @@ class Span:
 
 @dataclass(frozen=True)
 class Slide:
-    """A corner that slides along a guide: from the point of the guide's link that is under it (None: the frame) to the corner."""
+    """A corner that slides along a guide: from the coinciding point of the guide's link (0: the frame) to the corner."""
 
     joint: int
     guide: int
@@ -287,7 +288,7 @@ def polygon_layout(model: Model) -> tuple[list[Corner], list[Span], list[Slide]]
 
 
 def _label(model: Model, keys: list[CornerKey], joint_at: dict[CornerKey, str]) -> str:
-    """The name of the place: of a point there, the one that most links use; else of a joint there."""
+    """The name of a place: that of a point there, the one that most links use; else that of a joint there."""
     names: dict[str, int] = {}
     for k, local in keys:
         for name, z in model.points[k].items():
@@ -308,7 +309,7 @@ class Centrodes:
 
 
 def centrodes(motion: Motion, link: str) -> Centrodes:
-    """fixed and moving centrode of a link against the frame, of the motion as it is (its only drive may stand still)."""
+    """Fixed and moving centrode of a link against the frame, in the given motion (its only drive may stand still)."""
     model = motion.model
     if link not in model.index or link == model.mechanism.frame:
         raise MechanismError(Fault("polodes", f"'{link}' is no moving link.", "Name a moving link."))

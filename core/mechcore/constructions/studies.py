@@ -1,6 +1,6 @@
-"""Studies that a scene can ask for beside motion and forces: graphical constructions, reductions, shaking, substitute masses.
+"""Studies that a scene can include beside motion and forces: graphical constructions, reductions, shaking, substitute masses.
 
-The studies that are asked for are part of the mechanism (`Studies`); `compute` works it out over a motion, and nothing else.
+The requested studies are part of the mechanism (`Studies`); `compute` evaluates these over a motion, and no others.
 """
 
 from __future__ import annotations
@@ -39,8 +39,8 @@ from mechcore.spec.studies import ShakingStudy, SubstituteStudy, SystemStudy
 
 @dataclass(frozen=True, eq=False)
 class SystemResult:
-    """The loads on one link as a force system: reduced to a point ``about`` (F, 2), its resultant, and the drawing that
-    finds it."""
+    """The loads on one link as a force system: reduced to a point ``about`` (F, 2), its resultant, and the drawing that constructs
+    it."""
 
     names: tuple[str, ...]
     about: Real
@@ -53,8 +53,9 @@ class SystemResult:
 @dataclass(frozen=True, eq=False)
 class SubstituteResult:
     """``masses`` (n,) [kg] at ``places`` (F, n, 2) [m] of the world with inertia forces ``forces`` (F, n, 2) [N]; their resultant
-    ``force`` (F, 2) and ``moment`` (F,) about S; ``substitution`` holds all solutions, ``chosen`` the one shown. Of a static
-    replacement ``correction`` (F,) [N m] is the couple that makes it right; the moment includes it."""
+    ``force`` (F, 2) and ``moment`` (F,) about S; ``substitution`` holds all solutions, ``chosen`` is the number of the one shown.
+    For a static replacement, ``correction`` (F,) [N m] is the couple that makes the inertia forces exact; the moment includes
+    it."""
 
     substitution: Substitution
     chosen: int
@@ -68,7 +69,7 @@ class SubstituteResult:
 
 @dataclass(frozen=True, eq=False)
 class StudyResults:
-    """Results of the studies that were asked for; the rest is empty."""
+    """Results of the requested studies; the others are empty."""
 
     polygons: Mapping[str, tuple[Polygon, ...]] = field(default_factory=dict)
     centrodes: Mapping[str, Centrodes] = field(default_factory=dict)
@@ -88,7 +89,7 @@ class StudyResults:
 
 
 def compute(motion: Motion, forces: Forces | None) -> StudyResults:
-    """The studies that a mechanism asks for. Raises `MechanismError` where one of them has no answer."""
+    """The results of a mechanism's studies. Raises `MechanismError` where one of them has no solution."""
     asked = motion.mechanism.studies
     polygons: dict[str, tuple[Polygon, ...]] = {}
     if "velocity" in asked.polygons:
@@ -140,7 +141,7 @@ def _system(study: SystemStudy, forces: Forces) -> SystemResult:
 
 
 def _check_pole(study: SystemStudy, vectors: Real, motion: Motion) -> None:
-    """A pole on the line of a side of the force polygon has strings along that force: they do not meet its line."""
+    """Refuse a pole on the line of a side of the force polygon: its strings are parallel to that force and do not meet its line."""
     f = vectors[..., 0] + 1j * vectors[..., 1]
     ray = np.cumsum(f, axis=1) - complex(*(study.pole or (0.0, 0.0)))
     with np.errstate(invalid="ignore"):
@@ -193,7 +194,7 @@ def _substitute(study: SubstituteStudy, motion: Motion) -> SubstituteResult:
 
 
 def _static(mass: float, inertia: float, points: list[PointMass]) -> tuple[Substitution, float]:
-    """Two masses at given places, and how much too large their moment of inertia is."""
+    """Two masses at given positions, and the excess of their moment of inertia over the body's."""
     if len(points) != 2 or any(p.mass is not None or p.x is None or p.y is None for p in points):
         raise MechanismError(Fault("", "a static replacement has two masses at given places.", "Give each its place, and no mass."))
     places = np.array([[p.x, p.y] for p in points], float)

@@ -1,4 +1,4 @@
-"""The chart in which a motion under forces is integrated at present, and how it gives way to the next one."""
+"""The coordinate chart in which a motion under forces is currently integrated, and the change to the next chart."""
 
 from __future__ import annotations
 
@@ -29,16 +29,17 @@ from mechcore.errors import Fault, MechanismError
 from mechcore.laws.timed import Free
 from mechcore.motion.compiled import Compiled
 
-LOST_DIGITS_RATE = 20.0  # the same rate as `STRAINED_RATE`, from which on a change of coordinates loses digits: it is made before
-WINDOW_HALVINGS = 10  # of a window, to find where that is
-DEAD_POINT_RATE = 50.0  # rate of some joint per unit rate of the coordinates, beyond which they are at a dead point
-CALM_RATE = 0.4  # of `STRAINED_RATE`: below this, nothing becomes strained within
-CALM_WINDOWS = 2  # so many windows
-WAYPOINTS = np.linspace(0.25, 1.0, 4)  # of a window
+LOST_DIGITS_RATE = 20.0  # as `STRAINED_RATE`; above it a change of chart loses digits, so it is made before
+WINDOW_HALVINGS = 10  # bisections of a window that locate this rate
+DEAD_POINT_RATE = 50.0  # joint rate per unit rate of the coordinates, above which these are at a dead point
+CALM_RATE = 0.4  # part of `STRAINED_RATE`: below it, the strain is not checked for some windows
+CALM_WINDOWS = 2  # number of these windows
+WAYPOINTS = np.linspace(0.25, 1.0, 4)  # parts of a window
 
 
 def table_tolerance(tolerance: float) -> float:
-    """Relative tolerance of tables of a motion of a ``tolerance``: their errors add up over turns, and digits there cost little."""
+    """Relative tolerance of the tables of a motion: tighter than its own, as table errors add up over turns and digits cost
+    little."""
     return min(max(1e-4 * tolerance, 1e-13), 1e-9)
 
 
@@ -48,7 +49,7 @@ class ActiveChart:
 
     ``coordinates``: the number of each free joint's coordinate; ``scale`` (f,) of all that is integrated, rad or m; ``boundaries``:
     event functions that become positive where the chart ends. ``tables``: charts of one coordinate that have been tabulated.
-    ``may_change``: other coordinates than the first may lead.
+    ``may_change``: the motion may change to other coordinates.
     """
 
     def __init__(
@@ -64,11 +65,11 @@ class ActiveChart:
         self.use(compiled, *system)
         self.tables = [CurveChart(compiled, *system)] if isinstance(system[0], CurveEquations) else []
         several = may_change and self.coordinates and not self.tables and compiled.model.loops
-        self._taken = [compiled] if several else []  # charts that have led so far, where several may
-        self._calm = 0  # windows that are left in which nothing can become strained
+        self._taken = [compiled] if several else []  # charts used so far, if the chart may change
+        self._calm = 0  # windows left in which the strain need not be checked
 
     def use(self, compiled: Compiled, system: Chart | CurveEquations, valid_range: tuple[float, float] | None = None) -> None:
-        """Go on in the chart of ``compiled``, as long as its coordinate stays in its ``valid_range``."""
+        """Continue in the chart of ``compiled``, while its coordinate stays within ``valid_range``."""
         self.compiled, self.system, self.breakpoints = compiled, system, breakpoint_finder(compiled)
         free = [d for d in compiled.mechanism.drives if isinstance(d.law, Free)]
         model = compiled.model
@@ -81,13 +82,14 @@ class ActiveChart:
             self.boundaries = [lambda q, v, t: q[:, 0] - high, lambda q, v, t: low - q[:, 0]]
 
     def ends_at(self, q: Real, v: Real) -> bool:
-        """Whether the chart does not lead any farther from q, v (f,)."""
+        """Whether the chart ends at q, v (f,)."""
         return any(float(boundary(q[None], v[None], np.zeros(1))[0]) >= 0.0 for boundary in self.boundaries)
 
     # -- the next chart -----------------------------------------------------------------------------------------------
     def take_over(self, q: Real, v: Real, before: tuple[float, float]) -> tuple[Real, Real]:
-        """Another joint leads from now on; coordinates and rates (f,) in its chart. ``before``: position and speed where the last
-        one began to lead, or something hit. Kinetic energies of both tables agree, while rates next to a dead point lose digits."""
+        """Change to the coordinate of the joint that moves most; returns coordinates and rates (f,) in its chart. ``before``:
+        position and speed at the beginning of the segment. The rate follows from equal kinetic energies in both tables, because
+        rates next to a dead point lose digits."""
         chart, place, rate = best_chart(self.compiled, float(q[0]), float(v[0]), self.tables, table_tolerance(self.tolerance))
         tables = [known.curve.table for known in self.tables if isinstance(known.curve, CurveEquations)]
         if isinstance(chart.curve, CurveEquations) and all(chart.curve.table is not table for table in tables):
@@ -99,12 +101,12 @@ class ActiveChart:
         return np.array([place]), np.array([rate])
 
     def leads_through(self, windows: Sequence[Window]) -> bool:
-        """Whether it is known of windows that the coordinates lead well in them."""
+        """Whether ``windows`` are known to be free of strain: the coordinates remain well conditioned in all of them."""
         return not self._taken or all(w.strain is not None and w.strain <= STRAINED_RATE for w in windows)
 
     def time_to_leave(self, window: Window) -> float | None:
-        """The time from which other coordinates had better lead [s]: the end of a window, or where it comes too near a dead
-        point of these; None where they lead well."""
+        """The time to change to other coordinates [s]; None while these remain well conditioned. It is the end of the window, or an
+        earlier time at which the coordinates come too close to a dead point."""
         if not self._taken:
             return None
         t = window.start + window.length
@@ -133,8 +135,8 @@ class ActiveChart:
         return low if low > window.start else t
 
     def change(self, t: float, q: Real, v: Real) -> tuple[Real, Real] | None:
-        """Coordinates and rates (f,) in a chart that leads better from now on; None where none does. Raises `MechanismError` at a
-        dead point of all."""
+        """Change to a better conditioned chart; returns coordinates and rates (f,) in it, None if there is none. Raises
+        `MechanismError` at a dead point of all charts."""
         taken = take_over(self.compiled, q, v, t, self._taken)
         if taken is None:
             if strain(self.compiled, q, v, t) > DEAD_POINT_RATE:
@@ -151,26 +153,26 @@ class ActiveChart:
         return q, v
 
     def tabulate(self, q: Real, v: Real) -> tuple[Real, Real]:
-        """Go on along the curve, on a table that has not been made so far; coordinates and rates (f,)."""
+        """Tabulate the configuration curve around q (f,) and continue on the table; returns coordinates and rates (f,)."""
         system, valid_range = curve_around(self.compiled, float(q[0]), table_tolerance(self.tolerance))
         self.use(self.compiled, system, valid_range)
         self.tables = [CurveChart(self.compiled, system, valid_range)] if isinstance(system, CurveEquations) else []
         self._taken = []
         return self.take_over(q, v, (float(q[0]), float(v[0]))) if self.ends_at(q, v) else (q, v)
 
-    # -- places of the motion, from which the angles of the links are followed -----------------------------------------
+    # -- waypoints of the motion, from which the angles of the links are unwrapped -------------------------------------
     def leave_waypoint(self, q: Real, t: float) -> None:
-        """The motion is at q (f,) at a time [s]."""
+        """Record that the motion is at q (f,) at time t [s]."""
         if len(self.compiled.mechanism.drives) > 1:
             self.compiled.angles.path.leave(waypoints(self.compiled, q[None], np.array([t])))
 
     def leave_waypoints_within(self, windows: Sequence[Window]) -> None:
-        """The motion goes on through windows; they are looked at when somebody asks."""
+        """Record that the motion passes through ``windows``; their waypoints are evaluated on demand."""
         if len(self.compiled.mechanism.drives) > 1:
             self.compiled.angles.path.leave_later(windows, partial(_within_windows, self.compiled))
 
     def leave_waypoints_of(self, segments: Sequence[MotionSegment]) -> None:
-        """The motion goes on through segments; they are looked at when somebody asks."""
+        """Record that the motion passes through ``segments``; their waypoints are evaluated on demand."""
         if len(self.compiled.mechanism.drives) > 1:
             self.compiled.angles.path.leave_later(segments, partial(_within_segments, self.compiled))
 

@@ -1,4 +1,4 @@
-"""A motion under forces, segment by segment: in each the same equations hold; an event ends it."""
+"""Integration of a motion under forces, segment by segment: the same equations hold in a segment, and an event ends it."""
 
 from __future__ import annotations
 
@@ -52,16 +52,17 @@ from mechcore.texts import as_quantity
 
 Method = Literal["auto", "energy", "gauss", "radau"]
 MOST_EVENTS = 100_000
-MOST_AT_ONCE = 100  # segments in a row that end where they begin
-PRESCRIBED_SAMPLES = 24  # of a window: places at which prescribed sliding is looked at
-SOON_AFTER = 1e-7  # of the duration: which way prescribed sliding goes is looked up so much later
-CHECKED = np.linspace(0.0, 1.0, 9)  # of a window: places at which loads are asked whether their laws hold
-MANY = 30  # segments, after which a program is worth compiling: more are to be expected
-SEGMENT_SHIFT = 0.01  # of a segment: what is known of it helps where it begins no farther from there
+MOST_AT_ONCE = 100  # consecutive segments that end where they begin
+PRESCRIBED_SAMPLES = 24  # samples of a window at which prescribed sliding is evaluated
+SOON_AFTER = 1e-7  # part of the duration: delay at which the sense of prescribed sliding is evaluated
+CHECKED = np.linspace(0.0, 1.0, 9)  # parts of a window at which the limits of load laws are checked
+MANY = 30  # segments after which compiling a program pays: more are to be expected
+SEGMENT_SHIFT = 0.01  # part of a segment: a known one serves as a start if it begins no farther away
 
 
 class EventIntegrator:
-    """Segments one after the other: in each the same stops hold; what happens ends it."""
+    """Integrates consecutive segments of a motion. The chart, the stops and the contacts are the same throughout a segment; an
+    event ends it."""
 
     def __init__(
         self,
@@ -97,16 +98,16 @@ class EventIntegrator:
 
     @property
     def compiled(self) -> Compiled:
-        """The mechanism as it is at present: with the chart and the contacts in which it moves."""
+        """The mechanism in its present chart and with its present contacts."""
         return self.chart.compiled
 
     def _use_chart(self, compiled: Compiled) -> None:
-        """Go on in a chart of other contacts."""
+        """Continue in a chart of the mechanism with other contacts."""
         self.chart.use(compiled, Chart(compiled))
         self._chart_changed()
 
     def _chart_changed(self) -> None:
-        """Stops and triggers read the coordinates of the present chart."""
+        """Let stops and triggers read the coordinates of the present chart."""
         compiled = self.compiled
         read = self.chart.coordinates if compiled.angles.exact else {}
         self.stops.use(compiled)
@@ -189,7 +190,7 @@ class EventIntegrator:
             if time > end + 1e-14 * self.duration:
                 break
             q, v = react(time, q, v)
-            if self.progress is not None:  # other coordinates may have been looked for
+            if self.progress is not None:  # the reaction may have searched for other coordinates
                 self.progress(end)
         return end, q, v
 
@@ -203,8 +204,8 @@ class EventIntegrator:
         after: Callable[[Window], float | None],
         passed: Callable[[Sequence[Window]], bool],
     ) -> Solution:
-        """Windows from ``t`` [s] on, until ``after`` ends them, which need not look at those that have ``passed``;
-        ``begun``: position and speed where the segment begins."""
+        """Windows from ``t`` [s] on, until ``after`` ends them; windows that ``passed`` accepts are not given to ``after``.
+        ``begun``: position and speed at the beginning of the segment."""
         if not len(q):
             assert self.separation is not None
             pace = partial(self.separation.window_length, self.compiled, q, v, duration=self.duration)
@@ -237,8 +238,8 @@ class EventIntegrator:
         )
 
     def _phases(self, t: float, q: Real, v: Real) -> tuple[float, Real, Real] | None:
-        """Integrate, by a compiled program, over events as long as it decides what follows; time, position and speed after the last
-        one. None where it has to be done window by window."""
+        """Integrate by a compiled program from event to event, as long as it decides what follows; time, position and speed after
+        the last event. None where the segment has to be integrated window by window."""
         if (
             not len(q)
             or isinstance(self.chart.system, CurveEquations)
@@ -286,7 +287,7 @@ class EventIntegrator:
         return t, *self._slide(t, q, v, loose)
 
     def _tell(self, segment: MotionSegment, limited: Sequence[Effect]) -> None:
-        """Tell those who want to know of a segment that a program has made, and check what loads are asked for."""
+        """Check the limits of load laws in a segment from a program, and report it to ``progress`` and ``observe``."""
         assert isinstance(segment.solution, Solution)
         for window in segment.solution.windows:
             until = min(window.start + window.length, segment.end)
@@ -324,7 +325,7 @@ class EventIntegrator:
         return q, self._settle(t, q, v, loose)
 
     def _check(self, window: Window, until: float, limited: Sequence[Effect]) -> None:
-        """Raise `MechanismError` where loads are asked for more than their laws say, until a time [s] in a window."""
+        """Raise `MechanismError` where a load leaves the range of its law in a window, up to the time ``until`` [s]."""
         if limited:
             t = window.start + (until - window.start) * CHECKED
             q, v, _ = window(t)
@@ -333,8 +334,8 @@ class EventIntegrator:
                 effect.check(motion)
 
     def _known(self, t: float) -> Known | None:
-        """Knowledge from a motion that is nearly this one of the segment that begins at ``t`` [s]; None where it has other
-        segments."""
+        """The segment that begins at ``t`` [s] in the nearly equal motion ``like``, as a start for `refine`; None where its
+        segments differ."""
         segments = () if self.like is None else self.like.segments[len(self.segments) : len(self.segments) + 1]
         for segment in segments:
             same = segment.independent == list(self.chart.coordinates) and segment.separated == tuple(sorted(self.separated))
@@ -343,14 +344,14 @@ class EventIntegrator:
         return None
 
     def _take_over(self, q: Real, v: Real, before: tuple[float, float]) -> tuple[Real, Real]:
-        """Another joint leads from now on, see `ActiveChart.take_over`."""
+        """Change to the coordinate of another joint, see `ActiveChart.take_over`."""
         q, v = self.chart.take_over(q, v, before)
         self._chart_changed()
         return q, v
 
     def _change_chart(self, t: float, q: Real, v: Real) -> tuple[Real, Real]:
-        """Other coordinates lead from now on, if any are better; coordinates and rates in their chart. Where there is one, a table
-        of the way around says how far it leads, and what comes then."""
+        """Change to other coordinates if any are better; coordinates and rates in their chart. A single coordinate is tabulated
+        along the configuration curve instead, which shows how far it leads and which chart follows."""
         if len(self.chart.scale) == len(self.compiled.mechanism.drives) == 1 and not self.friction.counts:
             q, v = self.chart.tabulate(q, v)
             self._chart_changed()
@@ -373,7 +374,7 @@ class EventIntegrator:
         return Simulation(self.original, tuple(segments), *facts, self.stops.stops, entries.work, self.separable_cams)
 
     def _meet_stops(self, t: float, q: Real, v: Real) -> tuple[Real, Real]:
-        """Coordinates and rates after the stops that are touched at an instant have acted."""
+        """Coordinates and rates after the impacts and contacts at the stops that are touched at an instant."""
         if self.separation is not None:
             for stop in self.stops.approached(q, v, t, self._system()):
                 q, v = self._part(t, q, v, stop)
@@ -397,10 +398,10 @@ class EventIntegrator:
         return Chart(self.compiled, self.stops.rests) if self.stops.closed else self.chart.system
 
     def _settle(self, t: float, q: Real, v: Real, loose: tuple[int, float] | None = None) -> Real:
-        """Decide what slides and what sticks from now on; speeds after it."""
+        """Decide which elements slide and which stick from now on; speeds after it."""
         return self.friction.settle(t, q, v, self.stops.rests, loose)
 
-    # -- cams that only press -----------------------------------------------------------------------------------------
+    # -- cams that followers may leave --------------------------------------------------------------------------------
     def _contact_events(self, t: float) -> list[PossibleEvent]:
         """The ends of contact or flight of every cam and follower."""
         separation = self.separation
@@ -436,7 +437,8 @@ class EventIntegrator:
         return self._land(t, q, v, name) if name in self.separated else self._let_go(t, q, v, name)
 
     def _let_go(self, t: float, q: Real, v: Real, name: str | None = None) -> tuple[Real, Real]:
-        """Followers that would have to be pulled leave their cams, that of ``name`` is known to; coordinates and rates after it."""
+        """Separate followers that their cams would have to pull, and in any case that of ``name``; coordinates and rates after
+        it."""
         if self.separation is None:
             return q, v
         for cam in self.separation.contacts:
@@ -455,7 +457,7 @@ class EventIntegrator:
         return q, v
 
     def _part(self, t: float, q: Real, v: Real, stop: EndStop) -> tuple[Real, Real]:
-        """A follower that a stop holds up leaves the cam that falls away below it; coordinates and rates after it."""
+        """Separate a follower that a stop holds from its cam, which moves away; coordinates and rates after it."""
         sense = -1.0 if stop.side == "upper" else 1.0
         for name, contact in {} if self.separation is None else self.separation.contacts.items():
             if name not in self.separated and contact.guide == stop.joint and contact.away == sense:
@@ -463,7 +465,7 @@ class EventIntegrator:
         return q, v
 
     def _land(self, t: float, q: Real, v: Real, name: str) -> tuple[Real, Real]:
-        """A follower comes back to its cam: an impact, after which it bounces or stays."""
+        """Impact of a follower that returns to its cam: it bounces or stays; coordinates and rates after it."""
         assert self.separation is not None
         e = self.separation.contacts[name].restitution
         k, fewer = self.separation.place(name, self.separated), self.separated - {name}
@@ -491,7 +493,7 @@ class EventIntegrator:
         return held, self._settle(t, held, v)
 
     def _pulled(self, t: float, name: str, fewer: frozenset[str], q: Real, v: Real) -> float:
-        """The gap's acceleration if a follower that has come back were let go again: positive where it would part."""
+        """The gap's acceleration if a follower that has returned were released again: positive where it would separate."""
         assert self.separation is not None
         friction = partial(self.friction.equations_of, rests=self.stops.rests)
         return float(self.separation.parting(name, fewer, friction)(q[None], v[None], np.array([t]))[0])

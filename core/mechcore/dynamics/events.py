@@ -27,13 +27,13 @@ _FIT = np.linalg.inv(chebyshev.chebvander(_X, WINDOW_SAMPLES - 1))
 MOST_EVALUATIONS = 12  # evaluations at a zero, at most: next to a kink the polynomial is a poor guess of it
 
 EventFunction = Callable[[Real, Real, Real], Real]
-"""Something measured at positions (n, f), speeds (n, f), times (n,) -> (n,)."""
+"""A quantity as a function of positions (n, f), speeds (n, f), times (n,) -> (n,)."""
 Reaction = Callable[[float, Real, Real], tuple[Real, Real]]
 """From the time [s] of an event, coordinates and rates (f,) there to those after it."""
 
 
 class PossibleEvent(NamedTuple):
-    """Something that may happen in a segment: when in a window it first does, and what follows from it."""
+    """A possible event of a segment: ``find`` gives the first time in a window, or None; ``react`` what follows from it."""
 
     find: Callable[[Window], float | None]
     react: Reaction
@@ -54,7 +54,7 @@ class EndStop:
 
 
 def with_slot_ends(mechanism: Mechanism, stops: Sequence[EndStop]) -> tuple[EndStop, ...]:
-    """Stops of a mechanism with the ends of its slots, guides and cylinders, but for those that a stated stop comes before."""
+    """``stops`` and the ends of a mechanism's slots, guides and cylinders, except ends that a stated stop precedes."""
     all_stops = list(stops)
     for name, (low, high) in mechanism.ends.items():
         own = [s for s in stops if s.joint == name]
@@ -67,7 +67,7 @@ def with_slot_ends(mechanism: Mechanism, stops: Sequence[EndStop]) -> tuple[EndS
 
 @dataclass(frozen=True, kw_only=True)
 class SeparableCam:
-    """A cam ``joint`` whose follower may leave it; ``restitution`` (0 to 1) of the impact when it comes back (Newton)."""
+    """A cam ``joint`` whose follower may leave it; ``restitution`` (0 to 1) of the impact when it returns (Newton)."""
 
     joint: str
     restitution: float = 0.0
@@ -98,7 +98,7 @@ class EventTrigger:
 
 
 class EventKind(StrEnum):
-    """Kinds of events of a simulation; the values are what exports and recordings name them."""
+    """Kinds of events of a simulation; the values are their names in exports and recordings."""
 
     IMPACT = "impact"
     CONTACT = "contact"  # of a joint with an end stop, on which it rests from then on
@@ -130,8 +130,8 @@ class SimulationEvent:
 def event_function_of(
     trigger: EventTrigger | EndStop, coordinates: dict[str, int], motion_at: Callable[[Real, Real, Real], Motion]
 ) -> EventFunction:
-    """Event function of an end stop or a trigger: its quantity minus its limit; free coordinates are read off, all else is computed
-    from the motion."""
+    """Event function of an end stop or a trigger: its quantity minus its limit; free coordinates are read directly, other
+    quantities are computed from the motion."""
     of = trigger.of if isinstance(trigger, EventTrigger) else "position"
     if trigger.joint in coordinates and of in ("position", "velocity"):
         i = coordinates[trigger.joint]
@@ -165,7 +165,7 @@ def first_zero(event_function: EventFunction, window: Window, after: float, risi
     y, ends = np.split(at(_PLACES), [WINDOW_SAMPLES])
     size = float(np.abs(y).max())
     if size == 0.0 or (np.abs(np.diff(y)).sum() < abs(y[0]) and np.all(np.sign(np.append(y, ends)) == np.sign(y[0]))):
-        return None  # stays away from zero: the way that it goes in the window is shorter than what is missing
+        return None  # stays away from zero: its variation in the window is less than its distance from zero
     coefficients = _FIT @ y
     roots = chebyshev.chebroots(chebyshev.chebtrim(coefficients, 1e-15 * size))
     real = np.sort(roots[(np.abs(roots.imag) < 1e-7) & (np.abs(roots.real) <= 1.0 + 1e-9)].real)
@@ -197,7 +197,7 @@ def first_exceeding(event_function: EventFunction, window: Window, after: float,
     y, ends = np.split(at(_PLACES), [WINDOW_SAMPLES])
     size = float(np.abs(y).max())
     if max(float(y.max()), *ends) <= 0.0 and np.abs(np.diff(y)).sum() < -y[0]:
-        return None  # stays below zero: the way that it goes in the window is shorter than what is missing
+        return None  # stays below zero: its variation in the window is less than its distance from zero
     coefficients = chebyshev.chebtrim(_FIT @ y, 1e-15 * size)
     slope = chebyshev.chebder(coefficients)
     zeros, peaks = _real_roots(coefficients), _real_roots(slope)
@@ -249,7 +249,7 @@ class LogEntries:
 
 
 class Log:
-    """Events and impacts in order of time; `new_entries` are those that have not been asked for yet."""
+    """Events and impacts in order of time; `new_entries` are those added since its last call."""
 
     def __init__(self) -> None:
         self.events: list[SimulationEvent] = []
@@ -261,7 +261,7 @@ class Log:
         self.events.append(event)
 
     def add_loss(self, t: float, energy: float) -> None:
-        """Account for the energy [J] that an impact takes."""
+        """Account for the energy [J] that is lost in an impact."""
         self._lost.append((t, energy))
 
     def add_work(self, t: float, work: float) -> None:

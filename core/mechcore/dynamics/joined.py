@@ -1,4 +1,4 @@
-"""Motion and forces over several charts, put together frame by frame: results by name, as from one."""
+"""Motion and forces over several charts, joined frame by frame, with results by name as from a single chart."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ T = TypeVar("T")
 
 
 class JoinedMotion(Motion):
-    """A `Motion` whose results by name are put together: its frames come from several motions of the same mechanism.
+    """A `Motion` whose results by name are joined: its frames come from several motions of the same mechanism.
 
-    ``mechanism``: as it is to be seen from outside, if not as it was solved; ``again``: the same motion at other times (n,);
-    ``coordinates``: joints whose coordinate and its rates (F, 3) are known, whole turns included. ``model``: with all joints, where
-    some parts lack one, a cam that its follower has left; by default the first part's.
+    ``mechanism``: the one to present, if it is not the one that was solved; ``again``: the same motion at other times (n,);
+    ``coordinates``: joints whose coordinate and its rates (F, 3) are known, whole turns included. ``model``: one with all joints,
+    where some parts lack a cam that its follower has left; by default the first part's.
     """
 
     def __init__(
@@ -76,7 +76,7 @@ class JoinedMotion(Motion):
         return together(self.frames, [(rows, compute(m, *(v[rows] for v in values))) for rows, m in self._parts])
 
     def _relation(self, joint: str) -> Any:
-        """The joint as a relation; None where it is a joint."""
+        """The relation of this name; None where it is a joint."""
         return None if joint in self.model.joint_index else self.model.relation_of[joint]
 
     def pose(self, link: str) -> Real:
@@ -129,7 +129,7 @@ class JoinedMotion(Motion):
 
 
 def together(frames: int, parts_have: Sequence[tuple[Index, T]]) -> T:
-    """Values of parts at their frames put together: arrays (F, ...), dictionaries, tuples or dataclasses of such."""
+    """Values of parts joined at their frames: arrays (F, ...), or dictionaries, tuples or dataclasses of such."""
     first: Any = parts_have[0][1]
     many: Any = parts_have
     out: Any
@@ -147,9 +147,9 @@ def together(frames: int, parts_have: Sequence[tuple[Index, T]]) -> T:
 
 
 class JoinedForces(Forces):
-    """`Forces` whose results by name are put together: their frames come from several motions of the same mechanism.
+    """`Forces` whose results by name are joined: their frames come from several motions of the same mechanism.
 
-    ``stops``: end stops that may hold something somewhere; ``energies``: time (n,) -> kinetic and potential energy, work done and
+    ``stops``: end stops on which joints may rest; ``energies``: time (n,) -> kinetic and potential energy, work done and
     energy dissipated so far (n, 4) [J]; ``again``: the forces at other times; ``jumps``, ``impacts``: see `Forces`.
     """
 
@@ -183,8 +183,8 @@ class JoinedForces(Forces):
         return self._parts
 
     def reaction(self, joint: str) -> Real:
-        """Everything that the joint transmits (F, 3) [N, N m]; where its coordinate leads a part, the drive has nothing to do; zero
-        while a follower has left its cam."""
+        """Total force and couple that the joint transmits (F, 3) [N, N m]; in parts whose chart has its coordinate, the drive's
+        effort is zero. Zero while a follower has left its cam."""
         return self._join(lambda f: _transmitted(f, joint) if _has(f, joint) else np.zeros((f.motion.frames, 3)))
 
     def pressed(self, joint: str) -> Real:
@@ -268,12 +268,12 @@ class JoinedForces(Forces):
 
 
 class JoinedFriction(FrictionResult):
-    """Dry friction of the joints over several motions; results have a leading frame axis and go by the names of the joints."""
+    """Dry friction of the joints over several motions; results have a leading frame axis and are found by the joints' names."""
 
     def __init__(self, forces: JoinedForces):
         self._forces = forces
         known = max((f.friction for _, f in forces.parts if f.friction is not None), key=lambda f: len(f.elements))
-        self.elements = known.elements  # a cam that its follower has left does not rub
+        self.elements = known.elements  # a cam that its follower has left has no friction
         self.jammed = np.zeros(forces.motion.frames, bool)
         self.stability = np.ones(forces.motion.frames)
 

@@ -1,4 +1,4 @@
-"""Phases of a motion with dry friction and end stops by a compiled program, which goes from one event to the next by itself."""
+"""Phases of a motion with dry friction and end stops, integrated from event to event by a compiled program."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from mechcore.dynamics.integration.collocation import Window
 from mechcore.dynamics.integration.windows import Integrator, windows_of
 
 ENDINGS = tuple(Ending)
-MOST_WINDOWS = 256  # windows in a row
+MOST_WINDOWS = 256  # windows of one call
 
 
 class ContactPhase(NamedTuple):
     """A phase from ``start`` to ``end`` [s], in which elements slide by ``signs`` (e,).
 
     ``ending``: why it ends, with the ``number`` of an element or a stop, the ``sense`` in which rest ends, the energy ``lost`` in
-    an impact [J] and its ``rate``; ``decided``: whether it is known how the motion goes on."""
+    an impact [J] and its ``rate`` of approach; ``decided``: whether the program has decided how the motion continues."""
 
     start: float
     end: float
@@ -37,7 +37,7 @@ class ContactPhase(NamedTuple):
 
 
 class PhaseRun(NamedTuple):
-    """Phases one after the other, time [s], position, speed and signs after them, and the evaluations that they took."""
+    """Consecutive phases; time [s], position, speed and signs after them; and the number of evaluations."""
 
     phases: list[ContactPhase]
     time: float
@@ -56,10 +56,11 @@ def run_phases(
     stops: Real,
     soon: float,
 ) -> PhaseRun:
-    """Phases from a ``start`` (time [s], position, speed (f,)) on, until something happens that the program does not decide.
+    """Consecutive phases from a ``start`` (time [s], position, speed (f,)) on, up to the first event that the program does not
+    decide.
 
-    ``friction``: scales and signs (e,) of the elements, which free coordinates move; ``stops`` (k, 5) as `EndStops.known` has them;
-    ``soon`` [s] as in `friction_state.FrictionPhases`.
+    ``friction``: scales and signs (e,) of the elements, all of them moved by free coordinates; ``stops`` (k, 5) as `EndStops.known`
+    has them; ``soon`` [s] as in `friction_state.FrictionPhases`.
     """
     t, q, v = start
     rule, f = by.rule(), len(q)

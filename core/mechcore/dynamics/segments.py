@@ -29,10 +29,10 @@ from mechcore.motion.compiled import Compiled
 from mechcore.motion.motion import Motion
 from mechcore.records import dataclass
 
-STOP_CAUSE = "stop"  # kind and cause of what an end stop holds
-SEGMENT_SAMPLES = 257  # of a segment, by which it is measured
-WINDOW_PLACES = 33  # of a window; a form of the law that holds for less than a thirtieth of it may be missed
-MOST_ROUNDS = 8  # 96^8 = 7e15 places in a sample; many places cost hardly more than few
+STOP_CAUSE = "stop"  # kind and cause of the load of an end stop
+SEGMENT_SAMPLES = 257  # samples of a segment, for its mean speed
+WINDOW_PLACES = 33  # samples of a window; a form of a law that holds for less than a thirtieth of it may be missed
+MOST_ROUNDS = 8  # of refinement: 96^8 = 7e15 places between two samples; many places cost hardly more than few
 _X = (np.arange(WINDOW_PLACES) + 0.5) / WINDOW_PLACES
 _FINE = np.linspace(0.0, 1.0, 97)
 
@@ -45,8 +45,8 @@ def stop_load(stop: EndStop) -> str:
 def segment_forces(motion: Motion, system: System, q: Real, v: Real, resting: Sequence[EndStop]) -> Forces:
     """All reactions of a motion in which one system holds; q, v (n, f): free coordinates and their rates.
 
-    ``resting``: stops that something rests on. The force that holds it is a load on the two links of the stop's joint; nothing
-    is left for the free coordinates to do.
+    ``resting``: stops on which joints rest. The holding force is a load on the two links of the stop's joint, so that the free
+    coordinates' efforts vanish.
     """
     forces = forces_with(motion, system, q, v) if isinstance(system, DrySystem) else solve_forces(motion)
     if not resting:
@@ -76,7 +76,7 @@ class MotionSegment:
     compiled: Compiled
     solution: Solution | EnergyMotion
     system: System
-    resting: tuple[EndStop, ...] = ()  # stops that something rests on
+    resting: tuple[EndStop, ...] = ()  # stops on which joints rest
     separated: tuple[str, ...] = ()  # cams that their followers have left: their guides' coordinates come after the others
 
     def __call__(self, t: Real) -> tuple[Real, Real, Real]:
@@ -102,7 +102,7 @@ class MotionSegment:
         return [self.compiled.mechanism.drives[i].joint for i in free_of(self.compiled)]
 
     def known(self, scale: Real) -> Known:
-        """Knowledge for whoever looks for the same motion again; ``scale`` (f,): typical sizes of its coordinates."""
+        """The segment as a start for `refine`; ``scale`` (f,): typical sizes of its coordinates."""
         if isinstance(self.solution, Solution):
             windows = self.solution.windows
             boundaries = np.array([*(w.start for w in windows), self.solution.end])
@@ -113,14 +113,14 @@ class MotionSegment:
         return Known(boundaries, np.zeros(len(boundaries) - 1, bool), lambda t: self.solution(t)[2])
 
     def goes_on(self, later: MotionSegment) -> bool:
-        """Whether a later segment is more of the same: windows of one integration."""
+        """Whether a ``later`` segment continues this one: windows of the same integration."""
         if not (isinstance(self.solution, Solution) and isinstance(later.solution, Solution)):
             return False
         same = self.system is later.system and (self.resting, self.separated) == (later.resting, later.separated)
         return same and self.end == later.start
 
     def with_windows(self, later: Sequence[MotionSegment]) -> MotionSegment:
-        """This segment and those in which it goes on."""
+        """This segment joined with the ``later`` ones that continue it."""
         if not later:
             return self
         windows = [w for s in (self, *later) if isinstance(s.solution, Solution) for w in s.solution.windows]
@@ -128,24 +128,24 @@ class MotionSegment:
 
 
 class Breakpoints(Programmed):
-    """Where the law of some force or cam changes its form. Switching points in time that loads and the laws of drives state are
-    taken as they are; all else is looked for along a window."""
+    """Finds breakpoints, where the law of some force or cam changes its form. Switching times that loads and laws of drives state
+    are used directly; other breakpoints are searched for along a window."""
 
     def __init__(self, compiled: Compiled):
         self.compiled, effects = compiled, effects_of(compiled.mechanism)
         self.laws = timed([*(d.law for d in compiled.mechanism.drives), *(law for e in effects for law in e.laws)])
         self.breaks = np.array(sorted({t for e in effects for t in e.breaks}))
-        self.driven = "friction" in compiled.mechanism.effects and not free_of(compiled)  # else friction's phases end segments
+        self.driven = "friction" in compiled.mechanism.effects and not free_of(compiled)  # else the phases of friction end segments
         several = any(e.piecewise for e in effects) or any(r.kind == "cam" for r in compiled.model.relations)
         self.searched = several or self.driven
 
     def stated(self, after: float) -> float:
-        """The first time [s] later than another one at which a law says that it changes its form; infinite where none does."""
+        """The first breakpoint [s] later than ``after`` that a law states; infinite where there is none."""
         k = int(np.searchsorted(self.breaks, after, side="right"))
         first = float(min([*self.breaks[k : k + 1], *(next_break(law, after) for law in self.laws)], default=np.inf))
         if not np.isfinite(first):
             return first
-        return first - 2.0 * float(np.spacing(first))  # the last node of a window that ends there is before it, however rounded
+        return first - 2.0 * float(np.spacing(first))  # the last node of a window that ends there lies before it despite rounding
 
     def _forms(self, window: Window, t: Real) -> Real:
         q, v, _ = window(t)
@@ -158,7 +158,7 @@ class Breakpoints(Programmed):
         return np.stack([np.broadcast_to(x, t.shape) for x in numbers])
 
     def __call__(self, window: Window, after: float) -> float | None:
-        """The first time [s] in a window, later than another one, at which a law changes its form; None where none does."""
+        """The first breakpoint [s] in a window later than ``after``; None where there is none."""
         low, high = max(after, window.start), window.start + window.length
         stated = self.stated(low)
         known = stated if low < stated < high else None
@@ -179,6 +179,6 @@ class Breakpoints(Programmed):
 
 
 def breakpoint_finder(compiled: Compiled) -> Breakpoints | None:
-    """Finder of the breakpoints of a mechanism's laws; None where nothing in it has several forms."""
+    """Finder of the breakpoints of a mechanism's laws; None where every law has a single form."""
     finder = Breakpoints(compiled)
     return finder if finder.searched or len(finder.breaks) or finder.laws else None

@@ -1,7 +1,8 @@
-"""Forward dynamics: the motion of a mechanism under its forces, with what happens on the way.
+"""Forward dynamics: the motion of a mechanism under its forces, with its events.
 
-One freedom that can turn fully is tabulated on its configuration curve; if all its forces depend on the position alone, its energy
-gives the motion without a single step in time. All else is collocation in windows, in a chart of the configurations.
+A mechanism of one freedom that can make full turns is tabulated on its configuration curve; if all its forces depend on the
+position alone, the energy integral gives the motion without time steps. Otherwise collocation in windows integrates the equations
+of motion in a coordinate chart.
 """
 
 from __future__ import annotations
@@ -41,15 +42,15 @@ from mechcore.spec.loads import Servo
 from mechcore.spec.mechanism import Drive, Mechanism
 from mechcore.texts import as_angle, as_length
 
-FORCE_DISTANCE = 0.1  # how far from the start, in scales, forces are compared with
-LEAST_PUSH = 1e-4  # of the largest force in a table: what is more is not the table's own error
-BALANCE_ROUNDING = 1e-13  # of those forces: what is left in an equilibrium by rounding
+FORCE_DISTANCE = 0.1  # displacement from the start, in coordinate scales, at which reference forces are evaluated
+LEAST_PUSH = 1e-4  # part of the largest force in a table: a larger force is no table error
+BALANCE_ROUNDING = 1e-13  # part of the reference forces: a smaller force in an equilibrium is rounding
 
 
-LOOKED_AT = 100  # windows, after which it is foreseen how many a motion takes
-QUIET_SECONDS = 5.0  # [s] of processor time that pass without a word
-MANY_WINDOWS = 2_000  # windows that take so long that a warning precedes them
-MOST_WINDOWS = 1_000_000  # of a motion: each takes about a kilobyte
+LOOKED_AT = 100  # windows after which the number for the whole motion is predicted
+QUIET_SECONDS = 5.0  # [s] of processor time without a warning
+MANY_WINDOWS = 2_000  # predicted windows of a motion that call for a warning
+MOST_WINDOWS = 1_000_000  # windows of a motion, at most: each takes about a kilobyte
 
 
 def simulate(
@@ -69,12 +70,12 @@ def simulate(
     """The motion for ``duration`` [s] from the start of the mechanism's free coordinates (drives with a `Free` law).
 
     ``tolerance``: local error of positions, relative to one radian or the mechanism's size. ``method`` "energy" needs one freedom
-    and forces that depend on its position alone; "radau" is for stiff forces; "auto" chooses. ``separable_cams`` only press on
-    their followers: with them, all drives may be prescribed. The other settings of the integrator are those of the compiled
-    mechanism's `Accuracy`. ``progress`` gets the time reached, ``observe`` every segment of the motion as soon as it is known, in
-    order, with what happened at its beginning: `Simulation.followed_by` puts them together. ``like``: the same motion to another
-    tolerance or by its energy, from which collocation then starts (see `refine`). ``warn`` gets a message about long computations,
-    as soon as that is foreseen; with it, a motion of more windows than memory holds is refused. Raises `MechanismError`.
+    and forces that depend on its position alone; "radau" is for stiff forces; "auto" chooses. Followers may leave
+    ``separable_cams``; with these, all drives may be prescribed. The other settings of the integrator are those of the compiled
+    mechanism's `Accuracy`. ``progress`` gets the time reached. ``observe`` gets every segment of the motion in order, as soon as it
+    is known, with the events at its beginning; `Simulation.followed_by` joins them. ``like``: the same motion to another tolerance
+    or by its energy, from which collocation starts (see `refine`). ``warn`` gets a message as soon as a long computation is
+    predicted; with it, a motion of more windows than memory holds is refused. Raises `MechanismError`.
     """
     original = compiled = mechanism if isinstance(mechanism, Compiled) else compile_mechanism(mechanism)
     stops = with_slot_ends(compiled.mechanism, stops)
@@ -145,8 +146,8 @@ def simulate(
 
 
 def _check_signals(mechanism: Mechanism, duration: float) -> str | None:
-    """Warning before a run that has to follow very many periods of a load; None where there are none. Raises `MechanismError` where
-    nobody would wait for it."""
+    """Warning before a run over very many periods of a load; None where there are fewer. Raises `MechanismError` beyond
+    `MOST_TURNS` periods."""
     factors = [(load.name, getattr(load, "factor", None)) for load in mechanism.loads]
     swung = [(name, x.function) for name, x in factors if x is not None and isinstance(x.function, Sine | Chirp)]
     most, name = max(((signal.periods(duration), name) for name, signal in swung), default=(0.0, ""))
@@ -160,7 +161,7 @@ def _check_signals(mechanism: Mechanism, duration: float) -> str | None:
 
 
 def _by_program(compiled: Compiled, method: Method, stops: Sequence[EndStop]) -> bool:
-    """Whether a program in C leads a mechanism of one freedom over windows by itself, so that no table need be made before."""
+    """Whether a C program integrates a mechanism of one freedom on its own, so that no table is needed."""
     contacts = contact_program(compiled, ()) if stops else None
     if contacts is not None and contacts.has_phases and all(stop.joint in contacts.stopped for stop in stops):
         return True
@@ -173,7 +174,8 @@ def _by_program(compiled: Compiled, method: Method, stops: Sequence[EndStop]) ->
 def _curve(
     original: Compiled, compiled: Compiled, q: float, tolerance: float, *, keep: bool
 ) -> tuple[Chart | CurveEquations, tuple[float, float] | None]:
-    """The mechanism on its curve around its start; ``keep``: for further motions of the ``original``, whose start is the same."""
+    """The mechanism on its configuration curve around its start, and the valid range of its coordinate. ``keep``: keep the table
+    for further motions of the ``original``, which start at the same position."""
     kept = original.once(_tables)
     if not keep or tolerance not in kept:
         system, valid_range = curve_around(compiled, q, tolerance)
@@ -189,8 +191,8 @@ def _tables(_: Compiled) -> dict[float, tuple[CurveEquations, tuple[float, float
 
 
 def _counted(duration: float, warn: Callable[[str], None], reported: Callable[[float], None] | None) -> Callable[[float], None]:
-    """A progress that warns once, where the windows of `LOOKED_AT` calls lead so little on that very many will be needed, or where
-    work has been going on and will; it ends a motion of more windows than there is memory for."""
+    """A progress callback that warns once: if the first `LOOKED_AT` windows predict very many in all, or if the work done and the
+    work left are long. It raises `MechanismError` for a motion of more than `MOST_WINDOWS` windows."""
     counts, warned, begun, marked = 0, False, time.process_time(), (0.0, 0.0)
 
     def progress(until: float) -> None:
@@ -206,7 +208,7 @@ def _counted(duration: float, warn: Callable[[str], None], reported: Callable[[f
             needed = LOOKED_AT / max(share, 1e-300)
             warn(f"{LOOKED_AT:,} windows led to {until:.3g} s of {duration:.6g} s: it takes about {needed:.2g} of them in all.")
         elif not warned and worked > QUIET_SECONDS:
-            # The last seconds count, as windows may have become short, but for another run through the same time
+            # The pace of the last seconds counts, as windows may have become short; the mean one if a time is run through again
             rate = gained / worked if gained > 0.0 else max(share, 1e-300) / spent
             marked, left = (spent, share), (1.0 - share) / rate
             warned = left > QUIET_SECONDS
@@ -219,8 +221,8 @@ def _counted(duration: float, warn: Callable[[str], None], reported: Callable[[f
 
 
 def _steps_over(compiled: Compiled, fast: Fastest, duration: float, tolerance: float, method: Method) -> bool:
-    """Whether the run does without its fastest vibration, by an L-stable rule: where nobody asked for another, and nothing but
-    what was looked at sets it going."""
+    """Whether the run steps over its fastest vibration by an L-stable rule: with ``method`` "radau", or if neither prescribed
+    drives nor dry friction can excite the vibration."""
     alone = len(free_of(compiled)) == len(compiled.mechanism.drives) and "friction" not in compiled.mechanism.effects
     return (alone or method == "radau") and fast.steps_over(duration, tolerance)
 
@@ -249,7 +251,7 @@ def _validate(compiled: Compiled, duration: float, tolerance: float, separable_c
 
 
 def _check_turns(compiled: Compiled, free: Sequence[Drive], duration: float, faults: list[Fault]) -> None:
-    """Starts so fast that nobody would wait for all the turns, as of prescribed drives."""
+    """Add ``faults`` for starts so fast that the motion would make more than `MOST_TURNS` turns."""
     model = compiled.model
     for d in free:
         rotary = model.rotary(d.joint)
@@ -261,7 +263,7 @@ def _check_turns(compiled: Compiled, free: Sequence[Drive], duration: float, fau
 
 
 def _refuse_knocks(compiled: Compiled, q: Real, v: Real, separable_cams: Sequence[SeparableCam]) -> None:
-    """Refuse cams that free coordinates (f,) move, or that followers may leave, whose law's velocity jumps: its impact is not
+    """Refuse cams whose law's velocity jumps, if free coordinates (f,) move them or followers may leave them: the impact is not
     computed."""
     laws = [(r, r.geometry.cam.law) for r in compiled.model.relations if r.kind == "cam"]
     abrupt = [(r, steps[0].angle) for r, law in laws if isinstance(law, MotionCurve) and (steps := jumps(law, (1,), VELOCITY_JUMP))]
@@ -280,8 +282,8 @@ def _refuse_knocks(compiled: Compiled, q: Real, v: Real, separable_cams: Sequenc
 
 
 def _around(compiled: Compiled, q: Real, system: Chart | CurveEquations) -> tuple[Real, Real] | None:
-    """M (n, f, f) and Q - h (n, f) at rest at a start (f,), at `places_beside` it, then a little away to either side, by a program
-    in C where one is wanted, and wherever the mechanism is."""
+    """M (n, f, f) and Q - h (n, f) at rest, by a C program: at the start (f,), at the other `places_beside` it, then at
+    `FORCE_DISTANCE` to either side. None where there is no program that covers all positions, or a table has all forces."""
     if not len(q) or (isinstance(system, CurveEquations) and not system.rest):
         return None
     contacts = contact_program(compiled, ()) if rubs(compiled) else None
@@ -316,7 +318,7 @@ def _check_moved_mass(compiled: Compiled, q: Real, system: Chart | CurveEquation
 
 
 def _calm(compiled: Compiled, around: tuple[Real, Real] | None, duration: float) -> bool:
-    """Whether a program in C shows at once that no spring vibrates often enough from a start for a warning."""
+    """Whether values of a C program at the start already show that no vibration has enough periods for a warning."""
     if around is None:
         return False
     inertia, force = around
@@ -327,9 +329,10 @@ def _calm(compiled: Compiled, around: tuple[Real, Real] | None, duration: float)
 def _rest(
     compiled: Compiled, q: Real, v: Real, system: Chart | CurveEquations, around: tuple[Real, Real] | None
 ) -> SimulationEvent | None:
-    """A word where the start (f,) is rest in an equilibrium of forces that do not depend on time; dry friction is another matter.
+    """The event of a start (f,) at rest in an equilibrium; None elsewhere, with dry friction, and with forces that depend on time.
 
-    However unstable that is, as on a dead point, it stays: without this, rounding would decide when and which way it leaves.
+    The mechanism stays there even if the equilibrium is unstable, as on a dead point: otherwise rounding would decide when, and in
+    which direction, it leaves.
     """
     drives = compiled.mechanism.drives
     if v.any() or len(q) < len(drives) or "friction" in compiled.mechanism.effects:

@@ -36,14 +36,15 @@ from mechcore.records import dataclass
 from mechcore.spec.clearance import as_drawn
 from mechcore.spec.mechanism import braked
 
-NO_MOTION = 1e-9  # of the energies that stand by: a motion with less is as good as none
+NO_MOTION = 1e-9  # part of the energies available at the start: the least reference of the energy drift
 
 
 @dataclass(frozen=True, eq=False)
 class Simulation:
-    """A motion that was found. Call it with times (n,) [s] for positions, speeds, accelerations (n, f) of the free coordinates.
+    """A motion found by forward dynamics. Call it with times (n,) [s] for positions, speeds, accelerations (n, f) of the free
+    coordinates.
 
-    ``method``: what found it; ``evaluations``: calls of the equations of motion, many nodes in each; ``unseen``: amplitude,
+    ``method`` of integration; ``evaluations``: calls of the equations of motion, each for many nodes; ``unseen``: amplitude,
     relative to one radian or the mechanism's size, and frequency [Hz] of a vibration that was stepped over.
     """
 
@@ -58,16 +59,16 @@ class Simulation:
     pushed: tuple[tuple[float, float], ...] = ()  # time and work [J] that prescribed drives do in impacts
     separable_cams: tuple[SeparableCam, ...] = ()
     unseen: tuple[float, float] = (0.0, 0.0)
-    joined_works: WorkIntegrals | None = None  # of segments put together that all knew theirs
+    joined_works: WorkIntegrals | None = None  # of joined segments, if the works of all were known
 
     @property
     def rubbing(self) -> tuple[str, ...]:
-        """Joints whose dry friction counts, in the order of the mechanism's joints."""
+        """Joints with dry friction, in the order of the mechanism's joints."""
         return braked(self.compiled.mechanism.joints) if "friction" in self.compiled.mechanism.effects else ()
 
     @property
     def start(self) -> float:
-        """Where it begins [s]: 0, or later for a segment of a motion."""
+        """Time at which it begins [s]: 0, or later for a segment of a motion."""
         return self.segments[0].start
 
     @property
@@ -75,7 +76,8 @@ class Simulation:
         return self.segments[-1].end
 
     def followed_by(self, others: Sequence[Simulation]) -> Simulation:
-        """This motion and the segments that follow it, in order. Works that all of them know are not found anew."""
+        """This motion joined with the ``others`` that follow it in time. Work integrals are reused if all of them have been
+        computed."""
         parts = (self, *others)
         runs: list[list[MotionSegment]] = []
         for segment in (segment for s in parts for segment in s.segments):
@@ -110,14 +112,15 @@ class Simulation:
         return q, v, t, a
 
     def _rows(self, t: Real) -> list[tuple[MotionSegment, Index]]:
-        """The segments that hold some of the times, with the places of those."""
+        """The segments that contain some of the times, each with the indices of these times."""
         if len(self.segments) == 1:
             return [(self.segments[0], np.arange(len(t)))] if len(t) else []
         which = np.searchsorted(np.array([p.end for p in self.segments[:-1]]), t, side="left")
         return [(self.segments[k], np.flatnonzero(which == k)) for k in np.unique(which)]
 
     def _original(self, segment: MotionSegment, t: Real) -> Real:
-        """The free coordinates that were stated, and their rates (3, n, f), where other joints lead."""
+        """The mechanism's stated free coordinates with their first two derivatives (3, n, f), in a segment with other
+        coordinates."""
         motion = segment.motion(t)
         return np.stack([motion.coordinate(joint).T for joint in self._stated], axis=-1)
 
@@ -142,7 +145,7 @@ class Simulation:
 
     def view(self, t: ArrayLike) -> JoinedMotion:
         """The motion at times (F,) [s] for recorders and viewers: only prescribed drives count as drives, free coordinates are
-        joint motion; it can be asked again at other times."""
+        joint motion. Its ``again`` gives it at other times."""
         t = numbers(t)
         parts = [(rows, segment.motion(t[rows])) for segment, rows in self._rows(t)]
         mechanism = self.compiled.mechanism
@@ -151,7 +154,7 @@ class Simulation:
         return JoinedMotion(t, parts, mechanism=shown, again=self.view, coordinates=self.coordinates(t), model=self._model)
 
     def coordinates(self, t: Real) -> dict[str, Real]:
-        """The free coordinates with their rates (n, 3) [rad or m, and per s], by joint: whole turns are known here."""
+        """The free coordinates with their rates (n, 3) [rad or m, and per s], by joint, whole turns included."""
         rows = np.stack(self(t), axis=-1)
         free = [d.joint for d in self.compiled.mechanism.drives if isinstance(d.law, Free)]
         return {joint: rows[:, i] for i, joint in enumerate(free)}
@@ -159,7 +162,7 @@ class Simulation:
     def forces(self, motion: Motion) -> Forces:
         """All joint reactions of a motion of this simulation, by the kinetostatic core.
 
-        The free coordinates' efforts are zero to rounding; what rests on a stop is held by a load.
+        The free coordinates' efforts are zero to rounding; an end stop on which a joint rests acts as a load.
         """
         if not isinstance(motion, JoinedMotion):
             return solve_forces(motion)
@@ -178,11 +181,11 @@ class Simulation:
 
     @property
     def impacts(self) -> tuple[tuple[float, float, float], ...]:
-        """Of every impact the time [s], the energy that it takes, and the work of prescribed drives in it [J]."""
+        """Time [s], energy lost [J] and work of prescribed drives [J] of every impact; loss and work are separate entries."""
         return tuple(sorted([*((t, lost, 0.0) for t, lost in self.lost), *((t, 0.0, work) for t, work in self.pushed)]))
 
     def gap(self, cam: str, motion: Motion) -> Real:
-        """How far the follower of a cam is from it in a `view` of this simulation (F,), in its guide's coordinate [m or rad]."""
+        """Gap (F,) between a cam and its follower in a `view` of this simulation, in the guide's coordinate [m or rad]."""
         separation = FollowerSeparation(self.compiled, self.separable_cams)
         guide = separation.contacts[cam].guide
         wanted = motion.over_parts(lambda m: separation.followed(cam, m))
@@ -210,7 +213,8 @@ class Simulation:
         return out
 
     def work(self, t: ArrayLike) -> Real:
-        """Work of all forces but inertia since the start (n,) [J], less what impacts took, by the windows' own quadrature."""
+        """Work of all forces but inertia since the start (n,) [J], by Gauss quadrature over the windows; impacts count by the work
+        of prescribed drives in them less the energy lost."""
         t = numbers(t)
         return np.asarray(self._work_integrals(t).sum(axis=1) - _until(self.lost, t) + _until(self.pushed, t))
 
@@ -235,8 +239,9 @@ class Simulation:
         return out
 
     def drift(self, t: ArrayLike) -> Real:
-        """Kinetic energy less its value at the start and less the work done, relative to the largest energy or work (n,); where
-        that is next to nothing, to a billionth of the energies that stand by, and where a vibration was stepped over, to these."""
+        """Energy drift (n,): kinetic energy less its value at the start and less the work done, relative to the largest kinetic
+        energy or work. This reference is at least a billionth of the energies available at the start, or these themselves where a
+        vibration was stepped over."""
         t = numbers(t)
         kinetic, work = self.kinetic_energy(np.append(t, self.start)), self.work(t)
         standing = self._standing * (1.0 if self.unseen[0] else NO_MOTION)
@@ -245,7 +250,7 @@ class Simulation:
 
     @cached_property
     def _standing(self) -> float:
-        """Energies that stand by at the start [J]: what is stored in springs, and what weights have on the mechanism's size."""
+        """Energies available at the start [J]: the potential energy, and the weights times the mechanism's size."""
         mechanism, model = self.compiled.mechanism, self.compiled.model
         t = np.array([self.start])
         held = sum(abs(float(np.ravel(potential(segment.motion(t)))[0])) for segment, _ in self._rows(t))
@@ -263,7 +268,7 @@ class Simulation:
         return np.array(out)
 
     def jumps(self, end: float) -> Real:
-        """Times (n, 2) [s] until ``end`` just before and just after events, and what else makes rates or accelerations jump."""
+        """Times (n, 2) [s] until ``end``, just before and just after each event or other jump of rates or accelerations."""
         before = np.unique(self.boundaries(end))
         before = before[(before > 0.0) & (before < end)]
         after = np.minimum(before + BESIDE * np.spacing(before), 0.5 * (before + np.append(before[1:], end)))
@@ -284,8 +289,8 @@ def _until(entries: tuple[tuple[float, float], ...], t: Real) -> Real:
 
 
 WINDOW_NODES = 16
-BESIDE = 8.0  # distances of neighbouring numbers, between the two sides of a jump
-LEAST_JUMP = 1e-6  # of the largest rate or acceleration of a coordinate: less is what windows leave
+BESIDE = 8.0  # units in the last place between the two sides of a jump
+LEAST_JUMP = 1e-6  # part of the largest rate or acceleration of a coordinate: smaller jumps are integration errors
 INSTANTS_AT_ONCE = 20_000  # instants that are evaluated at once
 _X, _W = legendre.leggauss(WINDOW_NODES)
 _FIT = np.linalg.inv(legendre.legvander(_X, WINDOW_NODES - 1))
@@ -293,9 +298,9 @@ _FIT = np.linalg.inv(legendre.legvander(_X, WINDOW_NODES - 1))
 
 @dataclass(frozen=True, eq=False)
 class WorkIntegrals:
-    """Works (c,) since the start [J]: on panels between ``edges`` (p + 1,) [s] the powers are polynomials, ``coefficients``
-    (p, NODES, c) in Legendre polynomials; ``before`` (p, c): works up to each panel. Where a ``period`` [s] is given, the powers
-    of the last one repeat beyond the last edge."""
+    """Works (c,) since the start [J]: on panels between ``edges`` (p + 1,) [s] the powers are polynomials, ``coefficients`` (p,
+    WINDOW_NODES, c) in Legendre polynomials; ``before`` (p, c): works up to each panel. Where a ``period`` [s] is given, the powers
+    of the last period repeat beyond the last edge."""
 
     edges: Real
     coefficients: Real
@@ -318,7 +323,7 @@ class WorkIntegrals:
         return np.asarray(self.before[k] + width[:, None] * np.einsum("ns,nsc->nc", first, self.coefficients[k]))
 
     def followed_by(self, others: Sequence[WorkIntegrals]) -> WorkIntegrals:
-        """These and those that go on where they end, in order."""
+        """These works joined with ``others``, each of which begins where the one before ends."""
         if not others:
             return self
         parts = (self, *others)

@@ -1,4 +1,4 @@
-"""Values that are watched in the course of a motion: when they are passed, and whether one of them has ended it."""
+"""Event triggers during a motion: when their values are passed, and whether one of them has ended the motion."""
 
 from __future__ import annotations
 
@@ -23,26 +23,27 @@ from mechcore.motion.compiled import Compiled
 
 
 class Watch:
-    """The triggers of a motion; their events are recorded in a ``log``. ``over``: one has ended the motion."""
+    """The triggers of a motion; their events are recorded in a ``log``. ``over``: a trigger has ended the motion."""
 
     def __init__(self, triggers: Sequence[EventTrigger], log: Log):
         self.triggers, self._log = tuple(triggers), log
         self.over = False
 
     def use(self, compiled: Compiled, coordinates: Mapping[str, int]) -> None:
-        """Go on in other ``coordinates``, by joint."""
+        """Continue in another chart, ``coordinates``: the number of each free joint's coordinate."""
         self._compiled = compiled
         self._functions = [event_function_of(x, dict(coordinates), partial(motion_at, compiled)) for x in self.triggers]
 
     def possible_events(self, after: float) -> list[PossibleEvent]:
-        """Passages later than a time [s]."""
+        """Passages later than ``after`` [s]."""
         return [
             PossibleEvent(partial(first_zero, function, after=after, rising=trigger.rising), partial(self._pass, trigger))
             for trigger, function in zip(self.triggers, self._functions, strict=True)
         ]
 
     def leap(self, t: float, q: Real, before: Real, after: Real) -> None:
-        """Velocities that an impact at ``t`` [s] leads past a value, as it changes the rates (f,) at q (f,)."""
+        """Record the velocity triggers that an impact at ``t`` [s] carries past their values, as it changes the rates (f,) at q
+        (f,)."""
         for trigger, function in zip(self.triggers, self._functions, strict=True):
             if trigger.of == "velocity" and t > 0.0 and not self.over:
                 low, high = self._side(function, t, q, before), self._side(function, t, q, after)

@@ -1,4 +1,4 @@
-"""The common form of effects: each says which quantities it needs and which wrenches it adds."""
+"""The common interface of effects: each states which quantities it needs and which wrenches it adds."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class Wrench:
 
     @property
     def links(self) -> tuple[int, ...]:
-        """The link that the wrench acts on, then the one that its opposite acts on."""
+        """The link on which the wrench acts, then the one on which its opposite acts."""
         return (self.link,) if self.other is None else (self.link, self.other)
 
 
@@ -53,19 +53,20 @@ class PointLoad(NamedTuple):
     kind: str
     link: int
     point: Plane  # in link axes [m]; in a sweep it may vary, (designs, 1)
-    force: Plane = 0j  # in the world [N]; in a sweep this and what follows may vary, too
+    force: Plane = 0j  # in the world [N]; in a sweep this and the following may vary, too
     mass: Values = 0.0  # [kg]
     inertia: Values = 0.0  # J [kg m^2]
 
     def together(self, other: PointLoad) -> PointLoad:
-        """Both in one, where they act at one point."""
+        """The sum of two loads that act at one point."""
         force, mass, inertia = self.force + other.force, self.mass + other.mass, self.inertia + other.inertia
         return self._replace(force=force, mass=mass, inertia=inertia)
 
 
 class KnownLoad(NamedTuple):
-    """A `PointLoad` as a step of a program: the link, its rotation class, the point in the axes of that (None at the link's
-    origin), -mass times its place as a sum (None where that is too long or there is no mass), and whether it has an inertia."""
+    """A `PointLoad` as a step of a program: the link, its rotation class, the point in that class's axes (None at the link's
+    origin), -mass times the point's position as a sum (None where that is too long or there is no mass), and whether it has an
+    inertia."""
 
     load: PointLoad
     link: int
@@ -75,7 +76,7 @@ class KnownLoad(NamedTuple):
     rotary: bool
 
     def acting(self, at: Motion) -> tuple[Plane, Values]:
-        """Force [N] and free moment [N m] at a motion; a `Configuration` will do where no inertia is in it."""
+        """Force [N] and free moment [N m] in a motion; a `Configuration` suffices where the load has no mass and no inertia."""
         load, _, rotation_class, _, opposed, rotary = self
         force = load.force
         if opposed is not None:
@@ -86,7 +87,7 @@ class KnownLoad(NamedTuple):
 
 
 def known_load(model: Model, load: PointLoad) -> KnownLoad:
-    """A load at a point as a step."""
+    """A load at a point as a `KnownLoad`."""
     place = model.point_sum(load.link, load.point) if not nothing(load.mass) else None
     opposed = None if place is None else place.scaled(-load.mass)
     arm = None if nothing(load.point) else load.point * model.turn[load.link]
@@ -94,17 +95,17 @@ def known_load(model: Model, load: PointLoad) -> KnownLoad:
 
 
 def wrench_point(at: Configuration, wrench: Wrench) -> Plane:
-    """Where a wrench acts in the world."""
+    """Point at which a wrench acts, in the world."""
     origin = at.origins[wrench.link]
     return origin if nothing(wrench.arm) else origin + wrench.arm
 
 
 def power_of(at: Configuration, wrench: Wrench) -> Values:
-    """Power that a wrench puts into its link, and into the other one [W]: force times velocity plus moment times angular
-    velocity."""
+    """Power [W] that a wrench supplies to its link, and its opposite to the other link: force times velocity plus moment times
+    angular velocity."""
     total: Values = 0.0
     for k, arm, sign in ((wrench.link, wrench.arm, 1.0), (wrench.other, wrench.other_arm, -1.0)):
-        if not k:  # there is no other link, or it is the frame
+        if not k:  # no link, or the frame
             continue
         omega = at.speeds.angular[at.model.angles.rotation_class[k]]
         if not nothing(wrench.force):
@@ -142,9 +143,9 @@ def sum_up(wrenches: Iterable[Wrench], links: int) -> tuple[list[Plane], list[Va
 
 
 NEEDS = ("positions", "time", "velocities", "accelerations", "reactions")
-"""Quantities that an effect can need; one that needs positions alone depends on nothing else, not even on the time."""
+"""Quantities that an effect can need; one that needs positions alone does not depend on anything else, not even on time."""
 
-LOSSES = ("viscous", "medium", "dry friction")  # causes that only ever take energy away
+LOSSES = ("viscous", "medium", "dry friction")  # causes that only dissipate energy
 CAUSES = {
     "gravity": "weight",
     "elastic": "springs and gas springs: the force depends on the position",
@@ -156,11 +157,11 @@ CAUSES = {
     "drive": "torque or force of a driven joint",
     "stop": "what an end stop holds while a joint rests on it",
 }
-"""Causes of forces, as the lecture classes them (by origin), each with its meaning."""
+"""Causes of forces, classed by origin as in lectures on the theory of machines, each with its meaning."""
 
 
 class Configuration(Protocol):
-    """Where a mechanism is and how fast it moves: all that an effect may look at, unless it needs accelerations or reactions.
+    """Position and velocity state of a mechanism: the only input of an effect, unless it needs accelerations or reactions.
 
     `Motion` is one. Frames are the last axis of all arrays; plane vectors are complex numbers, links and joints are indices.
     """
@@ -191,10 +192,10 @@ class Configuration(Protocol):
 
 
 class Effect:
-    """A force that a scene can ask for. Subclasses say what it ``needs`` and the ``wrenches`` that it adds.
+    """A force that a scene can include. Subclasses define what it ``needs`` and the ``wrenches`` that it adds.
 
-    ``needs`` is a promise that tests hold an effect to: one that needs positions alone never makes velocities be solved, and
-    one that does not need accelerations can serve forward dynamics as it is.
+    ``needs`` is a contract that tests check: an effect that needs positions alone never causes velocities to be solved, and one
+    that does not need accelerations can be used in forward dynamics as it is.
     """
 
     cause: ClassVar[str] = "process"
@@ -223,7 +224,7 @@ class Effect:
 
     @property
     def piecewise(self) -> bool:
-        """Whether its law changes its form somewhere else than at its `breaks`, with a bend or a jump; then `phase` says which form
+        """Whether its law changes its form elsewhere than at its `breaks`, with a kink or a jump; `phase` then gives the form that
         holds."""
         return False
 
@@ -232,35 +233,35 @@ class Effect:
         return np.zeros(np.shape(at.time), int)
 
     def switch(self, at: Configuration) -> Values | None:
-        """Level (F,) of the quantity at which the law changes its form so that a force jumps; None where no single number says
-        so."""
+        """Level (F,) of the quantity at which the law changes its form so that a force jumps; None where there is no such single
+        quantity."""
         return None
 
     @property
     def proportional(self) -> bool:
-        """Whether its wrenches are in proportion to the velocities at every place, whatever the time."""
+        """Whether its wrenches are proportional to the velocities at every position, independent of time."""
         return False
 
-    limited: ClassVar[bool] = False  # whether its law ends somewhere; then `check` says where
+    limited: ClassVar[bool] = False  # whether its law has a limited range, which `check` tests
 
     def check(self, at: Configuration) -> None:
-        """Raise `MechanismError` where a motion leaves the range of its law. `wrenches` go on beyond: who looks for a motion tries
-        positions that it does not take."""
+        """Raise `MechanismError` where a motion leaves the range of its law. `wrenches` continues beyond, because a search for a
+        motion also tries positions that the motion does not reach."""
 
     @property
     def breaks(self) -> tuple[float, ...]:
-        """Times [s] at which its law changes its form, whatever the mechanism does."""
+        """Times [s] at which its law changes its form, independent of the motion."""
         return ()
 
     @property
     def laws(self) -> tuple[Law, ...]:
-        """Laws of time that it follows: it changes its form where they do."""
+        """Laws of time that it follows: it changes its form at their breakpoints."""
         return ()
 
     @property
     def integrates(self) -> bool:
-        """Whether it has a state of its own in motions under forces, an integral over time that is zero at the start: a
-        configuration knows it in ``states`` by the name of the effect."""
+        """Whether it has a state of its own in motions under forces, an integral over time that is zero at the start; a
+        configuration has it in ``states`` by the name of the effect."""
         return False
 
     def state_rate(self, at: Configuration) -> Real:
@@ -269,11 +270,11 @@ class Effect:
 
     @property
     def counts_turns(self) -> bool:
-        """Whether it is another where an angle has gone on by a whole turn."""
+        """Whether its force may differ after a whole turn of an angle."""
         return False
 
     def potential(self, at: Configuration) -> Values:
-        """Potential energy [J] where the effect has one, else zero: with it, the work is not counted a second time."""
+        """Potential energy [J] where the effect has one, else zero; its work is then not counted a second time."""
         return 0.0
 
     @property
@@ -297,7 +298,7 @@ def relative_speed(at: Configuration, first: int, second: int) -> Values:
 
 
 def coordinate(at: Configuration, joint: str) -> Values:
-    """Relative coordinate of a joint [rad or m], driven or not; nothing else is computed."""
+    """Relative coordinate of a joint [rad or m], driven or not, without computing anything else."""
     model = at.model
     j = model.joint_index.get(joint)
     if j is not None and model.joints[j].coordinate == "slide":
@@ -331,7 +332,7 @@ def joint_wrench(at: Configuration, joint: str, effort: Values, *, name: str, ki
     arm, other_arm = place - at.origins[second], place - at.origins[first]
     if loop_joint.coordinate == "angle":
         return Wrench(name, kind, second, 0j, effort, arm, cause, first, other_arm)
-    along = at.guide(j) * (1.0 if loop_joint.guide == 0 else -1.0)  # the coordinate grows where the link without the guide goes
+    along = at.guide(j) * (1.0 if loop_joint.guide == 0 else -1.0)  # the coordinate grows as the link without the guide moves
     return Wrench(name, kind, second, effort * along, 0.0, arm, cause, first, other_arm)
 
 

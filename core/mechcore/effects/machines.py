@@ -20,7 +20,7 @@ Driving = TypeVar("Driving", bound=Machine)
 
 
 class _ByCharacteristic(LoadEffect[Driving]):
-    """Subclasses say the torque [N m] at an angular velocity [rad/s]."""
+    """Subclasses give the torque [N m] at an angular velocity [rad/s]."""
 
     kind = "motor"
     needs = frozenset({"positions", "velocities"})
@@ -62,7 +62,7 @@ class Induction(_ByCharacteristic[InductionMotor]):
 
 
 class ConstantPowerMachine(_ByCharacteristic[ConstantPower]):
-    """A hyperbola, cut off at the torque limit: at low speeds, and while it still turns the other way."""
+    """A hyperbola, cut off at the torque limit at low speeds and in reverse rotation."""
 
     def torque(self, speed: Values) -> Values:
         load = self.load
@@ -81,7 +81,7 @@ class ConstantPowerMachine(_ByCharacteristic[ConstantPower]):
 
 
 class Governed(_ByCharacteristic[Governor]):
-    """Proportional to what is missing of the set speed, within its limits."""
+    """Proportional to the speed error, set speed less speed, within its limits."""
 
     def torque(self, speed: Values) -> Values:
         load = self.load
@@ -106,7 +106,7 @@ class PositionServo(LoadEffect[Servo]):
         self._targets = [partial(_component, load.target, k) for k in range(2)]
 
     def _target(self, at: Configuration, derivative: int) -> Real:
-        """Where the coordinate should be, or its rate."""
+        """Target of the coordinate, or its rate."""
         time: Any = at.time
         wanted = self._targets[derivative]
         values: Any = time.code.value_of(wanted) if isinstance(time, Symbol) else wanted(time)
@@ -149,7 +149,7 @@ STROKE_ROUNDING = 1e-6  # part of the stroke by which rounding may carry the pis
 
 
 class CylinderGas(LoadEffect[GasPressure]):
-    """On the piston, and on the cylinder's head the opposite. The branch of the diagram follows from the sense of the motion."""
+    """Gas force on the piston, and the opposite on the cylinder's head. The sense of motion selects the branch of the diagram."""
 
     needs = frozenset({"positions", "velocities"})
 
@@ -186,8 +186,8 @@ class CylinderGas(LoadEffect[GasPressure]):
         outward: Flags = np.less_equal(speed, 0.0) if load.head == "ahead" else np.greater_equal(speed, 0.0)
         firing = np.ones(np.shape(outward), bool)
         if load.cycle.strokes == 4:
-            # the piston says where a stroke ends, the crank only which turn it is: counted from a quarter of a turn before the
-            # top dead centre in strokes that lead away from it, and up to a quarter of a turn behind it in those that lead to it
+            # the piston determines where a stroke ends, the crank only which turn it is: from a quarter of a turn before the top
+            # dead centre in strokes away from it, and up to a quarter of a turn after it in strokes towards it
             joint = load.drive if load.drive is not None else at.model.mechanism.drives[0].joint
             turned = (coordinate(at, joint) - load.fires) * np.where(rate(at, joint) < 0.0, -1.0, 1.0)
             firing = np.mod(turned + np.where(outward, 0.5 * np.pi, 1.5 * np.pi), 4.0 * np.pi) < 2.0 * np.pi

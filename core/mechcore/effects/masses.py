@@ -22,7 +22,7 @@ def weights(model: Model) -> tuple[tuple[int, complex, complex], ...]:
 
 
 class Gravity(Effect):
-    """Uniform, in the mechanism's direction, or in a link's own where it states one. Zero potential at the world's origin."""
+    """Uniform gravity, that of the mechanism, or a link's own where it states one. The potential is zero at the world's origin."""
 
     cause = "gravity"
 
@@ -36,7 +36,7 @@ class Gravity(Effect):
 
 
 class Inertia(Effect):
-    """The only effect that needs accelerations; forward dynamics has the masses on the left-hand side instead."""
+    """Inertia forces: the only effect that needs accelerations. Forward dynamics has the masses on the left-hand side instead."""
 
     cause = "inertia"
     needs = frozenset({"positions", "velocities", "accelerations"})
@@ -51,7 +51,7 @@ class Inertia(Effect):
 
 
 def kinetic_energy(motion: Motion) -> Real:
-    """Kinetic energy of all links (F,) [J]; at a unit rate of a free coordinate half of the reduced inertia."""
+    """Kinetic energy of all links (F,) [J]; at a unit rate of a free coordinate it is half of the reduced inertia."""
     total: Real = sum(link_energies(motion), start=np.zeros(motion.shape))  # type: ignore[arg-type] # numbers, too
     return total
 

@@ -1,6 +1,6 @@
-"""The analysis plan: which stages a mechanism's effects and loads call for, which are left out, and why.
+"""The analysis plan: which stages a mechanism's effects and loads require, which are left out, and why.
 
-It follows from what the effects declare that they need (`mechcore.effects.registry`) and from the outputs that are asked for.
+It follows from the declared needs of the effects (`mechcore.effects.registry`) and from the requested outputs.
 """
 
 from __future__ import annotations
@@ -14,11 +14,11 @@ from mechcore.records import dataclass
 from mechcore.spec.mechanism import EFFECTS, METRICS, Mechanism, braked
 
 OUTPUTS = ("positions", "velocities", "accelerations", "forces", "energy", "health")
-"""Outputs that can be asked for; a recording asks for everything that the scene calls for."""
+"""Outputs that can be requested; a recording requests all that the scene requires."""
 
 
 class StageKind(Enum):
-    """Kinds of stages; the value is what people read."""
+    """Kinds of stages; the value is the displayed name."""
 
     SIMULATION = "motion under forces"
     POSITIONS = "positions"
@@ -35,7 +35,7 @@ class StageKind(Enum):
 
 @dataclass(frozen=True)
 class PlannedStage:
-    """One stage and the reason ``why`` it is computed or left out. ``item``: of which effect, load, metric or study, else ""."""
+    """One stage and the reason ``why`` it is computed or left out. ``item``: the effect, load, metric or study, else ""."""
 
     kind: StageKind
     item: str
@@ -43,7 +43,7 @@ class PlannedStage:
 
     @property
     def name(self) -> str:
-        """The name that people read; no two stages of a plan have the same."""
+        """The displayed name, unique in a plan."""
         if self.kind in (StageKind.METRIC, StageKind.STUDY):
             return self.item.replace("_", " ")
         return f"{self.kind.value} {self.item}".rstrip()

@@ -1,4 +1,4 @@
-"""Loads that follow a law of their own: forces and torques on links, actuators, and the factors that multiply them."""
+"""Prescribed loads: forces and torques on links, actuators, and the factors that multiply them."""
 
 from __future__ import annotations
 
@@ -65,14 +65,14 @@ def factor_of(at: Configuration, factor: Factor | None, load: str) -> Real | flo
 
 
 def _of_symbol(factor: Factor, argument: Symbol) -> Values:
-    """The factor in a program that is written down."""
+    """The factor in a traced program."""
     if factor.of == "time":
         return cast(Values, argument.code.value_of(factor.function))
     return _of_one(factor.function, argument, argument.code.piecewise, Untraceable)
 
 
 def _of_traced(factor: Factor, argument: Traced) -> Values:
-    """The factor with its slope."""
+    """The factor with its derivative, on a tape."""
     if isinstance(factor.function, Sine | Step | Ramp | Chirp):
         t = argument.value
         return cast(Values, argument.tape.elementwise(factor.function(t), [(argument, factor.function(t, 1), None)]))
@@ -80,7 +80,8 @@ def _of_traced(factor: Factor, argument: Traced) -> Values:
 
 
 def _of_one(function: Any, argument: Any, pieces: Callable[..., Any], refused: type[Exception]) -> Values:
-    """A function of a symbol or a traced array, both of which stand for arrays; ``pieces`` is how it is put together."""
+    """A function of a symbol or a traced array, which replace arrays; ``pieces`` evaluates piecewise polynomials, and ``refused``
+    is raised for functions that cannot be traced."""
     value: Any
     if isinstance(function, Table):
         low, high, period = function.x[0], function.x[-1], function.period
@@ -93,41 +94,41 @@ def _of_one(function: Any, argument: Any, pieces: Callable[..., Any], refused: t
     else:
         try:
             value = function(argument)
-        except Exception as error:  # a user's function may raise anything, the more so if it is given no numbers
+        except Exception as error:  # a user's function may raise anything, especially for symbols
             raise refused("a factor is a function of Python") from error
     return cast(Values, value)
 
 
 def is_piecewise(factor: Factor | None) -> bool:
-    """Whether some derivative of a factor jumps: at the points of a table, or where it ends."""
+    """Whether some derivative of a factor jumps, at the points or ends of a table."""
     f = None if factor is None else factor.function
     return isinstance(f, Table) and bool(f.knots)
 
 
 def is_piecewise_in_time(factor: Factor | None) -> tuple[float, ...]:
-    """Times [s] at which some derivative of a factor jumps, all of them, where it depends on time and does not repeat."""
+    """All times [s] at which some derivative of a factor jumps, if it is a table over time that does not repeat; else none."""
     f = None if factor is None or factor.of != "time" else factor.function
     return tuple(f.knots) if isinstance(f, Table) and f.period is None else ()
 
 
 def counts_turns(factor: Factor | None) -> bool:
-    """Whether a factor may be another after a whole turn of what it depends on."""
+    """Whether a factor may have another value after a whole turn of its argument."""
     return factor is not None and factor.of == "position" and getattr(factor.function, "period", None) is None
 
 
 def phase_of(at: Configuration, factor: Factor | None) -> Index:
-    """Between which bends of its table a factor is: a whole number (F,)."""
+    """Number (F,) of the interval between the knots of its table in which a factor's argument lies."""
     if factor is None or not is_piecewise(factor):
         return np.zeros(np.shape(at.time), int)
     known, table = _argument(at, factor), factor.function
-    assert isinstance(table, Table)  # as `is_piecewise` has seen
+    assert isinstance(table, Table)  # as `is_piecewise` ensures
     if isinstance(known, Symbol):
         return _part_of_symbol(table, known)
     return np.asarray(table.part(np.asarray(value_of(known), float)))
 
 
 def _part_of_symbol(table: Table, x: Any) -> Any:
-    """`Table.part` in a program that is written down."""
+    """`Table.part` in a traced program."""
     if table.period is None:
         return x.code.searched(x, table.knots)
     turns = np.floor((x - table.x[0]) / table.period)
@@ -153,7 +154,7 @@ def _argument(at: Configuration, factor: Factor) -> Values:
 
 
 class FactoredLoad(LoadEffect[Multiplied]):
-    """A load that a factor multiplies."""
+    """A load multiplied by a factor."""
 
     def __init__(self, load: Multiplied):
         super().__init__(load)

@@ -1,4 +1,4 @@
-"""Effects: forces that a scene can ask for. Each says what it needs and which wrenches it adds; what is not named is not computed.
+"""Effects: forces that a scene can include. Each states what it needs and which wrenches it adds; others are not computed.
 
 To add one: a subclass of `Effect` in the module of its family, one line in `EFFECTS` (effects that a scene names) or `LOADS` (loads
 that it lists, by their spec in `mechcore.spec.loads`). All but inertia can be evaluated from positions, velocities and time alone.
@@ -81,19 +81,19 @@ def effects_of(mechanism: Mechanism) -> tuple[Effect, ...]:
 
 
 def applied_effects(model: Model) -> tuple[Effect, ...]:
-    """The effects and loads that put wrenches on links without knowing the reactions; ask for them by `Model.once`."""
+    """The effects and loads that put wrenches on links without knowledge of the reactions; call it through `Model.once`."""
     return tuple(effect for effect in effects_of(model.mechanism) if "reactions" not in effect.needs)
 
 
 class KnownLoads(NamedTuple):
-    """Loads at points that are known beforehand, all at one point in one."""
+    """Loads at points that are known beforehand, summed by points."""
 
     loads: tuple[KnownLoad, ...]
     others: tuple[Effect, ...]  # applied effects that have to be evaluated
 
 
 def known_loads(model: Model) -> KnownLoads:
-    """The loads of a model that are known beforehand; ask for them by `Model.once`."""
+    """The loads of a model that are known beforehand; call it through `Model.once`."""
     stated = [(effect, effect.point_loads(model)) for effect in model.once(applied_effects)]
     sums: dict[tuple[int, Any], PointLoad] = {}
     for a in (a for _, own in stated for a in own or () if a.link):
@@ -111,7 +111,7 @@ def wrenches(at: Any) -> list[Wrench]:
 def totals(at: Any) -> tuple[list[Any], list[Any], Callable[[], list[Wrench]]]:
     """Force on every link and moment about its origin, as `sum_up` of the `wrenches`, and a function for these.
 
-    Wrenches that the sums did without (of inertia and constant forces) are formed if that function is called.
+    Wrenches that the sums do not need (of inertia and constant forces) are formed only if that function is called.
     """
     model, rot = at.model, at.state.rot
     known = model.once(known_loads)

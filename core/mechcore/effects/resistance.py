@@ -1,8 +1,8 @@
 """Resistance: of a medium, of oil in joints, of journals in their bearings, dry friction; and the tension that belts need.
 
 Where a journal with clearance touches its bearing, the normal force is that of Hunt and Crossley (Coefficient of restitution
-interpreted as damping in vibroimpact, 1975), F = k d^n (1 + a d'), d the indentation; it needs no memory of the impact, pulls
-never, and starts and ends at zero. The effects act on the massless journal of a `mechcore.spec.clearance` joint, so that the
+interpreted as damping in vibroimpact, 1975), F = k d^n (1 + a d'), d the indentation; it needs no history of the impact, never
+pulls, and starts and ends at zero. The effects act on the massless journal of a `mechcore.spec.clearance` joint, so that the
 revolute joint that holds it transmits the whole force.
 """
 
@@ -76,13 +76,13 @@ class ViscousFriction(LoadEffect[Viscous]):
     def _wheels(self, at: Configuration, relation: Relation) -> Wrench:
         first, second = (at.model.index[k] for k in relation.links)
         effort = -self.load.coefficient * relative_speed(at, first, second)
-        place = relation.contact(at, 1.0)[0]  # type: ignore[arg-type]  # a configuration is all that it looks at
+        place = relation.contact(at, 1.0)[0]  # type: ignore[arg-type]  # a configuration is all that it needs
         arms = place - at.origins[second], place - at.origins[first]
         return Wrench(self.name, "viscous torque", second, 0j, effort, arms[0], self.cause, first, arms[1])
 
     def _cam(self, at: Configuration, relation: Relation) -> Wrench:
         first, second = (at.model.index[k] for k in relation.links)
-        place, normal = relation.contact(at, 1.0)  # type: ignore[arg-type]  # a configuration is all that it looks at
+        place, normal = relation.contact(at, 1.0)  # type: ignore[arg-type]  # a configuration is all that it needs
         tangent = 1j * unit_vectors(normal)
         arms = [place - at.origins[k] for k in (first, second)]
         speeds = [
@@ -105,29 +105,30 @@ class ViscousFriction(LoadEffect[Viscous]):
 
 
 class DryFriction(Effect):
-    """Stands for the friction of all joints where effects are listed; what it adds comes with the reactions, see `needs`."""
+    """Represents the friction of all joints in the list of effects; its wrenches follow with the reactions, see `needs`."""
 
     cause = "dry friction"
     needs = frozenset({"positions", "velocities", "reactions"})
 
 
 def spans(at: Configuration, relation: Relation) -> tuple[Plane, Plane, float]:
-    """Place [m], force on the second pulley per newton in both spans, and by how much the spans' normals lean towards it.
+    """Point of action [m], force on the second pulley per newton in both spans, and sine of the inclination of the spans to the
+    line of centres.
 
-    The two pulls are mirrored at the line of centres: their resultant lies on it. The lean is (r1 - r2) / distance of an open belt,
-    (r1 + r2) / distance of a crossed one.
+    The two pulls are mirror images at the line of centres: their resultant lies on it. The sine is (r1 - r2) / distance for an open
+    belt, (r1 + r2) / distance for a crossed one.
     """
-    (one, up), (other, down) = (relation.contact(at, side) for side in (1.0, -1.0))  # type: ignore[arg-type]  # a configuration is all that it looks at
+    (one, up), (other, down) = (relation.contact(at, side) for side in (1.0, -1.0))  # type: ignore[arg-type]  # a configuration is all that it needs
     pull = up - down
     lean = np.imag(np.conj(up) * pull) / np.abs(pull)
     return 0.5 * (one + other), pull, float(np.mean(value_of(lean)))
 
 
 class BeltPull(LoadEffect[BeltTension]):
-    """A tensioner holds the slack span at a constant tension: both spans pull the pulleys together by it, whatever they carry.
+    """A tensioner holds the slack span at a constant tension: both spans pull the pulleys together by it, independent of the load.
 
-    It does no work: it presses on the bearings, and is what the belt has to drive by friction
-    (`mechcore.forces.load_events` reports where that is not enough).
+    It does no work: it loads the bearings, and provides the grip by which the belt drives by friction
+    (`mechcore.forces.load_events` reports where that is not sufficient).
     """
 
     cause = "elastic"
@@ -146,7 +147,7 @@ AnyContact = TypeVar("AnyContact", bound=JournalContact)
 
 PRESSING, LOSING, RUBBING = "contact", "contact loss", "contact friction"
 IN_PAIRS = (PRESSING, LOSING, RUBBING)
-"""Kinds of these wrenches: what they amount to is the reaction of their joint."""
+"""Kinds of these wrenches: their sum is the reaction of their joint."""
 
 
 def rubbing_name(joint: str) -> str:
@@ -156,9 +157,9 @@ def rubbing_name(joint: str) -> str:
 
 def loss_factor(restitution: float, speed: float) -> float:
     """The factor a [s/m] of F = k d^n (1 + a d') for which an impact at ``speed`` [m/s] rebounds with ``restitution`` (0 to 1) of
-    it, whatever the masses, k and n.
+    it, independent of the masses, k and n.
 
-    From m v dv = -F dd on the way in and out: x (1 + e) = ln((1 + x) / (1 - e x)) with x = a v.
+    From m v dv = -F dd in approach and rebound: x (1 + e) = ln((1 + x) / (1 - e x)) with x = a v.
     """
     from scipy.optimize import brentq
 
@@ -169,24 +170,24 @@ def loss_factor(restitution: float, speed: float) -> float:
     def left(x: float) -> float:
         return x * (1.0 + e) - math.log1p(x) + math.log1p(-e * x)
 
-    low, high = 0.5 * (1.0 - e), (1.0 - 1e-15) / e  # the root lies above (1 - e): near it for small losses
+    low, high = 0.5 * (1.0 - e), (1.0 - 1e-15) / e  # the root lies above (1 - e), close to it for small losses
     while left(low) < 0.0:
         low *= 0.5
     return float(brentq(left, low, high, xtol=1e-15, rtol=1e-14)) / speed
 
 
 class _Journal(LoadEffect[AnyContact]):
-    """Where the journal is in its bearing; results have a leading frame axis."""
+    """Position of the journal in its bearing; results have a leading frame axis."""
 
     def eccentricity(self, at: Configuration, derivative: int = 0) -> Complex:
-        """Journal's centre from the bearing's, or its rate, in the axes of the bearing's link (complex)."""
+        """Vector from the bearing's centre to the journal's, or its rate, in the axes of the bearing's link (complex)."""
         x, y = (at.drives[at.model.driven[at.model.joint_index[joint]]][derivative] for joint in self.load.slides)
         return x + 1j * y
 
     def indentation(self, at: Configuration) -> tuple[Real, Complex, Real]:
-        """How far the journal is pressed in (negative: free), the normal from bearing to journal, and k d^n [N]."""
+        """Indentation [m] (negative: no contact), unit normal from bearing to journal, and k d^n [N]."""
         e = self.eccentricity(at)
-        load, centred = self.load, value_of(e) == 0.0  # there, and while nothing presses, distances and powers have no slope
+        load, centred = self.load, value_of(e) == 0.0  # there, and without contact, distances and powers have no slope
         off = np.where(centred, 1.0, e)
         away = np.where(centred, 0.0, np.abs(off))
         depth = away - load.radial
@@ -243,7 +244,7 @@ class JournalFriction(_Journal[JournalLoss]):
         _, normal, force = self.indentation(at)
         rate = self.eccentricity(at, 1)
         inward = np.real(np.conj(normal) * rate)
-        lost = force * np.maximum(load.loss * inward, -1.0)  # surfaces only press on each other
+        lost = force * np.maximum(load.loss * inward, -1.0)  # surfaces do not pull
         on_journal = -lost * normal
         moment: Real | float = 0.0
         if load.friction:
@@ -255,7 +256,7 @@ class JournalFriction(_Journal[JournalLoss]):
         return self.between(at, on_journal, self.name, LOSING, moment)
 
     def phase(self, at: Configuration) -> Index:
-        """1 where they touch, 2 where they part so fast that nothing presses any more."""
+        """1 where they touch, 2 where they separate so fast that the force is zero."""
         depth, normal, _ = self.indentation(at)
         parting = self.load.loss * np.real(np.conj(normal) * self.eccentricity(at, 1)) < -1.0
         return np.where(depth > 0.0, 1 + parting, 0)

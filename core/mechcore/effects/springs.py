@@ -66,7 +66,7 @@ class LineSpring(Line[Spring]):
         load, vector = self.load, self.vector(at)
         rest = load.preload - load.stiffness * load.free_length
         force = load.stiffness * vector
-        if rest:  # a spring of no free length needs no direction: it pulls in proportion to its length
+        if rest:  # without this part, the pull is proportional to the length and needs no direction
             force = force + rest * self.direction(at, vector)
         return self.between(at, force)
 
@@ -77,7 +77,7 @@ class LineSpring(Line[Spring]):
 
 
 class LineDamper(Line[Damper]):
-    """Pull ``linear L' + quadratic L' |L'|``: it always takes energy away."""
+    """Pull ``linear L' + quadratic L' |L'|``: it always dissipates energy."""
 
     cause, kind = "viscous", "damper"
     needs = frozenset({"positions", "velocities"})
@@ -114,7 +114,7 @@ class LineGasSpring(Line[GasSpring]):
             raise MechanismError(Fault(f"loads.{self.name}", why, remedy))
 
     def _left(self, length: Real) -> Real:
-        """Volume that is left of the gas over its volume when extended; NaN where there is none."""
+        """Volume of the gas over its volume when extended; NaN where it is not positive."""
         left = 1.0 - (self.load.extended - length) / self.load.gas_length
         return np.where(left > 0.0, left, np.nan)
 
@@ -169,7 +169,7 @@ class AngleDamper(LoadEffect[TorsionDamper]):
 
 
 class _Bushed(_BetweenPoints[Joining]):
-    """The force on the first link acts at the second link's point, and the opposite on the second link there."""
+    """The force on the first link and the opposite force on the second link both act at the second link's point."""
 
     def apart(self, at: Configuration, derivative: int = 0) -> Plane:
         """From the first point to the second in the first link's axes, or its rate there."""
@@ -189,7 +189,7 @@ class _Bushed(_BetweenPoints[Joining]):
 
 
 class BushingSprings(_Bushed[Bushing]):
-    """Force and moment by the distance of the points and the angle; its energy is zero where it is free of load."""
+    """Force and moment by the offset of the points and the angle; its energy is zero in the unloaded position."""
 
     cause, kind = "elastic", "bushing"
 
@@ -215,7 +215,7 @@ class BushingSprings(_Bushed[Bushing]):
 
 
 class BushingDampers(_Bushed[BushingDamper]):
-    """Force and moment by the rates of these, as they are seen from the first link."""
+    """Force and moment by the rates of the offset and the angle, in the frame of the first link."""
 
     cause, kind = "viscous", "bushing damper"
     needs = frozenset({"positions", "velocities"})

@@ -18,7 +18,7 @@ from mechcore.motion.motion import Motion
 from mechcore.spec.mechanism import CamDrawn, CamRating, Revolute
 from mechcore.texts import as_angle, as_coordinate, as_force, as_length, as_pressure
 
-FACE_ROUNDING = 1e-9  # a contact beyond the end of a face by this part of its length is on it
+FACE_ROUNDING = 1e-9  # part of a face's length: a contact beyond its end by less is on it
 
 
 def cam_events(motion: Motion, forces: Forces | None, touches: Mapping[str, Flags] | None = None) -> list[Event]:
@@ -33,7 +33,7 @@ def cam_events(motion: Motion, forces: Forces | None, touches: Mapping[str, Flag
         events += met if on is None else [e for e in met if on[np.searchsorted(motion.time, e.time, side="right") - 1]]
         events += _beyond(motion, cam)
         events += limit_events(motion, cam, on)
-        if forces is not None and not cam.form and on is None:  # one that may leave its cam does, and says so
+        if forces is not None and not cam.form and on is None:  # a follower that may leave its cam has its own events
             events += _lost(forces, cam)
         joint = joint_of(motion, cam)
         if forces is not None and joint.rating is not None:
@@ -72,7 +72,7 @@ def _rated(forces: Forces, cam: AnyCam, rating: CamRating, touches: Flags) -> It
 
 
 def _drawn(motion: Motion, cam: AnyCam, drawn: CamDrawn) -> Event:
-    """How far off the graphical method is."""
+    """Event with the error of the graphical method."""
     s, v, a = 100.0 * drawn_lift(cam, drawn).largest
     text = (
         f"drawn every {as_angle(drawn.step, 4)} and differentiated by {drawn.lines}s, the lift is off by {s:.3g} %, the "
@@ -88,7 +88,7 @@ def _where(cam: AnyCam, argument: float) -> str:
 
 
 def _drives_at(motion: Motion, t: float) -> str:
-    """Where the drives are at a time, after a comma; empty where there are none."""
+    """Positions of the drives at a time in words, after a comma; empty where there are none."""
     places = at_drive(motion, t)
     return f", {places}" if places else ""
 
@@ -110,7 +110,7 @@ def _arguments(motion: Motion, cam: AnyCam) -> Real:
 
 
 def _lost(forces: Forces, cam: AnyCam) -> Iterator[Event]:
-    """Where a follower that is only pressed on its cam would have to be pulled."""
+    """Loss and return of contact: where a force-closed cam would have to pull its follower."""
     motion = forces.motion
     n, time = contact_force(forces, cam), forces.motion.time
     largest = float(np.nanmax(np.abs(n), initial=0.0))
@@ -137,7 +137,7 @@ def _lost(forces: Forces, cam: AnyCam) -> Iterator[Event]:
 
 
 def _turning(motion: Motion, t: float) -> str:
-    """How fast the first drive turns, in words; empty where it slides."""
+    """Speed of the first drive in words; empty where it slides."""
     drives = motion.mechanism.drives
     if not drives or not any(p.name == drives[0].joint and isinstance(p, Revolute) for p in motion.mechanism.joints):
         return ""
@@ -146,14 +146,14 @@ def _turning(motion: Motion, t: float) -> str:
 
 def _lacking(forces: Forces, cam: AnyCam, first: int, last: int) -> float:
     """The force along the follower's motion [N] that would just keep it on its cam over some frames; where the pressure angle is
-    unknown (a base circle that is a point), as much as could be needed."""
+    unknown (a base circle that is a point), an upper bound."""
     part = slice(first, last + 1)
     angle = np.nan_to_num(cam.rows(forces.motion).pressure_angle[part])
     return float(np.max(-contact_force(forces, cam)[part] * np.cos(angle)))
 
 
 def _shocks(motion: Motion, cam: AnyCam) -> Iterator[Event]:
-    """Steps of the law's velocity and acceleration, each time the cam comes by."""
+    """Steps of the law's velocity and acceleration, each time the cam passes them."""
     law = cam.cam.law
     steps = [*jumps(law, (1,), VELOCITY_JUMP, law.repeats), *jumps(law, (2,), ends=law.repeats)]
     if not steps:
@@ -162,7 +162,7 @@ def _shocks(motion: Motion, cam: AnyCam) -> Iterator[Event]:
     named: list[float] = []
     for step in steps:
         if any(abs(step.angle - a) < 1e-9 * law.length for a in (*named, *leaps)):
-            continue  # where the velocity jumps, the rest is no news
+            continue  # where the velocity jumps, a jump of the acceleration is not reported
         named.append(step.angle)
         what = "the velocity jumps: a knock" if step.order == 1 else "the acceleration jumps: infinite jerk"
         for t in _passes(motion, cam, step.angle):
@@ -188,7 +188,7 @@ def _passes(motion: Motion, cam: AnyCam, place: float) -> list[float]:
 
 
 def _leaps(motion: Motion, cam: AnyCam) -> Iterator[Event]:
-    """Where the contact leaves a given profile and lands elsewhere on it, and what the cutter took away of an intended one."""
+    """Leaps of the contact from one place of a given profile to another, and undercut of an intended profile by the cutter."""
     if not isinstance(cam, PlacedCam):
         return
     for bridge in cam.bridges:
@@ -215,7 +215,7 @@ def _leaps(motion: Motion, cam: AnyCam) -> Iterator[Event]:
 
 
 def _beyond(motion: Motion, cam: AnyCam) -> Iterator[Event]:
-    """Where a drive goes past the ends of a law that does not repeat, of a wedge or an inverse cam: once on either side."""
+    """Motion beyond the ends of a law that does not repeat, of a wedge or an inverse cam: one event for either end."""
     law = cam.cam.law
     if law.repeats:
         return
@@ -236,7 +236,8 @@ def _beyond(motion: Motion, cam: AnyCam) -> Iterator[Event]:
 
 
 def lost_ranges(cam: AnyCam) -> list[tuple[float, float, float, float]]:
-    """Ranges of the law that the cutter takes away: from, to, where the follower misses the law most, and by how much there."""
+    """Ranges of the law that are lost by undercut: start, end, position of the largest deviation of the follower, and this
+    deviation."""
     ranges = []
     for first, last in cam.lost if cam.intended is not None else ():
         grid = np.linspace(first, last, 181)

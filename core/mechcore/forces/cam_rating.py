@@ -1,5 +1,5 @@
-"""Rating of cams in their mechanisms: Hertz pressure, the least spring that keeps contact, the drawn lift beside the exact; and
-rollers and offsets that a mechanism asks to be the least, found from the limits and contact forces of its cams and put into it."""
+"""Rating of cams in their mechanisms: Hertz pressure, the least spring that keeps contact, the drawn lift beside the exact one; and
+least rollers and offsets, found from the limits and contact forces of cams and set in the mechanism."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def placed_cams(motion: Motion) -> list[AnyCam]:
 
 
 def joint_of(motion: Motion, cam: AnyCam) -> CamJoint:
-    """Rating of a cam that the mechanism states."""
+    """The joint of a cam, with its stated rating."""
     return next(p for p in motion.mechanism.joints if p.name == cam.name and isinstance(p, CamJoint))
 
 
@@ -49,7 +49,7 @@ def contact_force(forces: Forces, cam: AnyCam) -> Real:
 
 
 def carrying(force: Real) -> Real:
-    """Which of two flanks carries (F): 1 the first, also where no force is known or all of it is rounding, -1 the other."""
+    """The one of two flanks that carries (F): 1 the first, also where the force is unknown or rounding; -1 the other."""
     return np.where(force < -PULL_ROUNDING * np.nanmax(np.abs(force), initial=0.0), -1.0, 1.0)
 
 
@@ -59,7 +59,7 @@ def carrying(force: Real) -> Real:
 def contact_stress(forces: Forces, cam: AnyCam, rating: CamRating) -> HertzContact:
     """Hertz pressure [Pa] and half width [m] where cam and follower touch (F); NaN where no line contact is possible.
 
-    Of two flanks (groove, yoke, conjugate pair) the one that carries at the moment, with its own curvature.
+    Of two flanks (groove, yoke, conjugate pair) the one that carries at the instant counts, with its own curvature.
     """
     if rating.width is None:
         raise MechanismError(Fault("rating.width", "it is not known how wide the contact is.", "Give it a width."))
@@ -79,7 +79,7 @@ def contact_stress(forces: Forces, cam: AnyCam, rating: CamRating) -> HertzConta
 
 def contact_curvature(motion: Motion, cam: AnyCam, force: Real) -> Real:
     """Sum of the curvatures (F) [1/m] of the flank that carries by the signs of ``force`` (F) and of the follower's face; NaN where
-    the cam is hollower than the follower."""
+    the cam's hollow is tighter than the follower's face."""
     radius, roller = _radii(motion, cam, force)
     with np.errstate(divide="ignore"):
         total = 1.0 / radius + 1.0 / roller
@@ -87,8 +87,8 @@ def contact_curvature(motion: Motion, cam: AnyCam, force: Real) -> Real:
 
 
 def _radii(motion: Motion, cam: AnyCam, force: Real) -> tuple[Real, Real]:
-    """Radii of curvature [m] (F) of the flank that carries, negative where it is hollow, and of the follower's face; of a cam in
-    space that of a cylinder that touches the roller as closely."""
+    """Radii of curvature [m] (F) of the flank that carries, negative where it is hollow, and of the follower's face; for a spatial
+    cam the flank is replaced by a cylinder of the same relative curvature."""
     side, face = carrying(force), cam.face
     if isinstance(cam, PlacedSpatial):
         with np.errstate(divide="ignore"):
@@ -106,10 +106,10 @@ def _radii(motion: Motion, cam: AnyCam, force: Real) -> tuple[Real, Real]:
 
 @dataclass(frozen=True)
 class LeastSpring:
-    """The least spring that keeps a margin [N] of contact force: ``stiffness`` [N/m] with the free length kept, or
-    ``free_length`` [m] with the stiffness kept, None where no such spring does; ``force`` [N]: the least contact force now.
+    """The least spring that keeps a margin [N] of contact force: ``stiffness`` [N/m] at the same free length, or ``free_length``
+    [m] at the same stiffness; None where there is no such spring. ``force`` [N]: the present least contact force.
 
-    ``frames``: those that decide each.
+    ``frames``: the decisive ones of each.
     """
 
     spring: str
@@ -121,11 +121,11 @@ class LeastSpring:
 
 
 def least_springs(forces: Forces, cam: AnyCam, margin: float) -> list[LeastSpring]:
-    """For every spring that presses a cam's follower the least one that keeps the contact force at or above ``margin`` [N].
+    """For every spring that presses a cam's follower, the least one that keeps the contact force at or above ``margin`` [N].
 
-    Without friction and with the motion prescribed the contact force is linear in the spring's pull ``P = preload + k (L - L0)``:
-    ``N = N_other + P b``, with b from one more solution of the forces. Each frame then bounds k and L0. Raises where friction or
-    forces decide.
+    Without friction and for a prescribed motion, the contact force is linear in the spring's pull ``P = preload + k (L - L0)``:
+    ``N = N_other + P b``, with b from one more solution of the forces. Each frame then bounds k and L0. Raises `MechanismError`
+    where there is friction.
     """
     motion = forces.motion
     mechanism = motion.mechanism
@@ -162,7 +162,7 @@ def least_springs(forces: Forces, cam: AnyCam, margin: float) -> list[LeastSprin
 
 
 def _least(gain: Real, need: Real) -> tuple[float | None, int]:
-    """The least x with ``gain x >= need`` at all frames, and the frame that decides; None where there is none."""
+    """The least x with ``gain x >= need`` at all frames, None where there is none; and the decisive frame."""
     with np.errstate(divide="ignore", invalid="ignore"):
         bound = need / gain
     lower = np.where(gain > 0.0, bound, np.where((gain == 0.0) & (need > 0.0), np.inf, -np.inf))
@@ -177,7 +177,7 @@ def _least(gain: Real, need: Real) -> tuple[float | None, int]:
 
 
 def drawn_lift(cam: AnyCam, drawn: CamDrawn) -> Graphical:
-    """The graphical method of the lecture for a disc cam: the lift point by point over a turn, with its error."""
+    """The graphical method of lectures for a disc cam: the lift point by point over a turn, with its error."""
     if not isinstance(cam, PlacedCam) or cam.bed is not None:
         raise MechanismError(
             Fault(f"joints.{cam.name}.graphical", "the method turns a plane disc cam step by step.", "Leave it out for other cams.")
@@ -190,8 +190,8 @@ def drawn_lift(cam: AnyCam, drawn: CamDrawn) -> Graphical:
 
 
 def drawn_rows(motion: Motion, cam: PlacedCam, construction: Graphical) -> Real:
-    """At every frame what the drawing gives by straight lines between its points, and its error: lift, first and second derivative
-    with respect to the cam's angle, drawn and drawn less exact (F, 6)."""
+    """Drawn values at every frame, by straight lines between the drawing's points, and their errors (F, 6): lift, first and second
+    derivative by the cam's angle, each drawn, then each drawn less exact."""
     x = cam.argument(motion) * cam.ahead
     angle = np.append(construction.angle, 2.0 * np.pi)
     at = np.mod(x, 2.0 * np.pi)
@@ -200,8 +200,8 @@ def drawn_rows(motion: Motion, cam: PlacedCam, construction: Graphical) -> Real:
     return np.column_stack([*values, *(v - e for v, e in zip(values, exact, strict=True))])
 
 
-RATING_FRAMES = 720  # of the cycle in which the frame that decides is looked for
-FINER_GRIDS = 5  # ever finer grids about it
+RATING_FRAMES = 720  # of the cycle in which the decisive frame is searched for
+FINER_GRIDS = 5  # successively finer grids about it
 SETTLED_CHANGE = 1e-10  # relative change of a roller from one solution to the next
 MOST_ROUNDS = 60
 
@@ -216,19 +216,19 @@ class Solved:
 
 
 def prescribed(mechanism: Mechanism) -> Solved:
-    """One cycle of a mechanism whose motion its drives prescribe."""
+    """One cycle of a mechanism whose motion is prescribed by its drives."""
     compiled = compile_mechanism(mechanism)
     duration = float(default_times(mechanism, 1, 1)[-1])
     return Solved(duration, lambda times: solve_forces(solve_motion(compiled, times)))
 
 
 def with_least_sizes(mechanism: Mechanism, solved: Callable[[Mechanism], Solved] = prescribed) -> Mechanism:
-    """The mechanism with the sizes of its cams that are to be the least beside the base circle; itself where there are none.
+    """The mechanism with least offsets and rollers for cams that require them; the mechanism itself where there are none.
 
-    ``offset``: the follower's guide is moved across itself to where the base circle is least. ``roller``: the least with which the
-    Hertz pressure keeps to the limit of the rating during the whole run. The forces, and the motion where forces decide it, depend
-    on the roller, so that they are ``solved`` again until it settles. The reason for each is added to the joint's ``sized``. Raises
-    `MechanismError`.
+    ``offset``: the follower's guide is moved across itself to where the base circle is least. ``roller``: the least one with which
+    the Hertz pressure keeps to the limit of the rating during the whole run. The forces, and a motion under forces, depend on the
+    roller, so that they are ``solved`` again until it settles. The decisive value of each is added to the joint's ``sized``.
+    Raises `MechanismError`.
     """
     asked = {p.name: p.least for p in mechanism.joints if isinstance(p, CamJoint) and {"offset", "roller"} & set(p.least)}
     rollers = [name for name, least in asked.items() if "roller" in least]
@@ -269,7 +269,7 @@ def _settled(before: Joint, after: Joint, change: float) -> bool:
 
 def _placed(model: Model, name: str) -> PlacedCam:
     cam = next(r.geometry for r in model.relations if getattr(r.geometry, "name", "") == name)
-    assert isinstance(cam, PlacedCam)  # of discs with a lift, which the scene checks
+    assert isinstance(cam, PlacedCam)  # a disc with a lift, as the scene checks
     return cam
 
 
@@ -302,7 +302,7 @@ def _with_best_offset(mechanism: Mechanism, name: str) -> Mechanism:
 
 
 def _uses(joint: Joint, link: str, point: str) -> bool:
-    """Whether a joint stands on this point of a link."""
+    """Whether a joint acts at this point of a link."""
     points = getattr(joint, "points", ())
     return any((at, name) == (link, point) for at, name in zip(joint.links, points, strict=False))
 
@@ -312,11 +312,11 @@ def _shifted(point: tuple[float, float], by: complex) -> tuple[float, float]:
 
 
 def _least_roller(run: Solved, name: str) -> tuple[float, float]:
-    """The least roller [m] on the pitch curve as it is, and the argument of the law where that is decided."""
+    """The least roller [m] on the present pitch curve, and the argument of the law that decides it."""
     times = np.linspace(0.0, run.duration, RATING_FRAMES + 1)
     step = float(times[1])
     least, greatest, where = 0.0, np.inf, 0.0
-    for _ in range(1 + FINER_GRIDS):  # what decides may lie between the frames, and forces jump where the law does
+    for _ in range(1 + FINER_GRIDS):  # the decisive instant may lie between frames, and forces jump with the law
         forces = run.forces(times)
         cam = _placed(forces.motion.model, name)
         low, high, x = _rollers(forces, cam)

@@ -1,11 +1,11 @@
-"""Equilibrium: what balances where, as data, and what joints and relations transmit under loads on the links, from the last group
-inwards.
+"""Equilibrium: the balances of a model as data, and the forces that joints and relations transmit under loads on the links, from
+the last group inwards.
 
-Forwards, `mechcore.kinematics.program` solves a block for its unknowns; backwards the virtual work of each of these unknowns gives
+Forwards, `mechcore.kinematics.program` solves a block for its unknowns; backwards, the virtual work of each of these unknowns gives
 the forces in the cuts of the loops' closing joints, block by block, from the transposed columns of the kinematics. Then every link
 of the remaining tree is in equilibrium with the links beyond it, and moments about the joints that fix an angle give couples and
-driving torques. Where constraints are redundant the shortest of all solutions is taken (`mechcore.motion.at_once`). All of this
-is linear in the loads. The order, `balance_program`, does not depend on time; `solution_order` says both ways in words.
+driving torques. Where constraints are redundant, the solution of least norm is taken (`mechcore.motion.at_once`). All of this is
+linear in the loads. The order, `balance_program`, does not depend on time; `solution_order` describes both directions in words.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ from mechcore.topology.graph import FRAME, leaves_first
 
 
 class Arm(NamedTuple):
-    """Where a joint's force acts on a link: at a vector in the axes of a rotation class, and beyond it at what the joint has slid
-    there, if it carries the guide of a ``slide``: (link, joint, side)."""
+    """Point at which a joint's force acts on a link: a vector in the axes of a rotation class, plus the joint's slide if the link
+    carries its guide; ``slide``: (link, joint, side) of it."""
 
     rotation_class: int
     vector: complex | Complex
@@ -35,10 +35,10 @@ class Arm(NamedTuple):
 
 
 class SubtreeStep(NamedTuple):
-    """A step: the force on a link and all beyond it in the tree is handed to its parent.
+    """A step: the force on a link and all links beyond it in the tree is passed to its parent.
 
-    The arms are those at which it acts on the link and on the parent; None where the moment is not asked for, or the force acts at
-    the link's origin.
+    The arms are those at which it acts on the link and on the parent; None where the moment is not needed, or the force acts at the
+    link's origin.
     """
 
     link: int
@@ -77,25 +77,25 @@ class Cut(NamedTuple):
 
 
 class BalanceProgram(NamedTuple):
-    """All that joint forces follow from: steps in the order in which they are taken, and their tables."""
+    """The steps from which joint forces follow, in the order in which they are taken, and their tables."""
 
-    subtrees_of_cuts: tuple[SubtreeStep, ...]  # as far as the forces in the cuts need them
+    subtrees_of_cuts: tuple[SubtreeStep, ...]  # those that the forces in the cuts need
     blocks: tuple[BalanceBlock, ...]  # from the last back to the first
     cuts: tuple[Cut, ...]  # of every loop
-    subtrees: tuple[SubtreeStep, ...]  # as far as couples and drives need them
+    subtrees: tuple[SubtreeStep, ...]  # those that couples and drives need
     carriers: tuple[tuple[int, int, int], ...]  # joints of the tree, each with the link that it leads to and that link's side in it
     leaves_first: tuple[tuple[int, int, int, bool], ...]  # see `graph.leaves_first`, of the joints that fix an angle
 
 
 def balance_program(model: Model) -> BalanceProgram:
-    """All balances of a model, in order; ask for them by `Model.once`."""
+    """All balances of a model, in order; call it through `Model.once`."""
     joint, parent, outwards = model.tree.joint, model.tree.parent, model.tree.order
     sides = {k: 1 if model.ends[joint[k]][1] == k else 0 for k in outwards}  # of each link in the joint that leads to it
     child = {joint[k]: k for k in outwards}
     passed_on = leaves_first(model.ends, model.angles.edges)
     passing = frozenset(k for _, *links, _ in passed_on for k in links if k)  # moments, through joints that fix an angle
     grouped = frozenset(k for k, g in enumerate(model.angles.group) if g)  # their moments balance with the forces in the cuts
-    moved: dict[Unknown, list[tuple[int, tuple[int, ...]]]] = {}  # loops by what moves them
+    moved: dict[Unknown, list[tuple[int, tuple[int, ...]]]] = {}  # loops by the unknown that moves them
     for c, loop in enumerate(model.loop_sums):
         for unknown, numbers in moved_by(loop, model.angles).items():
             moved.setdefault(unknown, []).append((c, numbers))
@@ -116,7 +116,7 @@ def balance_program(model: Model) -> BalanceProgram:
         return Cut(j, tuple((k, side, _arm_of(model, passing, k, j, side)) for side, k in enumerate(model.ends[j]) if k))
 
     def subtrees(wanted: frozenset[int], among: frozenset[int]) -> Iterator[SubtreeStep]:
-        """Over the links ``among``, the moments on the links ``wanted``."""
+        """Steps over the links ``among``, with the moments on the links ``wanted``."""
         for k in outwards[::-1]:
             if k in among:
                 p, side = parent[k], sides[k]
@@ -127,7 +127,7 @@ def balance_program(model: Model) -> BalanceProgram:
 
     decisive = {child[j] for b in model.blocks for j in b.slides if j in child}
     decisive |= {k for k in outwards if k in grouped or parent[k] in grouped}
-    for k in outwards:  # parents first: all beyond a link that is needed is needed too
+    for k in outwards:  # parents first: all links beyond a needed link are needed too
         if parent[k] in decisive:
             decisive.add(k)
     blocks = [BalanceBlock(i, b, tuple(balance(b, u) for u in b.unknowns)) for i, b in enumerate(model.blocks)]
@@ -167,9 +167,9 @@ FORMS = {
 
 
 def solution_order(model: Model) -> list[str]:
-    """Lines of text: what the drives decide, what every block solves and how, what balances there on the way back to the drives.
+    """Lines of text: what the drives determine, what every block solves and how, and the balances on the way back to the drives.
 
-    Loops have the numbers that they have among the loop equations.
+    Loops are numbered as among the loop equations.
     """
     program, back = model.program, model.once(balance_program)
     steps = [f"{_drives(model, turned.drives)} turn{'s' * (len(turned.drives) == 1)} {_turned(model, turned.rotation_class)}"
@@ -192,7 +192,7 @@ def _drives(model: Model, drives: tuple[tuple[int, int], ...]) -> str:
 
 
 def _turned(model: Model, rotation_class: int) -> str:
-    """The links of a rotation class, with what they turn against where that is not the frame."""
+    """The links of a rotation class, with the links against which they turn where these are not the frame's."""
     links = ", ".join(model.links[k] for k, s in enumerate(model.angles.rotation_class) if s == rotation_class)
     group = model.angles.class_group[rotation_class]
     others = [model.links[k] for k in model.angles.links_of[group] if model.angles.rotation_class[k] != rotation_class]
@@ -234,10 +234,10 @@ def transmit(
 ) -> tuple[list[tuple[Plane, Values]], dict[str, tuple[Plane, Plane]], dict[int, Values]]:
     """Forces that joints and relations transmit under loads on the links: linear in the loads.
 
-    ``force`` (complex) and ``moment`` (about its origin) of each link are (F,) or have axes before that of the frames.
-    ``flanks``: multipliers whose signs say which flank or span of each relation carries; else it is the one that the loads ask for.
-    Returns force and couple on the second link of every joint (drive included), place and force on the second link of every
-    relation by name, and the relations' multipliers.
+    ``force`` (complex) and ``moment`` (about its origin) of each link are (F,) or have axes before that of the frames. ``flanks``:
+    multipliers whose signs select the flank or span of each relation that carries; without them it follows from the loads. Returns
+    force and couple on the second link of every joint (drive included), place and force on the second link of every relation by
+    name, and the relations' multipliers.
     """
     with np.errstate(**QUIET):
         return joint_forces(motion, list(force), list(moment), flanks)
@@ -246,7 +246,7 @@ def transmit(
 def joint_forces(
     motion: Motion, force: list[Plane], moment: list[Values], flanks: Mapping[int, Values] | None = None
 ) -> tuple[list[tuple[Plane, Values]], dict[str, tuple[Plane, Plane]], dict[int, Values]]:
-    """`transmit` for a caller that has quietened numpy; the lists are used up."""
+    """`transmit` for a caller that has silenced numpy's warnings; the lists are modified."""
     model = motion.model
     if model.needs_global_solve:
         return least_norm(motion, force, moment, flanks)
@@ -267,7 +267,7 @@ def joint_forces(
             for link, sign in ((relation.links[0], 1.0), (relation.bearing.carrier, -1.0)):
                 k = model.index[link]
                 moment[k] = added(moment[k], sign * couple)
-    if multipliers:  # with the cuts open a contact also moves along its own normal: its whole force counts as a load now
+    if multipliers:  # with the cuts open, a contact also moves along its own normal: its whole force is a load now
         cuts, _ = _cut_forces(motion, program.blocks, *_subtree_wrenches(motion, force, moment, program.subtrees_of_cuts))
     transmitted: list[tuple[Plane, Values]] = [(0j, 0.0)] * len(model.joints)
     for c, cut in cuts.items():
@@ -293,7 +293,7 @@ def _subtree_wrenches(
     motion: Motion, force: Sequence[Plane], moment: Sequence[Values], steps: Iterable[SubtreeStep]
 ) -> tuple[list[Plane], list[Values]]:
     """Force on each link and all links beyond it in the tree, and the moment about each link's origin that joint forces alone leave
-    unbalanced (of the links that ``steps`` ask for); not of the frame."""
+    unbalanced (of the links that ``steps`` list); the frame is left out."""
     total, unbalanced = list(force), list(moment)
     for k, p, arm, parent_arm in steps:
         f = total[k]
@@ -321,7 +321,7 @@ def _cut_forces(
     cuts: dict[int, Plane] = {}
     multipliers: dict[int, Values] = {}
     for number, block, balances in steps:
-        if block.kind == "check":  # nothing left to balance: zero is the smallest force that does
+        if block.kind == "check":  # no unknown is left to balance: the force of least norm is zero
             cuts.update(dict.fromkeys(block.loops, 0j))
             multipliers.update(dict.fromkeys(block.relations, 0.0))
             continue

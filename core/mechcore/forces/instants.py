@@ -1,4 +1,4 @@
-"""Instants at which the powers of a run are integrated: its frames, and both sides of whatever makes powers jump between them."""
+"""Instants at which the powers of a run are integrated: its frames, and both sides of jumps of the powers between them."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ from mechcore.laws.factors import jumps
 from mechcore.laws.timed import next_break, timed
 from mechcore.motion.motion import Motion
 
-LEAST_JUMP = 1e-3  # of the largest velocity or acceleration of a cam's law: less does not count
-NEAR = 1e-9  # of a frame's step, between the two sides of a jump
-NEAR_IN_RUN = 4e-12  # of the run: arguments that are as close to a knot of a law are put on it
-ROUNDING = 8.0  # distances of neighbouring numbers
-MOST_CHANGES = 0.25  # of the frames: what changes more often is resolved by them, or rounding
-LEAST_CHANGES = 8  # so many are looked for even within few frames
-_WITHIN = np.linspace(0.0, 1.0, 65)  # places within a step, at which a change is looked for: 64^5 = 1e9
+LEAST_JUMP = 1e-3  # part of the largest velocity or acceleration of a cam's law: a smaller jump does not count
+NEAR = 1e-9  # part of a frame's step between the two sides of a jump
+NEAR_IN_RUN = 4e-12  # part of the run: arguments so close to a knot of a law are moved onto it
+ROUNDING = 8.0  # units in the last place
+MOST_CHANGES = 0.25  # part of the frames: more frequent changes are resolved by the frames, or rounding
+LEAST_CHANGES = 8  # changes that are located even if there are few frames
+_WITHIN = np.linspace(0.0, 1.0, 65)  # places in a step between which a change is located: 64^5 = 1e9
 
 
 class Instants(NamedTuple):
     """``time`` (n,) [s]; ``before``: which of them are just before a jump, the next one being just after it. ``parts``: the forces
-    at the frames, and at both sides of the jumps, whose values in a row are taken in the ``order`` of time."""
+    at the frames, and at both sides of the jumps; ``order`` puts their concatenated values into the order of time."""
 
     time: Real
     before: Index
@@ -45,7 +45,7 @@ class Instants(NamedTuple):
 
 
 def instants(forces: Forces) -> Instants:
-    """The frames of a run and both sides of its jumps; frames only where the motion cannot be had at other times."""
+    """The frames of a run and both sides of its jumps; frames only where the motion is not available at other times."""
     time = forces.motion.time
     pairs = sides_of_jumps(forces.motion, forces.jumps)
     if not len(pairs):
@@ -59,8 +59,8 @@ def instants(forces: Forces) -> Instants:
 
 
 def sides_of_jumps(motion: Motion, under_forces: Callable[[float], Real] | None = None) -> Real:
-    """Times (n, 2) [s] just before and just after the jumps of a run, in order and apart from each other; none where the motion
-    cannot be had at other times. ``under_forces``: those of a motion under forces until a time, see `Simulation.jumps`."""
+    """Times (n, 2) [s] just before and just after the jumps of a run, in order and apart from each other; none where the motion is
+    not available at other times. ``under_forces``: gives those of a motion under forces up to a time, see `Simulation.jumps`."""
     if motion.again is None or motion.frames < 2:
         return np.zeros((0, 2))
     start, end = float(motion.time[0]), float(motion.time[-1])
@@ -79,8 +79,7 @@ def sides_of_jumps(motion: Motion, under_forces: Callable[[float], Real] | None 
 
 
 def _breaks(motion: Motion, start: float, end: float) -> Iterator[float]:
-    """Times [s] within a run at which laws of time say that they change their form, but for laws that do more often than there are
-    frames."""
+    """Times [s] within a run at which laws of time state breakpoints, except laws with more breakpoints than there are frames."""
     effects = effects_of(motion.mechanism)
     yield from (t for e in effects for t in e.breaks if start <= t <= end)
     for law in timed([*(d.law for d in motion.mechanism.drives), *(law for e in effects for law in e.laws)]):
@@ -92,7 +91,7 @@ def _breaks(motion: Motion, start: float, end: float) -> Iterator[float]:
 
 
 def _forms(motion: Motion) -> list[Real]:
-    """Numbers (F,) that change where the force of a load may jump, or bend, or the acceleration of a cam's law jumps."""
+    """Numbers (F,) that change where the force of a load may have a jump or a kink, or the acceleration of a cam's law jumps."""
     numbers: list[Real | Index] = [e.phase(motion) for e in effects_of(motion.mechanism) if e.piecewise]
     for cam in placed_cams(motion):
         law = cam.cam.law
@@ -103,7 +102,7 @@ def _forms(motion: Motion) -> list[Real]:
 
 
 def _changes(motion: Motion, again: Callable[[Real], Motion], near: float) -> Iterator[float]:
-    """Times [s] at which one of the `_forms` changes, but for those that change most of the time."""
+    """Times [s] at which one of the `_forms` changes, except forms that change at many frames."""
     frames = _forms(motion)
     if not frames:
         return

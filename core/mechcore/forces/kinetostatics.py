@@ -33,8 +33,8 @@ from mechcore.spec.mechanism import Mechanism, braked
 class LoadResult:
     """An external load: ``values`` (F, 5) are Fx, Fy [N], free moment [N m], point of action x, y [m] (world).
 
-    They act on the first of ``links``; on the second, where there is one, the opposite acts at the same point. They are put
-    together by ``rows`` whenever they are asked for.
+    They act on the first of ``links``; on the second, where there is one, the opposite acts at the same point. ``rows`` computes
+    them at every access.
     """
 
     name: str
@@ -54,7 +54,7 @@ class LoadResult:
 
 
 class Forces:
-    """Reactions, drive efforts, loads and energies of a motion; results have a leading frame axis and go by names."""
+    """Reactions, drive efforts, loads and energies of a motion; results have a leading frame axis and are found by name."""
 
     def __init__(
         self,
@@ -68,16 +68,16 @@ class Forces:
         self.friction = friction  # None where the scene does not name it
         self._applied = applied
         self._transmitted = transmitted  # of each joint: force and couple on its second link, drive included
-        self._contacts = contacts  # of each relation: place and force on its second link
+        self._contacts = contacts  # of each relation: point of action, and force on its second link
         self._shape = motion.shape
 
-    # of a motion under forces: times (n, 2) [s] until one just before and after what makes it jump, and of every impact its time
-    # [s], the energy that it takes, and the work of prescribed drives in it [J]
+    # of a motion under forces: times (n, 2) [s] up to a given one, just before and after every jump; of every impact its time
+    # [s], the energy lost, and the work of prescribed drives in it [J]
     jumps: Callable[[float], Real] | None = None
     impacts: tuple[tuple[float, float, float], ...] = ()
 
     def again(self, t: Real) -> Forces:
-        """The forces at other times (n,) [s] of a motion that can be had `again` there."""
+        """The forces at other times (n,) [s], of a motion that has `again`."""
         assert self.motion.again is not None
         return solve_forces(self.motion.again(t))
 
@@ -98,7 +98,7 @@ class Forces:
         return rows if self.friction is None else rows + self.friction.applied(joint)
 
     def pressed(self, joint: str) -> Real:
-        """The reaction of a joint without what friction adds to it: Fx, Fy [N], couple [N m] (F, 3)."""
+        """The reaction of a joint without the share of friction: Fx, Fy [N], couple [N m] (F, 3)."""
         if joint in self._contacts:
             force: Plane = self._contacts[joint][1]
             if (
@@ -111,13 +111,13 @@ class Forces:
         force, couple = self._transmitted[j]
         if j not in model.driven:
             return plane_rows(self._shape, force, added(couple, self._carried(joint)) if model.relations else couple)
-        if model.joints[j].coordinate == "angle":  # the drive is all of the couple
+        if model.joints[j].coordinate == "angle":  # the drive is the whole couple
             return plane_rows(self._shape, force, self._carried(joint) if model.relations else 0.0)
         drive_force, drive_moment = self._drive(j)
         return plane_rows(self._shape, less(force, drive_force), less(couple, drive_moment))
 
     def position(self, joint: str) -> Real:
-        """Where the reaction of a joint is stated (F, 2) [m]: at the pin, the sliding point, the pitch point, the contact."""
+        """Point at which the reaction of a joint is stated (F, 2) [m]: the pin, the sliding point, the pitch point, the contact."""
         if joint in self._contacts:
             return plane_rows(self._shape, self._contacts[joint][0], 0.0)[:, :2]
         return self.motion.joint_position(joint)
@@ -126,7 +126,7 @@ class Forces:
         """Wrench of a drive on the joint's second link: Fx, Fy [N], moment [N m] at the joint's position (F, 3)."""
         j = self._joint(joint)
         force, moment = self._drive(j)
-        if joint in self._contacts:  # a driven wheel: the force acts at its centre, the joint is where it touches
+        if joint in self._contacts:  # a driven wheel: the force acts at its centre, the joint's position is the contact
             moment = moment + cross(self.motion.joint_point(j) - self._contacts[joint][0], force)
         return plane_rows(self._shape, force, moment)
 
@@ -142,7 +142,8 @@ class Forces:
         return self.effort(joint) * self.motion.drives[self.motion.model.driven[self._joint(joint)]][1]
 
     def inertia(self, link: str) -> Real:
-        """Inertia force Fx, Fy [N] and moment about the centre of mass [N m] (F, 3); zero where inertia is not asked for."""
+        """Inertia force Fx, Fy [N] and moment about the centre of mass [N m] (F, 3); zero where inertia is not among the
+        effects."""
         k = self.motion.model.index[link]
         for w in self.applied:
             if w.kind == "inertia" and w.link == k:
@@ -202,8 +203,8 @@ class Forces:
         largest = max((float(np.nanmax(np.abs(p), initial=0.0)) for p in parts), default=0.0)
         total = sum(parts, np.zeros(m.frames))
         if float(np.nanmax(np.abs(total), initial=0.0)) > 1e-9 * largest:
-            # forces at right angles to the motion all the time, or on links that stand still: what is left of the powers is
-            # rounding of |F| |v| in all the joints that the forces pass through
+            # forces always at right angles to the motion, or on links that stand still: the powers are rounding of |F| |v|
+            # in all the joints that the forces pass through
             pace = max((float(np.nanmax(np.abs(v), initial=0.0)) for v in m.origin_velocities), default=0.0)
             pace = max([pace, *(m.model.length_scale * float(np.nanmax(np.abs(w), initial=0.0)) for w in m.speeds.angular)])
             pushes = (float(np.nanmax(np.abs(w.force), initial=0.0)) for w in self.applied)
@@ -213,7 +214,7 @@ class Forces:
 
     @cached_property
     def kinetic_energy(self) -> Real:
-        """Kinetic energy of all links, where inertia is asked for (F,) [J]."""
+        """Kinetic energy of all links (F,) [J]; zero where inertia is not among the effects."""
         return kinetic_energy(self.motion) if "inertia" in self.motion.mechanism.effects else np.zeros(self.motion.frames)
 
     @cached_property
@@ -234,7 +235,7 @@ class Forces:
         return self._integral(-self.power_by_cause(LOSSES))
 
     def _integral(self, p: Real) -> Real:
-        """Integral over time so far (F,), by Simpson's rule; NaN from the first frame that is."""
+        """Integral over time so far (F,), by Simpson's rule; NaN from the first frame where ``p`` is not finite."""
         if isinstance(p, Traced) or isinstance(self.motion.time, Traced):
             return cast("Real", integral(p, self.motion.time))
         known = len(p) if np.isfinite(p).all() else int(np.argmax(~np.isfinite(p)))
@@ -266,7 +267,7 @@ class Forces:
         joint = self.motion.model.joints[j]
         if joint.coordinate == "angle":
             return couple
-        # the coordinate grows where the link without the guide moves along it: the second link if the first guides
+        # the coordinate grows as the link without the guide moves along it: the second if the first has the guide
         along: Values = (np.conj(self.motion.guide(j)) * force).real
         return along if joint.guide == 0 else -along
 
@@ -289,7 +290,7 @@ class Forces:
 
 
 def undriven(mechanism: Mechanism, joint: str) -> MechanismError:
-    """What is wrong with asking for the effort of a joint without a drive."""
+    """The error of a request for the effort of a joint without a drive."""
     drives = ", ".join(d.joint for d in mechanism.drives)
     return MechanismError(Fault(f"joints.{joint}", "it has no drive.", f"Drives: {drives}." if drives else "Nothing drives it."))
 
@@ -312,17 +313,17 @@ def solve_forces(motion: Motion) -> Forces:
         applied = wrenches(motion)
         return Forces(motion, applied, *solve_friction(motion, *sum_up(applied, len(model.links))))
     force, moment, formed = totals(motion)
-    divides = model.relations or model.needs_global_solve  # elsewhere no quotient is taken that could warn
+    divides = model.relations or model.needs_global_solve  # elsewhere no division could warn
     balance = equilibrium.transmit if divides else equilibrium.joint_forces
     return Forces(motion, formed, *balance(motion, force, moment)[:2])
 
 
-LABELS = {"inertia": "F_i ", "gravity": "G_"}  # of drawings: what follows _ stands lower
+LABELS = {"inertia": "F_i ", "gravity": "G_"}  # in drawings: text after _ is a subscript
 
 
 @dataclass(frozen=True, eq=False)
 class LinkLoad:
-    """A load as one link feels it: ``force`` (complex) [N] at ``place`` (complex, world) [m], free ``moment`` [N m]."""
+    """A load as it acts on one link: ``force`` (complex) [N] at ``place`` (complex, world) [m], free ``moment`` [N m]."""
 
     name: str
     label: str  # short, for drawings

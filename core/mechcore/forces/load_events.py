@@ -1,4 +1,4 @@
-"""Loads that never act over a run, springs that are squeezed below their solid length, belts that would slip."""
+"""Events of loads: those that never act over a run, springs that are squeezed below their solid length, belts that would slip."""
 
 from __future__ import annotations
 
@@ -22,16 +22,16 @@ from mechcore.texts import as_angle, as_coordinate, as_force, as_length, as_quan
 
 IDLE_PART = 1e-12
 """Factors below this part of a table's largest are zero."""
-SEARCH_ROUNDS = 4  # of searches for the moment between two frames, each to an eighth of the one before
+SEARCH_ROUNDS = 4  # of the search for a time between two frames, each to an eighth of the interval before
 INTERVAL_PARTS = 8
 MOST_ARGUMENT = 700.0
-"""Largest exponent: beyond it a belt of any slack tension carries what a double can hold."""
+"""Largest exponent: beyond it the capacity of a belt exceeds the range of a double and counts as infinite."""
 
 
 def load_events(motion: Motion, mechanism: Mechanism | None = None) -> Iterator[Event]:
-    """Loads that do nothing over a run as they are stated, and springs whose coils would touch.
+    """Loads that, as stated, do nothing over a run, and springs whose coils would touch.
 
-    ``mechanism``: what was stated, where the motion under forces is that of another one, whose drives are found.
+    ``mechanism``: the stated one, where the motion is that of another one, whose drives follow a motion found under forces.
     """
     mechanism = mechanism or motion.mechanism
     for load in mechanism.loads if motion.frames else ():
@@ -42,7 +42,7 @@ def load_events(motion: Motion, mechanism: Mechanism | None = None) -> Iterator[
 
 
 def idle_table(load: Load, rotary: bool, low: float, high: float) -> str:
-    """Why a load whose factor is a table does not act as meant where its argument goes from ``low`` to ``high``; "" if it does.
+    """The reason why a load whose factor is a table does not act as intended for arguments from ``low`` to ``high``; "" if it does.
 
     ``rotary``: whether the argument is an angle or its rate.
     """
@@ -80,7 +80,7 @@ def _idle(motion: Motion, load: Force | Torque | Actuator, drives: list[str]) ->
 
 
 def _argument(motion: Motion, factor: Factor, joint: str) -> Real:
-    """Argument of a factor over the frames (F,); ``joint``: the one whose coordinate or rate it is."""
+    """Argument of a factor over the frames (F,); ``joint``: the one whose coordinate or rate is the argument."""
     if factor.of == "time":
         return motion.time
     if factor.of in ("position", "velocity"):
@@ -97,7 +97,7 @@ def _argument_words(factor: Factor) -> str:
 
 
 def _shown(factor: Factor, rotary: bool, value: float) -> str:
-    """A value of what a factor depends on, as a part of a text."""
+    """A value of a factor's argument in words."""
     if factor.of == "time":
         return f"{value:.6g} s"
     if factor.of in ("position", "x", "y"):
@@ -126,7 +126,7 @@ def _squeezed(motion: Motion, load: Spring, solid: float) -> Iterator[Event]:
 
 def crossing(forces: Forces, values: Callable[[Forces], Real], t0: float, t1: float, n0: float, n1: float) -> float:
     """The time [s] at which ``values`` (F,) turn from ``n0`` >= 0 at ``t0`` to ``n1`` < 0 at ``t1`` (earlier or later); where a jam
-    lies between, its end next to ``t1``."""
+    lies between, the edge of the jam next to ``t1``."""
     for _ in range(SEARCH_ROUNDS if forces.motion.again is not None else 0):
         t = np.sort(np.linspace(t0, t1, INTERVAL_PARTS + 1))
         if not np.all(np.diff(t) > 0.0):
@@ -153,10 +153,11 @@ class BeltGrip:
 
 
 def belt_grip(motion: Motion, load: BeltTension) -> BeltGrip:
-    """The wraps of a belt and what it can carry; without a coefficient (a toothed belt, a chain) without limit."""
+    """The wraps of a belt and the greatest force that it can carry; without a coefficient (a toothed belt, a chain) this is
+    infinite."""
     joint = next(p for p in motion.mechanism.joints if p.name == load.joint)
     assert isinstance(joint, Belt)
-    (_, part), *_ = motion.parts  # it stays as it is over a run
+    (_, part), *_ = motion.parts  # constant over a run
     lean = spans(part, next(r for r in motion.model.relations if r.name == load.joint))[2]
     first = 2.0 * math.pi - 2.0 * math.acos(lean)
     wraps = (first, first if joint.crossed else 2.0 * math.pi - first)
@@ -166,7 +167,7 @@ def belt_grip(motion: Motion, load: BeltTension) -> BeltGrip:
 
 
 def belt_events(forces: Forces) -> list[Event]:
-    """Where belts with a coefficient would slip, in order of time; their motion goes on as if they did not."""
+    """Slip of belts with a coefficient, in order of time; the motion continues as if they did not slip."""
     motion = forces.motion
     events: list[Event] = []
     for load in motion.mechanism.loads:
@@ -203,5 +204,5 @@ def belt_events(forces: Forces) -> list[Event]:
 
 
 def _moment(motion: Motion, t: float) -> str:
-    """Where the drives are at a time, or the time where there are none."""
+    """Positions of the drives at a time in words; the time where there are none."""
     return at_drive(motion, t) or f"{t:.5g} s"

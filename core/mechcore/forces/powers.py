@@ -1,4 +1,4 @@
-"""Who supplies and who absorbs: forces classed as in lectures on the theory of machines, and their powers over a run.
+"""Supplied and absorbed power: forces classed as in lectures on the theory of machines, and their powers over a run.
 
 By place (external, internal), by the sign of the power over the run (driving, resisting, alternating), by use (useful, harmful)
 and by cause (gravity, elastic, viscous, medium, dry friction, inertia, process, drive). The powers of all forces, those of inertia
@@ -30,7 +30,7 @@ from mechcore.records import dataclass
 from mechcore.spec.loads import GasPressure, Load, Prescribed
 
 Role = Literal["driving", "resisting", "alternating", "idle", "unknown"]  # unknown: in a run that jams throughout
-SMALL_POWER = 1e-9  # part of the largest power of a run, or of the largest work in an impact, that counts as nothing
+SMALL_POWER = 1e-9  # part of the largest power of a run, or of the largest work in an impact, that counts as zero
 NO_IMPULSES = np.zeros(0)
 
 
@@ -47,7 +47,7 @@ class PowerItem:
     power: Real
     impulses: Real  # works in impacts (k,) [J]
     mean: float  # [W]
-    peak: float  # power of the largest magnitude, with its sign [W]; as the mean NaN where no power is known
+    peak: float  # power of the largest magnitude, with its sign [W]; NaN, like the mean, where no power is known
     supplied: float  # where the power is known, and in impacts
     absorbed: float
 
@@ -58,8 +58,8 @@ class PowerItem:
 
 @dataclass(frozen=True, eq=False)
 class PowerTable:
-    """All forces of a run; ``time`` (n,) [s] of its frames and of both sides of what makes powers jump, ``frames``: which of them
-    are frames. ``closure``: what is left of the sum of all works over the work supplied."""
+    """All forces of a run; ``time`` (n,) [s] of its frames and of both sides of jumps of the powers, ``frames``: which of them are
+    frames. ``closure``: absolute sum of all works over the larger of the works supplied and absorbed."""
 
     items: tuple[PowerItem, ...]
     time: Real
@@ -67,12 +67,12 @@ class PowerTable:
 
     @property
     def supplied(self) -> float:
-        """Work of all that supplies [J]."""
+        """Total work supplied [J]."""
         return sum(i.supplied for i in self.items)
 
     @property
     def absorbed(self) -> float:
-        """Work of all that absorbs [J]."""
+        """Total work absorbed [J]."""
         return sum(i.absorbed for i in self.items)
 
     @property
@@ -82,7 +82,7 @@ class PowerTable:
 
 
 def works(power: Real, time: Real) -> tuple[float, float]:
-    """Work supplied and absorbed [J] by a power (n,) [W] that goes straight from time to time; exact, sign changes included."""
+    """Work supplied and absorbed [J] by a power (n,) [W] that is linear between the times; exact, sign changes included."""
     a, b, dt = power[:-1], power[1:], np.diff(time)
     high, low = np.maximum(a, b), np.minimum(a, b)
     mixed = (high > 0.0) & (low < 0.0)
@@ -93,9 +93,9 @@ def works(power: Real, time: Real) -> tuple[float, float]:
 
 
 def thinning_change(table: PowerTable) -> float:
-    """Largest change of the works of an item where every second frame is left out, in parts of all works that are supplied: about
-    three times the error of the works, as that of straight lines falls with the square of the steps. Without four steps, of which
-    two are left, nothing is known, which is infinity."""
+    """Largest change of the works of an item if every second frame is left out, relative to all work supplied: about three times
+    the error of the works, as that of linear interpolation falls with the square of the steps. Infinite for five frames or fewer,
+    of which too few would be left."""
     if len(table.frames) <= 5:
         return np.inf
     kept = np.delete(np.arange(len(table.time)), table.frames[1:-1:2])
@@ -104,7 +104,7 @@ def thinning_change(table: PowerTable) -> float:
 
 
 def force_label(kind: str, name: str) -> str:
-    """The name of a force, with what it is where the name alone is a joint's."""
+    """The name of a force, preceded by its kind where the name is that of a joint."""
     return f"{kind} {name}" if kind in ("drive", "friction") else name
 
 
@@ -118,7 +118,8 @@ def power_labels(forces: Forces) -> tuple[str, ...]:
 def power_table(forces: Forces) -> PowerTable:
     """Every force of a run with its classes, its mean and peak power, and the work that it supplies and absorbs.
 
-    What impacts take is a force of its own; what prescribed drives do in them is work of the only one, else of all together."""
+    The energy lost in impacts is an item of its own. The work of prescribed drives in impacts belongs to the drive if there is only
+    one, otherwise to an item of all drives together."""
     at = instants(forces)
     beside = [_power_rows(part) for part in at.parts[1:]]
     rows = [
@@ -140,7 +141,7 @@ _PLACES: dict[str, Literal["external", "internal"]] = {"impulse": "external", "i
 
 
 def _impulses(forces: Forces, at: Instants) -> dict[tuple[str, str, str], Real]:
-    """Works (k,) [J] in the impacts of a run, by name, kind and cause: of inertia, of prescribed drives, and what impacts take."""
+    """Works (k,) [J] in the impacts of a run, by name, kind and cause: of inertia, of prescribed drives, and the energy lost."""
     impacts = np.array([row for row in forces.impacts if at.time[0] < row[0] < at.time[-1]])
     if not len(impacts) or len(at.parts) == 1:
         return {}
@@ -176,7 +177,7 @@ def powers_by_label(forces: Forces) -> dict[str, Real]:
 
 
 def _place(w: Wrench) -> Literal["external", "internal"]:
-    """Between two links of the mechanism, the frame among them, a force is internal, as reactions are."""
+    """A force between two links of the mechanism, including the frame, is internal, as reactions are."""
     return "external" if w.other is None else "internal"
 
 
@@ -194,7 +195,7 @@ def _power_item(row: PowerRow, impulses: Real, time: Real, use: str, largest: fl
     if not use and cause in (*LOSSES, "impact"):
         use = "harmful"
     elif not use and cause == "process" and absorbed > supplied:
-        use = "useful"  # on the whole it resists: what the machine is there for
+        use = "useful"  # on the whole it resists: the purpose of the machine
     return PowerItem(
         name=name,
         kind=kind,
@@ -224,14 +225,14 @@ class DriveShare:
 
 
 def drive_shares(table: PowerTable) -> tuple[DriveShare, ...]:
-    """Which drive delivers power when, and how much."""
+    """Shares of the drives: the power of each, and when it delivers power."""
     drives = [i for i in table.items if i.kind == "drive"]
     small = SMALL_POWER * max((float(np.nanmax(np.abs(i.power), initial=0.0)) for i in drives), default=0.0)
     return tuple(DriveShare(i.name, i.power, i.supplied, i.absorbed, _positive(i.power - small, table.time)) for i in drives)
 
 
 def _positive(values: Real, time: Real) -> tuple[tuple[float, float], ...]:
-    """Intervals where a function that goes straight from frame to frame is positive, as far as it is known."""
+    """Intervals where a function that is linear from frame to frame is positive, as far as it is known."""
     above = values > 0.0
     change = np.flatnonzero(above[1:] != above[:-1])
     with np.errstate(invalid="ignore"):
@@ -260,10 +261,10 @@ class Flywheel:
 def flywheel(forces: Forces, fluctuation: float, drive: str | None = None, *, smooth: bool | None = None) -> Flywheel:
     """The flywheel on a drive (the first, if not named) that turns at constant speed over one or more whole cycles.
 
-    ``smooth``: the torque is a cubic spline through the frames from jump to jump, else straight lines; not said: straight lines
-    where gas presses on a piston or a table is not smooth. Raises `MechanismError` where there is no drive, where it does not
-    turn a shaft in the frame at constant speed, where the machine is not back after the run, or where the fluctuation is not
-    positive.
+    ``smooth``: the torque is a cubic spline through the frames from jump to jump, else straight lines; None: straight lines where
+    gas presses on a piston or a table is not smooth. Raises `MechanismError` where there is no drive, where it does not turn a
+    shaft in the frame at constant speed, where the machine has not returned after the run, or where the fluctuation is not in (0,
+    1].
     """
     motion = forces.motion
     joints = [d.joint for d in motion.mechanism.drives]
@@ -315,12 +316,12 @@ def flywheel_of_torque(
     before: Sequence[int] | Index = (),
     sudden: Sequence[float] = (),
 ) -> Flywheel:
-    """The same from positions (n,) [rad] over whole cycles and the torque (n,) [N m] that the machine needs there; ``before``:
+    """The flywheel from positions (n,) [rad] over whole cycles and the torque (n,) [N m] that the machine needs there; ``before``:
     positions just before a jump, the next ones being just after it, between which a torque is smooth; ``sudden``: works [J] that
     the machine needs at these jumps, of impacts."""
     from scipy.interpolate import CubicSpline, PPoly
 
-    if not 0.0 < fluctuation <= 1.0:  # beyond, the formula for small ones means nothing
+    if not 0.0 < fluctuation <= 1.0:  # beyond, the formula for small ones does not hold
         remedy = "Give one between 0 and 1, such as 0.02 for 2 %."
         raise MechanismError(Fault("flywheel", f"a coefficient of fluctuation of {fluctuation:g}.", remedy))
     curve: PPoly
@@ -346,7 +347,7 @@ def flywheel_of_torque(
     mean = total / (x[-1] - x[0])
     turning = curve.solve(mean, extrapolate=False)  # the excess is extreme where the torque is its mean
     places = np.concatenate([x, turning[np.isfinite(turning)]])  # the frames too: there the torque may jump past its mean
-    excess = mean * (places - x[0]) - (work(places) - work(x[0]))  # what the motor has given more than was taken
+    excess = mean * (places - x[0]) - (work(places) - work(x[0]))  # energy supplied by the motor less energy taken
     span = float(np.ptp(excess))
     top, bottom = (int(np.argmax(sign * excess >= (sign * excess).max() - SMALL_POWER * span)) for sign in (1.0, -1.0))  # the first
     return Flywheel(

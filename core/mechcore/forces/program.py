@@ -32,8 +32,8 @@ Contacts = dict[str, tuple[Plane, Plane]]
 def with_friction(
     motion: Motion, force: list[Any], moment: list[Any], signs: Iterable[Any] | None, tolerance: object
 ) -> tuple[TransmittedSymbols, Contacts, list[Any]]:
-    """As `solve_friction` on symbols, for the ``signs`` of the elements' rates if they are given; and the normal loads, the error
-    of their equations, the steps that these take, and whether they are found so, on the flanks that carry without friction.
+    """As `solve_friction` on symbols, for the ``signs`` of the elements' rates if they are given; and the normal loads, the
+    residual of their equations, the number of steps, and whether these converge with the flanks that carry without friction.
 
     Raises `Untraceable` where a cam may press on either side."""
     if two_sided(motion):
@@ -62,7 +62,7 @@ def with_friction(
 
 
 class WrittenFriction(FrictionResult):
-    """Friction on symbols: what a sweep may ask of it."""
+    """Friction on symbols: the part that a sweep needs."""
 
     def __init__(self, motion: Motion, loads: Sequence[Any]):
         self.motion, self.elements, self._loads = motion, tuple(elements_of(motion)), tuple(loads)
@@ -73,7 +73,8 @@ class WrittenFriction(FrictionResult):
 
 
 def rubbing_forces(motion: Motion, force: list[Any], moment: list[Any]) -> tuple[TransmittedSymbols, Contacts, FrictionResult]:
-    """As `with_friction`, and the friction, for a motion of symbols whose speeds have known peaks; NaN where it is not found so."""
+    """As `with_friction`, and the friction, for a motion of symbols whose speeds have known peaks; NaN where the loads do not
+    converge."""
     transmitted, contacts, (*loads, _, _, converged) = with_friction(motion, force, moment, None, motion.accuracy.friction)
     valid = converged / converged
     return [(f * valid, c * valid) for f, c in transmitted], contacts, WrittenFriction(motion, loads)
@@ -86,7 +87,7 @@ class ForcesProgram:
         check_forces_traceable(model)
         self._solution: list[
             Any
-        ] = []  # normal loads, error of their equations, steps, whether they are found so; with friction only
+        ] = []  # normal loads, residual of their equations, steps, whether they converge; with friction only
         self._loaded, self._kernel = False, (kernel := Kernel("forces", of_time=Kernel.real))
         self._results = results = Results(kernel)
         rot: list[Any] = [kernel.plane(f"rot {s}") if s else 1 + 0j for s in range(len(model.angles.class_group))]
@@ -121,11 +122,11 @@ class ForcesProgram:
 
     @property
     def rubs(self) -> bool:
-        """Whether dry friction is in it."""
+        """Whether the program contains dry friction."""
         return bool(self._solution)
 
     def __call__(self, motion: Motion) -> tuple[TransmittedSymbols, Contacts, FrictionResult | None] | None:
-        """As `joint_forces` under the loads and effects of a motion, and the friction; None where numpy has to solve that.
+        """As `joint_forces` under the loads and effects of a motion, and the friction; None where numpy has to solve for it.
 
         Raises `MechanismError` where it cannot be compiled."""
         if not self._loaded:
@@ -157,7 +158,7 @@ class ForcesProgram:
 
 
 class _GivenAngles(GivenLinkAngles):
-    """Angles that the program is given, as far as something asks for them."""
+    """Angles that are inputs of the program, as far as they are needed."""
 
     def __init__(self, model: Model, kernel: Kernel, exact: bool):
         super().__init__(model, StartPose({}, {}), exact)
@@ -179,7 +180,7 @@ class _GivenAngles(GivenLinkAngles):
 
 
 def forces_program(model: Model, *, exact: bool) -> ForcesProgram | str:
-    """The program of a model, or why C has none; ``exact`` as of `LinkAngles`."""
+    """The program of a model, or the reason why C has none; ``exact`` as of `LinkAngles`."""
     known = model.once(_known)
     if exact not in known:
         try:

@@ -1,7 +1,7 @@
-"""Whether a machine is back where it began: what its masses and loads do in a cycle, they do again in the next one.
+"""Whether a machine has returned to its initial state after a cycle: its masses and loads do the same in the next one.
 
-The powers of all forces are compared at the same places of two cycles. They say of a link what matters: a balanced wheel may stand
-anywhere, a crank may not; gas and tables must be where they were, too.
+The powers of all forces are compared at the same positions in two cycles. They show what matters: a balanced wheel may be in any
+position, a crank may not; gas and tables must have returned, too.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ from mechcore.laws.signals import Sine
 from mechcore.laws.timed import Table, TableLaw
 from mechcore.spec.loads import Load, Prescribed
 
-SAMPLES = 240  # places of a span that are compared
-FEW = 8  # of them, at which all numbers of cycles are looked at
-BETWEEN = 0.618  # where they are between even steps: away from jumps
-SAME = 1e-6  # of the largest power: less is rounding
-SETTLED = 0.05  # of the mechanism's size and of the largest velocity: as near motions under forces come back
-MOST_CYCLES = 120  # so many are looked at for one after which the machine is back
+SAMPLES = 240  # positions in a span that are compared
+FEW = 8  # of them, at which all numbers of cycles are tested
+BETWEEN = 0.618  # part of a step by which they lie off even steps, away from jumps
+SAME = 1e-6  # part of the largest power: a smaller difference is rounding
+SETTLED = 0.05  # part of the mechanism's size and of the largest velocity: a motion under forces has returned within it
+MOST_CYCLES = 120  # numbers of cycles that are tested for a return
 
 
 def check_back(
@@ -32,9 +32,9 @@ def check_back(
     fault: Callable[[str, int | None], Fault],
     beside: frozenset[str] = frozenset(),
 ) -> None:
-    """Refuse a ``span`` after which a machine is not back. ``forces``: those at places (n,) from 0 on, whose loads ``beside`` do
-    not count; ``fault`` is made of words for what is not as it was, and of the least number of cycles after which it is, where
-    there is one."""
+    """Refuse a ``span`` after which a machine has not returned to its initial state. ``forces``: gives those at positions (n,) from
+    0 on; loads in ``beside`` do not count. ``fault`` gets words for what has not returned, and the least number of cycles after
+    which it has, or None."""
     x = span * (np.arange(SAMPLES) + BETWEEN) / SAMPLES
     first = forces(x)
     before, limit = _powers(first, beside), SAME * first.power_residual[1]
@@ -57,7 +57,7 @@ def check_back(
 
 
 def _powers(forces: Forces, beside: frozenset[str]) -> list[tuple[str, Real]]:
-    """Powers (n,) [W] of inertia, weights, friction and loads but those ``beside``, each by words for what it acts on."""
+    """Powers (n,) [W] of inertia, weights, friction and loads but those ``beside``, each with words for what it acts on."""
     links, powers = forces.motion.model.links, []
     for w, power in forces.powers():
         if w.name not in beside:
@@ -69,7 +69,7 @@ def _powers(forces: Forces, beside: frozenset[str]) -> list[tuple[str, Real]]:
 
 
 def check_run_back(forces: Forces) -> None:
-    """Refuse a run for a flywheel after which the machine is not back where it began.
+    """Refuse a run for a flywheel after which the machine has not returned to its initial state.
 
     Loads of time, or of an angle, that do not repeat are taken to repeat with the run. A motion under forces, and one with a drive
     by a table that does not repeat, cannot be followed further: there the masses' positions and velocities are compared."""
@@ -101,7 +101,7 @@ def check_run_back(forces: Forces) -> None:
 
 
 def _runs_out(load: Load, forces: Forces) -> bool:
-    """Whether a load follows time, or an angle, by something that does not repeat."""
+    """Whether a load depends on time, or on an angle, by a function that does not repeat."""
     factor = load.factor if isinstance(load, Prescribed) else None
     if factor is None or isinstance(factor.function, Sine) or getattr(factor.function, "period", None) is not None:
         return False

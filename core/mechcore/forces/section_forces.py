@@ -1,13 +1,13 @@
-"""Section forces: normal force N, shear force V and bending moment M along a link's axis, from all that acts on it.
+"""Section forces: normal force N, shear force V and bending moment M along a link's axis, from all loads on it.
 
-A cut at station s parts the link. All that acts beyond the cut (reactions, drives, loads, weight, inertia forces of the masses
-there) is transmitted through it: force R and moment M about the cut's place. With the axis' direction t and n = i t to its left N
-= R . t (tension is positive), V = -R . n, M counter-clockwise, positive where the link is stretched on the right of its axis;
-then dM/ds = V between point loads. Loads beside the axis act on its nearest place by a rigid arm. Source: any textbook of
-statics, such as Gross, Hauger, Schröder, Wall, Technische Mechanik 1, chapter 7.
+A cut at station s divides the link. All loads beyond the cut (reactions, drives, loads, weight, inertia forces of the masses there)
+are transmitted through it: force R and moment M about the cut. With the axis' direction t and n = i t to its left N = R . t
+(tension is positive), V = -R . n, M counter-clockwise, positive where the link is stretched on the right of its axis; then
+dM/ds = V between point loads. Loads beside the axis act on its nearest point by a rigid arm. Source: any textbook of statics, such
+as Gross, Hauger, Schröder, Wall, Technische Mechanik 1, chapter 7.
 
 The bearing of a sliding joint presses at its two ends, or linearly along it; its length and place are those of the joint's friction
-(`mechcore.spec.mechanism.Friction`), whether it rubs or not.
+(`mechcore.spec.mechanism.Friction`), whether it has friction or not.
 """
 
 from __future__ import annotations
@@ -32,17 +32,17 @@ from mechcore.spec.mechanism import Mechanism, Prismatic
 from mechcore.spec.studies import CrossSection, SectionStudy
 
 SECTION_GRID = 64
-"""Intervals between evenly spaced stations, beside which there are those where something acts."""
+"""Intervals between evenly spaced stations, in addition to the stations of loads."""
 ZOOM_ROUNDS, ZOOM_POINTS = 4, 17
-"""How often the place of the largest moment is looked for closer, and at how many stations each time: to 1e-5 of the axis."""
+"""Rounds of refinement for the station of the largest moment, and stations in each: to 1e-5 of the axis."""
 SAME_STATION = 1e-9
-"""Distance of two stations up to which they are one, relative to the axis' length."""
+"""Distance of two stations up to which they coincide, relative to the axis' length."""
 PARALLEL_SINE = 1e-6
 """Sine of the angle up to which a guide lies along a segment of the axis."""
 
 
 class _ConcentratedLoad(NamedTuple):
-    """A force [N] and a couple [N m] that act at a place of the link, all in its axes and over frames (F,)."""
+    """A force [N] and a couple [N m] that act at a point of the link, all in its axes and over frames (F,)."""
 
     station: Real
     place: Complex
@@ -68,7 +68,7 @@ class _DistributedLoad(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class SectionExtreme:
-    """Where the size of a quantity is largest at every frame: ``values`` (F,) with their signs, ``stations`` (F,) [m]."""
+    """Largest magnitude of a quantity at every frame: ``values`` (F,) with their signs, ``stations`` (F,) [m]."""
 
     values: Real
     stations: Real
@@ -79,9 +79,9 @@ class SectionForces:
     """Section forces of a link: ``normal``, ``shear`` [N], ``moment`` [N m] (F, n) at ``stations`` (F, n) [m] along its ``axis``.
 
     Stations rise; where something acts at a point there are two, before and behind it. ``places`` [m] of the axis and its
-    ``directions`` there (F, n) are complex, in the link's frame. ``bending``: the moment that is largest in size. ``unbalanced``
-    (F,) [N] is what is left of the forces on the whole link, moments over the axis' length included. ``stress``: the largest normal
-    stress of each frame, |N| / A + |M| / W (F,) [Pa]; None without a cross-section.
+    ``directions`` there (F, n) are complex, in the link's frame. ``bending``: the moment of largest magnitude. ``unbalanced`` (F,)
+    [N]: residual of the forces on the whole link, moments over the axis' length included. ``stress``: the largest normal stress of
+    each frame, |N| / A + |M| / W (F,) [Pa]; None without a cross-section.
     """
 
     link: str
@@ -98,7 +98,7 @@ class SectionForces:
     stress: Real | None = None
 
     def extreme(self, values: Real) -> SectionExtreme:
-        """Where a quantity (F, n) is largest in size, of the stations."""
+        """Largest magnitude of a quantity (F, n) among the stations."""
         k = np.argmax(np.nan_to_num(np.abs(values), nan=-1.0), axis=1)[:, None]
         return SectionExtreme(np.take_along_axis(values, k, axis=1)[:, 0], np.take_along_axis(self.stations, k, axis=1)[:, 0])
 
@@ -161,7 +161,7 @@ _ARRAYS = ("stations", "places", "directions", "normal", "shear", "moment", "unb
 
 
 class _SectionLoads:
-    """All that acts on a link in its own axes, moments about the start of its axis."""
+    """All loads on a link in its own axes, moments about the start of its axis."""
 
     def __init__(self, forces: Forces, study: SectionStudy, axis: SectionAxis):
         self.forces, self.axis = forces, axis
@@ -173,7 +173,7 @@ class _SectionLoads:
         whole = MassPart(mass, complex(centre), inertia)
         self.masses: MassLine = mass_line(axis, whole, [MassPart(m, complex(x, y), j) for m, x, y, j in study.masses])
         self.field = np.zeros(motion.frames, complex)  # force per mass at the centre of mass
-        self.turn = np.zeros(motion.frames, complex)  # of it per distance from there
+        self.turn = np.zeros(motion.frames, complex)  # force per mass and distance from there
         self.points: list[_ConcentratedLoad] = []
         self.lines: list[_DistributedLoad] = []
         for load in loads_on(forces, k):
@@ -186,20 +186,20 @@ class _SectionLoads:
         self._reactions()
 
     def _act(self, place: Plane, force: Plane, couple: Values) -> None:
-        """A load at a place of the world."""
+        """Add a load at a point of the world."""
         motion = self.forces.motion
         at = (_vectors(motion, place) - self.origin) * self.back
         station = self._snapped(self.axis.nearest(at))
         self.points.append(_ConcentratedLoad(station, at, _vectors(motion, force) * self.back, _numbers(motion, couple)))
 
     def _snapped(self, station: Real) -> Real:
-        """Stations (F,), those of a vertex of the axis up to rounding taken for it."""
+        """Stations (F,), those near a vertex of the axis, up to rounding, moved onto it."""
         for vertex in self.axis.stations:
             station = np.where(np.abs(station - vertex) <= SAME_STATION * self.axis.length, vertex, station)
         return station
 
     def _reactions(self) -> None:
-        """Forces of joints on the link, drives included."""
+        """Add the forces of joints on the link, drives included."""
         forces = self.forces
         model = forces.motion.model
         own = model.links[self.k]
@@ -224,7 +224,7 @@ class _SectionLoads:
                 self._act(place, 0j, couple if own == relation.links[0] else -couple)
 
     def _guided(self, joint: Prismatic, sign: float) -> bool:
-        """Take the pressure of a guide along the segment that it lies on; whether there is one."""
+        """Add the pressure of a guide along the segment that it lies on; returns whether there is such a segment."""
         load = guide_load(self.forces, joint)
         middle, direction = (load.middle - self.origin) * self.back, load.direction * self.back
         fixed = direction[int(np.argmax(np.isfinite(direction)))]  # it does not turn on either link
@@ -242,7 +242,7 @@ class _SectionLoads:
 
     # -- cuts ---------------------------------------------------------------------------------------------------------
     def cuts(self) -> Cuts:
-        """Cuts (F, n) at evenly spaced stations, and on both sides of those where something acts."""
+        """Cuts (F, n) at evenly spaced stations, and on both sides of the stations of loads."""
         frames, length = self.forces.motion.frames, self.axis.length
         even = np.linspace(0.0, length, SECTION_GRID + 1)[1:-1]
         double = [np.tile([*self.axis.stations, *self.masses.jumps], (frames, 1)), *(p.station[:, None] for p in self.points)]
@@ -263,7 +263,7 @@ class _SectionLoads:
         return here.real, -here.imag, moment
 
     def beyond(self, cuts: Cuts) -> tuple[Complex, Real]:
-        """Force (F, n), complex in the link's axes, and moment about the start of the axis of what acts beyond cuts (F, n)."""
+        """Force (F, n), complex in the link's axes, and moment about the start of the axis, of the loads beyond cuts (F, n)."""
         start = self.axis.vertices[0]
         mass, first, inertia = self.masses.beyond(cuts)
         field, turn = self.field[:, None], self.turn[:, None]
@@ -279,8 +279,8 @@ class _SectionLoads:
         return force, moment
 
     def largest(self, cuts: Cuts, quantity: Callable[[Real, Real], Real]) -> SectionExtreme:
-        """Where a quantity of N and M is largest in size at every frame: between the neighbours of the largest one in cuts
-        (F, n) it is looked at closer."""
+        """Largest magnitude of a quantity of N and M at every frame, refined between the neighbours of the largest one in cuts (F,
+        n)."""
 
         def inside(cuts: Cuts) -> Real:
             normal, _, moment = self.inside(cuts)
@@ -305,7 +305,7 @@ def _of_guide(line: _DistributedLoad, cuts: Cuts, axis: SectionAxis) -> tuple[Co
     half, segments = 0.5 * line.length, axis.segment(cuts)
     y = np.clip(cuts.stations - line.station[:, None], -half, half)  # from the middle to the cut
     y = np.where(segments < line.segment, -half, np.where(segments > line.segment, half, y))
-    # what reaches beyond the axis acts at its ends
+    # pressure beyond the axis acts at its ends
     y = np.where(cuts.before(0.0), -half, np.where(cuts.before(axis.length), y, half))
     part = (half - y) / line.length
     slope = 12.0 * line.couple[:, None] / line.length**3
@@ -317,7 +317,7 @@ def _of_guide(line: _DistributedLoad, cuts: Cuts, axis: SectionAxis) -> tuple[Co
 
 
 def all_sections(forces: Forces) -> Iterator[tuple[str, SectionForces]]:
-    """The section forces that a mechanism asks for, by link."""
+    """The section forces of a mechanism's studies, by link."""
     for study in forces.motion.mechanism.studies.sections:
         yield study.link, section_forces(forces, study)
 

@@ -1,14 +1,14 @@
 """A link as a line: the axis along which its section forces are stated, and its mass along that axis.
 
-The axis is a chain of straight segments through points of the link. Mass, centre of mass and moment of inertia are met exactly.
-A scene knows these three numbers of a link's mass. Along a straight axis they decide a density that is linear or quadratic: of a
-uniform rod it is constant. Where such a density would be negative somewhere, it is bent only as far as it stays positive, and the
-share of the mass that it cannot have is put into point masses: one (more mass near the centre of mass than any density has), or one
-at each end (more mass far away). A moment of inertia that no mass on the axis can have (a disc on its shaft) is that of masses that
-turn with the axis: a couple distributed like the mass. A centre of mass beside the axis shifts the line of masses across; rigid
-arms bear it. Along an axis with corners the density is uniform, shifted to the centre of mass; a smaller moment of inertia puts a
-share of the mass at the centre of mass, a larger one is distributed as a couple. All of this is continuous in mass, centre and
-moment of inertia.
+The axis is a chain of straight segments through points of the link. Mass, centre of mass and moment of inertia are met exactly. A
+scene states these three numbers of a link's mass. Along a straight axis they determine a linear or quadratic density, which is
+constant for a uniform rod. Where such a density would be negative somewhere, its variation is reduced until it stays positive, and
+the rest of the mass is put into point masses: one (more mass near the centre of mass than any such density has), or one at each end
+(more mass far away). A moment of inertia that no mass on the axis can have (a disc on its shaft) is that of masses that turn with
+the axis: a couple distributed like the mass. A centre of mass beside the axis shifts the line of masses across; rigid arms bear it.
+Along an axis with corners the density is uniform, shifted to the centre of mass; a smaller moment of inertia puts a share of the
+mass at the centre of mass, a larger one is distributed as a couple. All of this is continuous in mass, centre and moment of
+inertia.
 """
 
 from __future__ import annotations
@@ -32,13 +32,14 @@ NO_MASS = 1e-12
 
 
 class Cuts(NamedTuple):
-    """Cuts through a link at ``stations`` (...) of its axis [m]: just behind them where ``sides`` are +1, just before where -1."""
+    """Cuts through a link at ``stations`` (...) of its axis [m]: just behind them where ``sides`` is +1, just before where it is
+    -1."""
 
     stations: Real
     sides: Real
 
     def before(self, station: float | Real) -> Flags:
-        """Whether what acts at a station lies beyond the cuts."""
+        """Whether a load at a station lies beyond the cuts."""
         return np.asarray((station > self.stations) | ((station == self.stations) & (self.sides < 0.0)))
 
     def taken(self, order: Index) -> Cuts:
@@ -48,7 +49,7 @@ class Cuts(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class SectionAxis:
-    """The chain of segments between ``vertices`` (V,), complex places in the link's frame [m], the first at station 0."""
+    """The chain of segments between ``vertices`` (V,), complex positions in the link's frame [m], the first at station 0."""
 
     vertices: Complex
 
@@ -77,12 +78,12 @@ class SectionAxis:
         return np.clip(np.where(cuts.sides > 0.0, behind, before), 0, len(self.directions) - 1)
 
     def place(self, cuts: Cuts) -> Complex:
-        """Places of cuts in the link's frame [m]."""
+        """Positions of cuts in the link's frame [m]."""
         k = self.segment(cuts)
         return self.vertices[k] + (cuts.stations - self.stations[k]) * self.directions[k]
 
     def nearest(self, place: complex | Complex) -> Real:
-        """The station of the axis nearest to each place of the link's frame [m]."""
+        """The station of the axis nearest to each position in the link's frame [m]."""
         z = np.asarray(place)[..., None] - self.vertices[:-1]
         lengths = np.diff(self.stations)
         along = np.clip(np.real(z * np.conj(self.directions)), 0.0, lengths)
@@ -107,8 +108,8 @@ def axis_of(mechanism: Mechanism, link: str, points: Sequence[str] = ()) -> Sect
 def axis_points(mechanism: Mechanism, link: Link) -> tuple[str, ...]:
     """The ends of the axis of a link that states none.
 
-    They are the outermost of the points at which joints and loads act, where these lie on one line; else of those at which joints
-    act, and where there are not two of these, of all points of the link. Raises `MechanismError` where they do not lie on a line.
+    They are the outermost of the points at which joints and loads act, where these lie on one line; otherwise of those at which
+    joints act; otherwise of all points of the link. Raises `MechanismError` where they do not lie on a line.
     """
     jointed, loaded = _joint_points(mechanism, link.name), _load_points(mechanism, link.name)
     choices = [[*jointed, *loaded], jointed, list(link.points)]
@@ -125,7 +126,7 @@ def axis_points(mechanism: Mechanism, link: Link) -> tuple[str, ...]:
 
 
 def _ends(link: Link, names: Sequence[str]) -> tuple[str, ...]:
-    """The outermost of some points in the order of the scene; none where they do not lie on one line."""
+    """The outermost two of some points, in the order of the scene; none where they do not lie on one line."""
     known = [name for name in link.points if name in names]
     z = np.array([complex(*link.points[name]) for name in known])
     if len(z) < 2 or not (reach := np.abs(z - z[0])).any():
@@ -167,7 +168,7 @@ class MassPart:
 
 @dataclass(frozen=True, eq=False)
 class DistributedMass:
-    """Mass between two stations [m] at places that start at ``place`` in the link's frame and go on in ``direction``.
+    """Mass between two stations [m], on a line from ``place`` in the link's frame in the ``direction``.
 
     ``density``: coefficients of a polynomial in the length from the first station [kg/m, kg/m^2 ...].
     """
@@ -215,7 +216,7 @@ class MassLine:
 
 
 def mass_line(axis: SectionAxis, whole: MassPart, known: Sequence[MassPart] = ()) -> MassLine:
-    """How the mass of a link is distributed along its axis. ``known``: parts of it, where they are; the rest is spread."""
+    """Distribution of a link's mass along its axis. ``known``: parts of it with known positions; the rest is distributed."""
     placed = [(float(axis.nearest(part.centre)), part) for part in known]
     mass = whole.mass - sum(part.mass for part in known)
     if mass <= NO_MASS * whole.mass:
@@ -228,17 +229,18 @@ def mass_line(axis: SectionAxis, whole: MassPart, known: Sequence[MassPart] = ()
     inertia -= sum(part.inertia + part.mass * abs(part.centre - whole.centre) ** 2 for part in known)
     rest = MassPart(mass, centre, max(inertia, 0.0))
     distributed, points, extra = _straight(axis, rest) if axis.straight else _with_corners(axis, rest)
-    # a couple per mass is that of the rest alone: the known parts have what they are
+    # the couple per mass belongs to the rest alone: the known parts keep their own inertia
     placed = [(s, MassPart(p.mass, p.centre, p.inertia - extra * p.mass)) for s, p in placed]
     return MassLine(whole.centre, tuple(distributed), (*placed, *points), extra)
 
 
 def _straight(axis: SectionAxis, whole: MassPart) -> tuple[list[DistributedMass], list[tuple[float, MassPart]], float]:
-    """Along a straight axis, in units of half its length h from its middle: mean and second moment of the density are wanted."""
+    """Distributed masses, point masses and ``extra`` inertia along a straight axis, from mean and second moment of the density in
+    units of half its length h from its middle."""
     h, t = 0.5 * axis.length, axis.directions[0]
     middle = axis.vertices[0] + h * t
     from_middle = (whole.centre - middle) * np.conj(t)
-    aside = whole.centre - from_middle.real * t  # of the line of masses: the place that lies across from the middle
+    aside = whole.centre - from_middle.real * t  # of the line of masses: its point opposite the middle
     mean, variance = from_middle.real / h, whole.inertia / (whole.mass * h * h)
     free = max(0.0, min(variance, 1.0 - mean * mean))
     extra = (variance - free) * h * h
@@ -275,7 +277,7 @@ def _straight(axis: SectionAxis, whole: MassPart) -> tuple[list[DistributedMass]
 
 
 def _with_corners(axis: SectionAxis, whole: MassPart) -> tuple[list[DistributedMass], list[tuple[float, MassPart]], float]:
-    """Along an axis with corners."""
+    """Distributed masses, point masses and ``extra`` inertia along an axis with corners."""
     lengths = np.diff(axis.stations)
     middles = 0.5 * (axis.vertices[1:] + axis.vertices[:-1])
     centre = (lengths * middles).sum() / axis.length

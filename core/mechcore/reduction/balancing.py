@@ -1,9 +1,9 @@
 """Shaking force and moment on the frame; counterweights that balance the force of four-bars, and of slider-cranks in part.
 
-Four-bar (R. S. Berkof and G. G. Lowen, 1969): with the loop closed, the sum of m r_S over the links is a constant plus one
-multiple of the crank's vector and one of the rocker's; counterweights on these two links take both multiples to zero, for any
-motion of the crank. Slider-crank: a counterweight on the crank balances the masses that turn with it and a stated fraction of those
-that go to and fro (the rod divided by its centre of mass between crank pin and gudgeon pin).
+Four-bar (R. S. Berkof and G. G. Lowen, 1969): with the loop closed, the sum of m r_S over the links is a constant plus one multiple
+of the crank's vector and one of the rocker's; counterweights on these two links make both multiples zero, for any motion of the
+crank. Slider-crank: a counterweight on the crank balances the rotating masses and a stated fraction of the reciprocating ones (the
+rod's mass divided by its centre of mass between crank pin and gudgeon pin).
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from mechcore.texts import as_length
 class Shaking:
     """``force`` (F, 2) [N] and ``moment`` (F,) [N m] about ``about`` [m], on the frame.
 
-    ``single``: the largest inertia force of a single link in the run [N], against which what is left of a balance is judged.
+    ``single``: the largest inertia force of a single link in the run [N], the reference for the residual of a balance.
     """
 
     force: Real
@@ -70,9 +70,9 @@ def _rms(values: Real) -> float:
 def shaking(motion: Motion, about: ArrayLike = (0.0, 0.0), masses: Sequence[tuple[float, complex, float]] | None = None) -> Shaking:
     """Shaking force -sum m a_S and shaking moment sum (r x (-m a_S) - J_S alpha) about a fixed point, over all moving links.
 
-    ``masses``: (mass, centre, J_S) of every link, frame first, in place of the model's own. Equal to what all joints on the
-    frame and the drives together exert on it under inertia alone. The moment of a link about a shaft in the plane is none about
-    the plane's normal, and left out.
+    ``masses``: (mass, centre, J_S) of every link, frame first, in place of the model's own. The result equals the load of all
+    joints on the frame and of the drives on it under inertia alone. The moment of a link about a shaft in the plane is not about
+    the plane's normal, and is left out.
     """
     model = motion.model
     o = complex(*np.asarray(about, float))
@@ -167,7 +167,7 @@ def find_linkage(m: Mechanism) -> FourBarLinks | SliderCrankLinks:
 
 
 def _share(link: Link, points: dict[str, tuple[complex, complex]]) -> complex:
-    """Where a link's centre of mass lies, as a complex multiple of the vector between its two points."""
+    """Position of a link's centre of mass, as a complex multiple of the vector between its two points."""
     start, end = points[link.name]
     return (complex(*link.centre) - start) / (end - start)
 
@@ -177,8 +177,8 @@ def counterweights(
 ) -> tuple[Counterweight, ...]:
     """Counterweights at a radius [m] from the fixed pivots (of crank and rocker, where two are given).
 
-    Four-bar: they take the shaking force to zero; ``fraction`` below 1 leaves a part of it. Slider-crank: one on the crank, for all
-    that turns with it and a ``fraction`` of what goes to and fro. A mass that comes out as zero is left out.
+    Four-bar: they make the shaking force zero; a ``fraction`` below 1 leaves a part of it. Slider-crank: one on the crank, for the
+    rotating masses and a ``fraction`` of the reciprocating ones. A counterweight of zero is left out.
     """
     radii = radius if isinstance(radius, tuple) else (radius, radius)
     if min(radii) <= 0.0:
@@ -198,7 +198,7 @@ def counterweights(
     out = []
     for link, multiple, r in wanted:
         start, end = linkage.points[link.name]
-        moment = -multiple * (end - start)  # first moment about the fixed pivot that is missing [kg m]
+        moment = -multiple * (end - start)  # first moment about the fixed pivot to be added [kg m]
         if abs(moment) > 0.0:
             place = start + r * moment / abs(moment)
             out.append(Counterweight(link.name, abs(moment) / r, (place.real, place.imag)))

@@ -1,4 +1,4 @@
-"""Mass, centre of mass and central moment of inertia: put together from parts, of standard solids by formula, of plates by outline.
+"""Mass, centre of mass and central moment of inertia: of composite bodies, of standard solids by formula, of plates by outline.
 
 Integrals over plane areas are exact (Green's theorem). An outline is a closed chain of vertices; the side to the next vertex is
 straight, or an arc given by its bulge, the tangent of a quarter of the angle that it spans (positive: counter-clockwise), as in
@@ -40,7 +40,8 @@ class RigidBody:
 
 
 def combine(parts: Iterable[RigidBody]) -> RigidBody:
-    """Several bodies as one. Holes are bodies of negative mass and inertia. The total mass must not be zero, unless all are."""
+    """The composite of several bodies. Holes are bodies of negative mass and inertia. The total mass must not be zero, unless all
+    masses are."""
     parts = [p for p in parts if p.mass or p.inertia]
     mass = math.fsum(p.mass for p in parts)
     if not parts:
@@ -109,7 +110,7 @@ SOLIDS: Mapping[str, StandardSolid] = {
         lambda radius, section: radius**2 + 0.75 * section**2,
     ),
 }
-"""The lecture's table of moments of inertia; every J = m i^2 about the axis that the entry names."""
+"""The table of moments of inertia of lectures; every J = m i^2 about the axis that the entry names."""
 
 NEEDED_FOR_INERTIA = {name: tuple(inspect.signature(s.square).parameters) for name, s in SOLIDS.items()}
 
@@ -119,9 +120,9 @@ def solid(
 ) -> RigidBody:
     """A standard solid [m, kg or kg/m^3, rad] with its centre at ``centre``: ``solid("rod", mass=2, length=0.4)``.
 
-    Of density or mass one is given. The moment of inertia is about the axis that the table names, which is taken to be normal to
-    the plane at ``centre``; for "rod end" and "rod inclined" that axis is not the centre of mass, and they are refused here:
-    see `SOLIDS`.
+    Either the density or the mass is given. The moment of inertia is about the axis that the table names, which is taken to be
+    normal to the plane at ``centre``; for "rod end" and "rod inclined" that axis is not the centre of mass, and they are refused
+    here: see `SOLIDS`.
     """
     if kind not in SOLIDS:
         raise MechanismError(Fault("solid", f"there is no solid '{kind}'.", f"Known: {', '.join(SOLIDS)}."))
@@ -152,10 +153,9 @@ def solid(
 
 
 def single_resultant(force: ArrayLike, moment: ArrayLike, at: ArrayLike = (0.0, 0.0)) -> tuple[Real, Real]:
-    """The one force that replaces a force (..., 2) at a point ``at`` and a moment (...): the point of its line of action that is
-    nearest to ``at`` (..., 2), and its distance |M| / |F| (...). NaN and inf where there is no force but a moment; ``at``
-    where there is
-    neither."""
+    """The single force that replaces a force (..., 2) at a point ``at`` and a moment (...): the point of its line of action that is
+    nearest to ``at`` (..., 2), and its distance |M| / |F| (...). NaN and inf where there is a moment but no force; ``at`` and 0
+    where there is neither."""
     f, m, p = np.asarray(force, float), np.asarray(moment, float), np.asarray(at, float)
     square = (f**2).sum(axis=-1)
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -169,7 +169,7 @@ def single_resultant(force: ArrayLike, moment: ArrayLike, at: ArrayLike = (0.0, 
 def percussion_centre(mass: float, inertia: float, centre: ArrayLike, pivot: ArrayLike) -> Real:
     """Centre of percussion W (..., 2) [m] of a body that turns about a pivot: on the line pivot - S beyond S by e = i_S^2 / rho.
 
-    The inertia resultant crosses that line in W, whatever angular velocity and acceleration are.
+    The inertia resultant crosses that line in W for any angular velocity and acceleration.
     """
     s, b = np.asarray(centre, float), np.asarray(pivot, float)
     rho = np.hypot(*np.moveaxis(s - b, -1, 0))
@@ -180,7 +180,7 @@ def percussion_centre(mass: float, inertia: float, centre: ArrayLike, pivot: Arr
 
 
 def acceleration_field(places: ArrayLike, a_s: ArrayLike, omega: ArrayLike, alpha: ArrayLike) -> Real:
-    """Accelerations (..., n, 2) of points of a rigid body at places (n, 2) or (..., n, 2) from S, all in the same axes:
+    """Accelerations (..., n, 2) of points of a rigid body at positions (n, 2) or (..., n, 2) from S, all in the same axes:
     a_S + alpha k x r - omega^2 r."""
     r = np.asarray(places, float)
     w, e = np.asarray(omega, float)[..., None, None], np.asarray(alpha, float)[..., None, None]
@@ -255,7 +255,7 @@ def rounded_hull(points: Sequence[Vec2], radius: float) -> Area:
         before, after = at - corners[i - 1], corners[(i + 1) % n] - at
         turn = math.atan2((before.conjugate() * after).imag, (before.conjugate() * after).real) % (2.0 * math.pi)
         for side, bulge in ((before, math.tan(0.25 * turn)), (after, 0.0)):
-            place = at - 1j * side / abs(side) * radius  # to the right of the way round
+            place = at - 1j * side / abs(side) * radius  # to the right of the direction round the hull
             vertices.append((place.real, place.imag))
             bulges.append(bulge)
     return area_of(vertices, bulges)

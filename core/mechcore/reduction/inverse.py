@@ -1,10 +1,9 @@
-"""Inverse tasks of the lectures: what moves a link, from the accelerations of two of its points; its inertia, from the times of a
-swing.
+"""Inverse tasks of lectures: angular rates of a link, from accelerations of two of its points; its inertia, from periods of swings.
 
-Accelerations: a_B - a_A = (i alpha - omega^2) (B - A), so that one division of complex numbers gives alpha and omega^2; of omega
-only the size. A swing about a horizontal axis at the distance d from the centre of mass, with the amplitude a, has the period
+Accelerations: a_B - a_A = (i alpha - omega^2) (B - A), so that one division of complex numbers gives alpha and omega^2; omega
+without its sign. A swing about a horizontal axis at the distance d from the centre of mass, with the amplitude a, has the period
 T = 4 sqrt(J / (m g d)) K(sin(a / 2)), K being the complete elliptic integral: 2 pi sqrt(J / (m g d)) where a is small. Two axes on
-a line through the centre of mass give its place too, as Kater's pendulum does.
+a line through the centre of mass also give its position, as in Kater's pendulum.
 """
 
 from __future__ import annotations
@@ -23,7 +22,7 @@ GRAVITY = 9.81
 
 @dataclass(frozen=True)
 class PlaneRates:
-    """How a rigid body's accelerations are spread: ``omega_squared`` [rad^2/s^2], ``alpha`` [rad/s^2] counter-clockwise, and the
+    """Acceleration field of a rigid body: ``omega_squared`` [rad^2/s^2], ``alpha`` [rad/s^2] counter-clockwise, and the
     ``acceleration`` [m/s^2] of the point at ``place`` [m], both complex."""
 
     omega_squared: float
@@ -32,12 +31,12 @@ class PlaneRates:
     acceleration: complex
 
     def at(self, place: complex) -> complex:
-        """Acceleration [m/s^2] of the body's point at a place [m]."""
+        """Acceleration [m/s^2] of the body's point at a position [m]."""
         return self.acceleration + (1j * self.alpha - self.omega_squared) * (place - self.place)
 
     @property
     def pole(self) -> complex | None:
-        """The point [m] without acceleration; None where all have the same."""
+        """The acceleration pole [m], the point without acceleration; None where all points have the same acceleration."""
         factor = 1j * self.alpha - self.omega_squared
         return None if abs(factor) == 0.0 else self.place - self.acceleration / factor
 
@@ -45,7 +44,7 @@ class PlaneRates:
 def rates_from_accelerations(a: complex, b: complex, of_a: complex, of_b: complex) -> PlaneRates:
     """Rates of a rigid body by its points ``a`` and ``b`` [m] with accelerations ``of_a`` and ``of_b`` [m/s^2], all complex.
 
-    Raises `MechanismError` where they are one point, or where no rigid body can move so: omega^2 would be negative.
+    Raises `MechanismError` where they coincide, or where no rigid body has these accelerations: omega^2 would be negative.
     """
     if a == b:
         raise MechanismError(Fault("points", "both points are at one place.", "Give two places of the body."))
@@ -64,7 +63,7 @@ def inertia_from_swing(
     """Moments of inertia [kg m^2] about the axis and about the centre of mass, from the period [s] of a swing with an amplitude
     [rad].
 
-    Raises `MechanismError` where no body swings so: it would have no inertia about its centre of mass.
+    Raises `MechanismError` where no body has this period: its inertia about its centre of mass would be negative.
     """
     _positive(mass=mass, distance=distance, period=period, gravity=gravity)
     reduced = _reduced(period, amplitude, gravity)
@@ -82,8 +81,9 @@ def inertia_from_two_swings(
 ) -> tuple[float, float]:
     """Distance [m] of the centre of mass from the first axis, and J_S [kg m^2], from the periods [s] about two parallel axes.
 
-    The axes are ``apart`` [m], with the centre of mass on the line between them. Raises `MechanismError` where that does not fit,
-    or where it leaves the place open: periods of equal reduced length about axes at that distance from each other.
+    The axes are ``apart`` [m], with the centre of mass on the line between them. Raises `MechanismError` where the data are
+    inconsistent, or where they leave the position undetermined: both periods with a reduced length equal to the distance of the
+    axes.
     """
     _positive(mass=mass, apart=apart, first=periods[0], second=periods[1], gravity=gravity)
     first, second = (_reduced(period, amplitude, gravity) for period in periods)
@@ -103,7 +103,7 @@ def inertia_from_two_swings(
 
 
 def _reduced(period: float, amplitude: float, gravity: float) -> float:
-    """Length [m] of the simple pendulum that swings as fast, J / (m d)."""
+    """Length [m] of the simple pendulum with the same period, J / (m d)."""
     if not 0.0 <= amplitude < math.pi:
         why = f"an amplitude of {math.degrees(amplitude):.5g}°."
         raise MechanismError(Fault("amplitude", why, "Give the angle from the lowest position, below 180°."))

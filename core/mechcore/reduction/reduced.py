@@ -1,5 +1,5 @@
-"""Plane force systems reduced to a point, and to the simplest system that does the same (a force, a couple, nothing); and a whole
-mechanism reduced to one link or point: the mass there that has its kinetic energy, the force there that has its power.
+"""Plane force systems reduced to a point, and to the simplest equivalent system (a force, a couple, equilibrium); and a whole
+mechanism reduced to one link or point: the mass there with the same kinetic energy, the force there with the same power.
 
 Arrays of force systems may have leading axes, such as frames: points and forces (..., n, 2), couples (..., n). The reduction of a
 mechanism is geometry: with q the drive's coordinate and ' = d/dq, J_q = sum m |S'|^2 + J_S theta'^2, and a link that turns by
@@ -25,12 +25,12 @@ from mechcore.records import dataclass
 
 @dataclass(frozen=True, eq=False)
 class Reduced:
-    """A mechanism reduced to a link (``point`` None: to its angle) or to a point (to the way along its path).
+    """A mechanism reduced to a link (``point`` None: to its angle) or to a point (to the arc length of its path).
 
     ``mass`` (F,): reduced moment of inertia [kg m^2] or mass [kg], infinite where link or point stand still while something moves.
-    ``slope`` (F,): its derivative by the angle [kg m^2/rad] or by the way [kg/m]. ``force`` (F,): reduced moment [N m] or force
-    [N] of all loads but inertia. ``energy`` (F,): kinetic energy [J]. ``rate`` (F,): angular velocity [rad/s] or speed [m/s],
-    ``second`` (F,): its derivative by the time.
+    ``slope`` (F,): its derivative by the angle [kg m^2/rad] or by the arc length [kg/m]. ``force`` (F,): reduced moment [N m] or
+    force [N] of all loads but inertia. ``energy`` (F,): kinetic energy [J]. ``rate`` (F,): angular velocity [rad/s] or speed [m/s],
+    ``second`` (F,): its derivative by time.
     """
 
     link: str
@@ -75,7 +75,7 @@ def reduce_mechanism(motion: Motion, link: str, point: str | None = None, loads:
     work: Values = np.zeros(motion.frames)
     for w in loads:
         if w.kind != "inertia":
-            work = work + power_of(unit, w)  # of both links, where it acts between two
+            work = work + power_of(unit, w)  # on both links, where it acts between two
     k = model.index[link]
     if point is None:
         ratio, turn = first[k], second[k]
@@ -129,8 +129,8 @@ def moment_about(points: ArrayLike, forces: ArrayLike, about: ArrayLike = (0.0, 
 def reduce_to(
     points: ArrayLike, forces: ArrayLike, couples: ArrayLike | None = None, *, about: ArrayLike = (0.0, 0.0)
 ) -> tuple[Real, Real]:
-    """A force system reduced to a point: main vector (..., 2) [N], which no choice of the point changes, and main moment (...)
-    [N m] about it."""
+    """A force system reduced to a point: main vector (..., 2) [N], independent of the point, and main moment (...) [N m] about
+    it."""
     force = np.asarray(forces, float).sum(axis=-2)
     moment = moment_about(points, forces, about).sum(axis=-1)
     return force, moment if couples is None else moment + np.asarray(couples, float).sum(axis=-1)
@@ -171,9 +171,8 @@ class Resultant:
 def resultant(points: ArrayLike, forces: ArrayLike, couples: ArrayLike | None = None) -> Resultant:
     """The resultant of a force system: a single force on its line of action, a couple, or equilibrium.
 
-    The line is at the distance M / R of the point to which the system was reduced. The remainder of forces that cancel counts
-    as zero
-    below 1e-12 of their sum, moments below 1e-12 of the sum of forces times the system's extent.
+    The line is at the distance M / R from the point to which the system is reduced. The remainder of forces that cancel counts as
+    zero below 1e-12 of their sum, a moment below 1e-12 of the sum of forces times the system's extent.
     """
     p, f = np.asarray(points, float), np.asarray(forces, float)
     p = np.broadcast_to(p, np.broadcast_shapes(p.shape, f.shape))

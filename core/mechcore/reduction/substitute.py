@@ -1,10 +1,9 @@
 """Substitute masses: a rigid body replaced by n point masses with the same inertia forces in any motion.
 
-Four equations bind the 3n parameters (masses and coordinates): the total mass, the place of S (two), J_S. So p = 3n - 4 parameters
-are chosen, four follow. The equations are linear in the masses, and each of the two for S is linear in the coordinates:
-whichever four
-are unknown, elimination leaves one polynomial in one unknown (mostly a quadratic, at most of degree four), whose real roots
-are all solutions.
+Four equations bind the 3n parameters (masses and coordinates): the total mass, the position of S (two), J_S. So p = 3n - 4
+parameters are chosen, four follow. The equations are linear in the masses, and each of the two for S is linear in the coordinates:
+whichever four are unknown, elimination leaves one polynomial in one unknown (mostly a quadratic, at most of degree four), whose
+real roots give all solutions.
 """
 
 from __future__ import annotations
@@ -34,7 +33,8 @@ class PointMass:
 
 @dataclass(frozen=True, eq=False)
 class Substitution:
-    """All real solutions: masses (n,) [kg] and places (n, 2) [m] from S of each. ``message`` says how many there are, and why."""
+    """All real solutions, each as masses (n,) [kg] and positions (n, 2) [m] from S. ``message``: their number in words, or why
+    there is none."""
 
     solutions: tuple[tuple[Real, Real], ...]
     message: str
@@ -49,7 +49,7 @@ def substitute_masses(mass: float, inertia: float, points: Sequence[PointMass]) 
     """All real sets of point masses that replace a body with mass [kg] and J_S [kg m^2].
 
     ``points``: n of them with exactly four parameters unknown (p = 3n - 4 given). Raises `MechanismError` where the number is
-    wrong, or where the choice leaves the equations contradictory by form or satisfied by a whole family of places.
+    wrong, or where the choice makes the equations contradictory in form or satisfied by a whole family of positions.
     """
     n = len(points)
     unknown: list[MassUnknown] = [(i, k) for i, p in enumerate(points) for k in ("mass", "x", "y") if getattr(p, k) is None]
@@ -161,7 +161,7 @@ class _Task:
             return self._one_of_each(masses, m, sums, square, xs[0], ys[0])
         many, few = ("x", "y") if len(xs) > len(ys) else ("y", "x")
         far, near = (xs, ys) if many == "x" else (ys, xs)
-        if len(masses) == 2:  # the sum without an unknown coordinate decides t
+        if len(masses) == 2:  # the sum without an unknown coordinate determines t
             line = sums[few].trim(ZERO_SUM)
             if line.degree() == 0:
                 raise _form(float(line.coef[0]), few)
@@ -201,7 +201,7 @@ class _Task:
         return out
 
     def polished(self, unknowns: Mapping[MassUnknown, float], unknown: Sequence[MassUnknown]) -> tuple[Real, Real] | None:
-        """Masses and places after Newton steps on the four equations; None where these are not satisfied after all."""
+        """Masses and positions after Newton steps on the four equations; None where these are still not satisfied."""
         v = {k: np.array([self.value(i, k) for i in range(self.n)]) for k in ("mass", "x", "y")}
         for (i, k), value in unknowns.items():
             v[k][i] = value
@@ -295,7 +295,7 @@ def static_replacement(mass: float, inertia: float, a: ArrayLike, b: ArrayLike) 
     if length == 0.0 or abs(float(p[0] * q[1] - p[1] * q[0])) > 1e-9 * length * max(np.hypot(*p), np.hypot(*q)):
         why = "the centre of mass does not lie on the line of the two points: two masses there cannot have it."
         raise MechanismError(Fault("static_replacement", why, "Move a point, or take three masses."))
-    share = float(-(p @ d) / length**2)  # where S lies from A to B
+    share = float(-(p @ d) / length**2)  # position of S from A to B
     masses = mass * (1.0 - share), mass * share
     own = masses[0] * float(p @ p) + masses[1] * float(q @ q)
     return StaticReplacement(masses=masses, excess=own - inertia)

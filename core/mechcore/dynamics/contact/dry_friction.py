@@ -1,10 +1,10 @@
 """Dry friction in forward dynamics: accelerations, normal loads and friction that depend on each other, solved together.
 
 While the signs of the relative speeds stay, friction at element i is lambda_i = -sign_i factor_i g_i with the normal load
-g_i = |a_i + K_i g|, as in kinetostatics (`solve`); only that the free coordinates answer to friction by acceleration:
-a unit of friction comes with the inertia forces of the acceleration that it causes, and so needs no drive. An element that sticks
-has no relative acceleration; the friction that this takes is linear in the others and is eliminated. It sticks as long as that is
-within its limit: the law is set-valued, nothing is smoothed.
+g_i = |a_i + K_i g|, as in kinetostatics (`solve`). Here, however, friction accelerates the free coordinates: a unit of friction
+comes with the inertia forces of the acceleration that it causes, and so needs no drive. An element that sticks has no relative
+acceleration; the friction that this takes is linear in the friction of the others and is eliminated. It sticks as long as this
+friction is within its limit: the law is set-valued, nothing is smoothed.
 """
 
 from __future__ import annotations
@@ -52,8 +52,7 @@ class Dry:
 
 
 class GivenFriction(FrictionResult):
-    """Friction of a motion that forward dynamics has found, sticking included: ``values`` (F, e) along the elements' unit
-    wrenches."""
+    """Friction of a motion found by forward dynamics, sticking included: ``values`` (F, e) along the elements' unit wrenches."""
 
     def __init__(
         self, motion: Motion, applied: Sequence[Wrench], elements: Sequence[Element], solution: Dry, passed: TransmittedForces
@@ -84,7 +83,7 @@ class GivenFriction(FrictionResult):
 
 
 def forces_with(motion: Motion, system: DrySystem, q: Real, v: Real, held: Sequence[Wrench] = ()) -> Forces:
-    """Reactions of a segment of motion with its friction, sticking included; ``held``: what end stops hold."""
+    """Reactions of a segment of motion with its friction, sticking included; ``held``: loads of end stops."""
     friction = system.solve(q, v, motion.time)
     applied = (*wrenches(motion), *held)
     force, moment = sum_up(list(applied), len(motion.model.links))
@@ -98,8 +97,8 @@ def forces_with(motion: Motion, system: DrySystem, q: Real, v: Real, held: Seque
 class DrySystem:
     """Accelerations (n, f) with friction: ``signs`` (e,) of the elements' relative speeds, 0 where they stick.
 
-    ``breaking``: with the coefficients of sticking everywhere, to see whether it comes loose. ``rests``: joints that keep their
-    coordinates, because they rest on end stops; what these hold comes before friction that could do it as well.
+    ``breaking``: with the coefficients of sticking everywhere, to test whether an element comes loose. ``rests``: joints that keep
+    their coordinates, because they rest on end stops; where a stop or friction could hold them, the stop does.
     """
 
     def __init__(self, compiled: Compiled, signs: Real, *, breaking: bool = False, rests: Sequence[str] = ()):
@@ -109,12 +108,12 @@ class DrySystem:
         self.rests = tuple(rests)
 
     def program(self, *, long: bool = False) -> ContactProgram | None:
-        """The compiled program where one is wanted."""
+        """The compiled program where one is wanted, else None."""
         program = contact_program(self.compiled, self.rests, long=long)
         return None if program is None else program.with_signs(self.signs, breaking=self.breaking)
 
     def _compiled_state(self, q: Real, v: Real, t: Real) -> FrictionValues | None:
-        """Values of a compiled program at states; None where there is none for any states."""
+        """Values of a compiled program at states; None where there is none that covers all states."""
         program = self.program()
         return None if program is None or not program.everywhere else program.friction_state(q, v, t)
 
@@ -219,8 +218,8 @@ class DrySystem:
 
 
 def least_efforts(coupling: Real, scale: Real) -> Real:
-    """Efforts (..., e, e) at elements of scales (e,) per relative acceleration of each, from the ``coupling`` (..., e, e) of those
-    by efforts: the least ones where they are not determined, a torque counted as a force at the length scale."""
+    """Efforts (..., e, e) at elements of scales (e,) per relative acceleration of each, the inverse of the ``coupling`` (..., e,
+    e). Where they are not determined they are the least ones, a torque counted as a force at the length scale."""
     both = scale[:, None] * scale
     return np.asarray(np.linalg.pinv(coupling / both, rcond=1e-10, hermitian=True) / both)
 
@@ -231,7 +230,8 @@ def rates_of(units: Sequence[Motion], e: Element) -> Real:
 
 
 def _respond(motion: Motion, units: Sequence[Motion], elements: Sequence[Element], responses: Real) -> Response:
-    """Transmitted forces under all loads and inertia, and under unit friction with the inertia forces of what it accelerates."""
+    """Transmitted forces under all loads and inertia, and under unit friction with the inertia forces of the accelerations that it
+    causes."""
     model, n, e = motion.model, motion.frames, len(elements)
     base = transmit(motion, *sum_up(wrenches(motion), len(model.links)))
     force: list[Plane] = [0j] * len(model.links)

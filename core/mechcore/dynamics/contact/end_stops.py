@@ -1,4 +1,4 @@
-"""End stops: which are closed, and what happens at an instant at which some are touched.
+"""End stops: which are closed, and the impacts and contacts at an instant at which some are touched.
 
 Speeds are decided first, by impulses on all stops that are touched (`impact`); then accelerations: a stop without speed stays
 closed where something presses on it, and opens where it would have to pull. Both are complementarity problems over all stops.
@@ -6,8 +6,8 @@ closed where something presses on it, and opens where it would have to pull. Bot
 Impacts at an instant on all contacts that are touched then follow Newton's law of restitution. Gaps that open at the rates c before
 the impact open at c+ = c + W p after it, W = G M^-1 G' (G: rates of the gaps per unit rate of each coordinate). Impulses p >= 0 and
 c+ >= e max(-c, 0) hold, and an impulse acts only where c+ has that least value (J. J. Moreau, Unilateral contact and dry friction
-in finite freedom dynamics, 1988; F. Pfeiffer and C. Glocker, Multibody dynamics with unilateral contacts, 1996). The order in which
-contacts are listed has no say.
+in finite freedom dynamics, 1988; F. Pfeiffer and C. Glocker, Multibody dynamics with unilateral contacts, 1996). The order of the
+contacts does not matter.
 """
 
 from __future__ import annotations
@@ -29,13 +29,13 @@ from mechcore.motion.compiled import Compiled
 from mechcore.records import dataclass
 from mechcore.texts import as_coordinate, as_quantity
 
-# Of the scale of a coordinate: nearer a stop is touched; so slow that it goes as far in the duration, it is at rest
+# Part of the scale of a coordinate: a stop nearer than this is touched; a joint that moves less in the whole duration is at rest
 TOUCH_DISTANCE = 1e-11
 HELD_RATE = 1e-11  # rate, in scales, per unit rate of every coordinate, below which prescribed drives or other stops lead a joint
-LEAST_PULL = 1e-9  # part of the largest force beyond which a stop's pull, or what moves something onto it, is more than rounding
-LEAST_BOUNCE = 1e-6  # of the duration: a bounce that is over sooner ends in contact
-DIRECTION_RATE = 1e-200  # [rad/s or m/s] at rest on stops: nothing moves by it, but its sign says where it came from
-SOON_AFTER = 1e-6  # of the duration: what begins to press so much later does it now
+LEAST_PULL = 1e-9  # part of the largest force above which a stop's pull, or what pushes a joint onto it, is more than rounding
+LEAST_BOUNCE = 1e-6  # part of the duration: a bounce that is over sooner ends in contact
+DIRECTION_RATE = 1e-200  # [rad/s or m/s] at rest on stops: too small to move anything, but its sign keeps the last sense of motion
+SOON_AFTER = 1e-6  # part of the duration: a joint that begins to press within it presses now
 
 Equations = Callable[[tuple[str, ...], Real], System]
 """Equations of motion at an instant, of joints that rest on stops and rates (f,)."""
@@ -70,29 +70,29 @@ class _Touched:
         return _Touched(which, jacobian, self.share[chosen], self.least[chosen], responses, noise, self.prescribed[chosen])
 
     def independent(self) -> bool:
-        """Whether none of the stops is led by the others."""
+        """Whether the rates of all gaps are independent of each other."""
         scale = np.sqrt(np.diag(self.mobility))
         return not len(scale) or float(np.linalg.eigvalsh(self.mobility / np.outer(scale, scale))[0]) > HELD_RATE
 
     def stilled(self, v: Real) -> Real:
-        """Rates (f,) without what rounding has left of the rates of the gaps; they have to be independent."""
+        """Rates (f,) without the rounding in the rates of the gaps, which have to be independent."""
         return shifted(v, -self.responses @ np.linalg.solve(self.mobility, self.rates(v))) if self.which else v
 
 
 class EndStops:
-    """End stops of a motion of a duration [s]; their events are recorded in a ``log``. ``closed``: the numbers of those that
-    something rests on."""
+    """End stops of a motion of a duration [s]; their events are recorded in a ``log``. ``closed``: the numbers of those on which
+    joints rest."""
 
     def __init__(self, stops: Sequence[EndStop], duration: float, log: Log):
         self.stops, self._duration, self._log = tuple(stops), duration, log
         self.closed: set[int] = set()
         self._struck: set[int] = set()  # at the end of the last segment
-        self._released = False  # something, at the end of the last segment
-        self._left: dict[int, float] = {}  # when something left a stop last: it does not come to rest there at that instant
+        self._released = False  # a joint has left a stop at the end of the last segment
+        self._left: dict[int, float] = {}  # time at which a stop was last left: no joint comes to rest there at that instant
         self._pulls: dict[int, float] = {}  # of stops that are touched: pulls that are rounding
 
     def use(self, compiled: Compiled) -> None:
-        """Go on in other coordinates."""
+        """Continue in other coordinates."""
         self.compiled = compiled
         self._free = [compiled.mechanism.drives[i].joint for i in free_of(compiled)]
         read = {joint: i for i, joint in enumerate(self._free)} if compiled.angles.exact else {}
@@ -107,7 +107,7 @@ class EndStops:
 
     @property
     def rested(self) -> tuple[EndStop, ...]:
-        """The stops that something rests on."""
+        """The stops on which joints rest."""
         return tuple(self.stops[k] for k in sorted(self.closed))
 
     @property
@@ -116,7 +116,7 @@ class EndStops:
         return tuple(stop.joint for stop in self.rested)
 
     def gap(self, k: int, q: Real, v: Real, t: Real) -> Real:
-        """How far a coordinate is from its stop (n,) [rad or m], negative beyond it."""
+        """Distance of a coordinate from its stop (n,) [rad or m], negative beyond it."""
         return np.asarray(self._signs[k] * self._distances[k](q, v, t))
 
     def check_start(self, q: Real, v: Real) -> None:
@@ -137,30 +137,30 @@ class EndStops:
         for k in range(len(self.stops)):
             if k in self.closed:
                 out.append((partial(self._pull, k, system), self._pulls[k], k))
-            else:  # a joint that rested may have drifted beyond its stop by what integration leaves
+            else:  # a joint that rested may have drifted beyond its stop by integration errors
                 beyond = min(float(self.gap(k, q[None], v[None], np.array([t]))[0]), 0.0)
                 out.append((partial(self._beyond, k, beyond), TOUCH_DISTANCE * float(self._scales[k]), k))
         return out
 
     def _beyond(self, k: int, least: float, q: Real, v: Real, t: Real) -> Real:
-        """How much farther than ``least`` a coordinate is beyond its stop (n,)."""
+        """Distance of a coordinate beyond its stop (n,), in excess of that at the beginning, -``least``."""
         return np.asarray(least - self.gap(k, q, v, t))
 
     def _pull(self, k: int, system: System, q: Real, v: Real, t: Real) -> Real:
-        """Force or torque with which a closed stop would have to pull (n,): negative while something presses on it."""
+        """Force or torque with which a closed stop would have to pull (n,): negative while the joint presses on it."""
         assert isinstance(system, Chart | DrySystem)  # the others know no stops
         return np.asarray(-self._signs[k] * system.holding(q, v, t)[:, system.rests.index(self.stops[k].joint)])
 
     def known(self, joints: Sequence[str]) -> Real | None:
-        """The stops (k, 5) as a program takes them that knows coordinates of ``joints``; None where it does not know all, or
-        something rests on one."""
+        """The stops as rows (k, 5) for a program that has coordinates of ``joints``: number of the joint, position, sign, scale,
+        restitution. None where the program lacks one of them, or a joint rests on a stop."""
         if self.closed or any(s.joint not in joints for s in self.stops):
             return None
         rows = zip(self.stops, self._signs, self._scales, strict=True)
         return np.array([[joints.index(s.joint), s.at, sign, scale, s.restitution] for s, sign, scale in rows]).reshape(-1, 5)
 
     def record_bounce(self, k: int, t: float, rate: float, lost: float) -> None:
-        """Account for an impact that a program has decided: its speed, and the energy that it takes [J]."""
+        """Account for an impact that a program has decided: its speed, and the energy that is lost [J]."""
         self._left.clear()
         self._log.add_loss(t, lost)
         self._log_impact(t, k, rate)
@@ -179,7 +179,7 @@ class EndStops:
 
     # -- at an instant -------------------------------------------------------------------------------------------------
     def approached(self, q: Real, v: Real, t: float, system: System) -> list[EndStop]:
-        """Touched stops, not closed, that something moves or is pushed against."""
+        """Touched stops, not closed, that a joint moves towards or is pushed against."""
         touched = self._touched(q, v, t)
         if touched is None:
             return []
@@ -188,8 +188,9 @@ class EndStops:
         return [self.stops[k] for k, it in zip(touched.which, against, strict=True) if it and k not in self.closed]
 
     def meet(self, q: Real, v: Real, t: float, equations: Equations) -> tuple[Real, bool]:
-        """Impacts on all stops that are touched at ``t`` [s], and which of them are closed from then on; rates (f,) after it, and
-        whether anything has changed. Raises `MechanismError` where drives or other stops lead a joint through its stop."""
+        """Resolve impacts on all stops that are touched at ``t`` [s], and which of them are closed from then on. Returns the rates
+        (f,) after it, and whether anything has changed. Raises `MechanismError` where drives or other stops lead a joint through
+        its stop."""
         released, self._released = self._released, False
         touched = self._touched(q, v, t)
         if touched is None:
@@ -204,7 +205,7 @@ class EndStops:
         before = touched.rates(v)
         before[np.abs(before) <= touched.least] = 0.0
         restitution = np.array([self.stops[k].restitution for k in touched.which])
-        brief = np.zeros(len(before), bool)  # what would come back at once stays: bounces between stops would have no end
+        brief = np.zeros(len(before), bool)  # a joint that would return at once stays: bounces between stops would have no end
         while True:
             after, lost = v, None
             if brief.any() or (before < 0.0).any():
@@ -237,8 +238,9 @@ class EndStops:
         return self._without_rounding(touched, v, after), True
 
     def _without_rounding(self, touched: _Touched, v: Real, after: Real) -> Real:
-        """Rates (f,) after touching where they leave all freedoms at rest: too small to move anything, in the direction in which it
-        came by rates ``v`` (f,), because an indicator diagram asks for the stroke that has led there; others as they are."""
+        """Rates (f,) after contact. Where stops leave all freedoms at rest, the rates are too small to move anything but keep the
+        direction of the rates ``v`` (f,) before, because an indicator diagram depends on the stroke that has led there; elsewhere
+        they are unchanged."""
         slow = touched.part(np.abs(touched.rates(after)) <= touched.least)
         if not len(slow.which) == len(self._free) == len(self.compiled.mechanism.drives) or not slow.independent():
             return after
@@ -273,9 +275,9 @@ class EndStops:
         return abs(float(self.gap(k, q, v, t)[0])) <= TOUCH_DISTANCE * float(self._scales[k])
 
     def _pressed(self, touched: _Touched, q: Real, v: Real, t: float, equations: Equations) -> tuple[set[int], Real]:
-        """The stops that stay closed, and second rates (c,) of all gaps then: one stop after the other is closed that is pressed,
-        and opened that would have to pull, until none is left (K. G. Murty, Note on a Bard-type scheme for solving the
-        complementarity problem, 1974); which ends, whatever the order, in the one solution."""
+        """The stops that stay closed, and second rates (c,) of all gaps then: one after the other, a stop that is pressed is
+        closed, and one that would have to pull is opened, until none is left (K. G. Murty, Note on a Bard-type scheme for solving
+        the complementarity problem, 1974). Whatever the order, this ends in the unique solution."""
         slow = np.abs(touched.rates(v)) <= touched.least
         closed = {k for k, it in zip(touched.which, slow, strict=True) if it and k in self.closed}
         for _ in range(2 ** len(touched.which) + 1):
@@ -298,7 +300,7 @@ class EndStops:
         raise MechanismError(Fault(f"joints.{self.stops[k].joint}.stops", why, "Lower a coefficient of friction."))
 
     def _comes(self, touched: _Touched, j: int, q: Real, v: Real, t: float, system: System, second: Real) -> bool:
-        """Whether what touches a stop without speed presses on it, or will as soon as a load grows."""
+        """Whether a joint that touches a stop without speed presses on it, or will do so as soon as a load grows."""
         if abs(second[j]) > touched.noise[j]:
             return bool(second[j] < 0.0)
         soon, a = SOON_AFTER * self._duration, np.asarray(system(q[None], v[None], np.array([t])))[0]
@@ -333,7 +335,7 @@ class EndStops:
         self._log.add(SimulationEvent(t, kind, stop.name, f"{stop.joint} {what}"))
 
 
-IMPACT_ROUNDING = 1e-12  # of the largest rate, of the work of an impact: what is left by rounding
+IMPACT_ROUNDING = 1e-12  # part of the largest rate, and of the work of an impact: less is rounding
 DEPENDENT_CONTACTS = 1e-11  # smallest eigenvalue of W with a unit diagonal, below which contacts depend on each other
 MOST_PIVOTS = 20  # for each contact, at most
 
@@ -359,7 +361,8 @@ def impact(mobility: Real, rates: Real, restitution: Real, flat: Flags) -> tuple
 
 
 def _impulses(mobility: Real, rates: Real, least: Real, flat: Flags) -> Real | None:
-    """Impulses (c,) after which gaps open at the rates ``least`` (c,) or more, and those that are flat not at all."""
+    """Impulses (c,) after which gaps open at the rates ``least`` (c,) or more, and ``flat`` ones stay closed; None where there are
+    none."""
     loose = ~flat
     closing = -np.linalg.pinv(mobility[np.ix_(flat, flat)], rcond=DEPENDENT_CONTACTS, hermitian=True)
     reduced = mobility[np.ix_(loose, loose)] + mobility[np.ix_(loose, flat)] @ closing @ mobility[np.ix_(flat, loose)]
@@ -377,8 +380,8 @@ def _impulses(mobility: Real, rates: Real, least: Real, flat: Flags) -> Real | N
 def complementary(matrix: Real, free: Real) -> Real | None:
     """Solution p (n,) of the linear complementarity problem p >= 0, w = matrix p + free >= 0, p'w = 0; None where there is none.
 
-    ``matrix`` (n, n) symmetric, positive semidefinite, with a unit diagonal. An active set grows by what is violated most and
-    loses what would have to pull (C. L. Lawson and R. J. Hanson, Solving least squares problems, 1974, chapter 23).
+    ``matrix`` (n, n) symmetric, positive semidefinite, with a unit diagonal. An active set gains the contact that is violated most
+    and loses those that would have to pull (C. L. Lawson and R. J. Hanson, Solving least squares problems, 1974, chapter 23).
     """
     p, active = np.zeros(len(free)), np.zeros(len(free), bool)
     least = IMPACT_ROUNDING * float(np.abs(free).max(initial=0.0))
@@ -392,7 +395,7 @@ def complementary(matrix: Real, free: Real) -> Real | None:
             if values[0] > DEPENDENT_CONTACTS:
                 step = vectors @ ((vectors.T @ -free[active]) / values) - p[active]
                 most = 1.0
-            else:  # along a null vector pushes only change places: until one of them is nothing
+            else:  # along a null vector impulses are only exchanged: until one of them is zero
                 step = vectors[:, 0] * (-1.0 if float(free[active] @ vectors[:, 0]) > 0.0 else 1.0)
                 most = np.inf
             falls = step < 0.0
@@ -409,7 +412,7 @@ def complementary(matrix: Real, free: Real) -> Real | None:
 
 
 def account_for_impact(log: Log, compiled: Compiled, t: float, q: Real, before: Real, after: Real, lost: float) -> None:
-    """Account for the energy that an impact takes [J], and for the work of prescribed drives, which it does not slow."""
+    """Account for the energy that an impact loses [J], and for the work in it of prescribed drives, which it does not slow."""
     log.add_loss(t, lost)
     if len(free_of(compiled)) < len(compiled.mechanism.drives):
         motion = motion_at(compiled, np.array([q, q]), np.array([before, after]), np.array([t, t]))

@@ -1,6 +1,6 @@
-"""Dry friction in the course of a motion: what slides which way at present, whatever contacts come and go.
+"""State of dry friction in the course of a motion, across changes of contacts: which elements slide, and in which sense.
 
-A phase is one choice of which joints slide which way and which stick: what ends it, and what follows.
+A phase is one combination of elements that slide in a sense and elements that stick; here is what ends it, and what follows.
 """
 
 from __future__ import annotations
@@ -35,11 +35,11 @@ from mechcore.motion.motion import Motion
 from mechcore.spec.mechanism import braked
 from mechcore.texts import Text
 
-TURN_BACK_WINDOWS = 10.0  # windows shorter than so many times `soon` are those of prescribed drives that turn back
+TURN_BACK_WINDOWS = 10.0  # times `soon`: in shorter windows prescribed drives turn back
 
 
 class FrictionState:
-    """The phases of the present mechanism's friction, and which way every element slides (0: sticks), recorded in a ``log``.
+    """The friction phases of the present mechanism, and the sense in which every element slides (0: sticks), recorded in a ``log``.
 
     ``counts``: whether the mechanism names friction among its effects. ``soon`` [s]: as in `FrictionPhases`.
     """
@@ -50,8 +50,8 @@ class FrictionState:
         self._sliding: dict[ElementKey, float] = {}
 
     def begin(self, compiled: Compiled, t: float, q: Real, v: Real) -> None:
-        """Friction of a mechanism that has other contacts than before: what slides goes on. Where every drive is prescribed
-        nothing has to be found: friction follows from statics. Raises `MechanismError`."""
+        """Begin the phases of a mechanism with other contacts than before; elements that slide continue to do so. Where every drive
+        is prescribed there are no phases: friction follows from statics. Raises `MechanismError`."""
         self._phases = self._phases_of(compiled, t, q, v)
 
     def _phases_of(self, compiled: Compiled, t: float, q: Real, v: Real) -> FrictionPhases | None:
@@ -62,7 +62,7 @@ class FrictionState:
         return rubbing(compiled, q, v, t, self._sliding, self._soon)
 
     def system(self) -> DrySystem | None:
-        """The equations of motion at present; None where friction decides nothing."""
+        """The present equations of motion; None where there are no friction phases."""
         return None if self._phases is None else self._phases.system()
 
     def equations_of(self, compiled: Compiled, q: Real, v: Real, t: float, *, rests: tuple[str, ...]) -> DrySystem | None:
@@ -74,8 +74,8 @@ class FrictionState:
         return phases.system()
 
     def slip_ends(self) -> tuple[list[tuple[EventFunction, bool]], list[EventFunction]]:
-        """Event functions that end the slip of elements, and that of prescribed ones: as `FrictionPhases.slip_ends` and
-        `FrictionPhases.independent_event_functions` say it."""
+        """Event functions that end the slip of elements, and that of prescribed ones, see `FrictionPhases.slip_ends` and
+        `FrictionPhases.independent_event_functions`."""
         return ([], []) if self._phases is None else (self._phases.slip_ends(), self._phases.independent_event_functions())
 
     def stick_ends(self, q: Real, v: Real, t: float) -> list[tuple[EventFunction, float, tuple[int, float]]]:
@@ -83,8 +83,8 @@ class FrictionState:
         return [] if self._phases is None else self._phases.stick_ends(q, v, t)
 
     def settle(self, t: float, q: Real, v: Real, rests: tuple[str, ...], loose: tuple[int, float] | None = None) -> Real:
-        """Decide what slides and what sticks from now on, joints ``rests`` resting on stops, ``loose`` as in
-        `FrictionPhases.decide`; speeds (f,) after it: nothing is left of what sticks."""
+        """Decide which elements slide and which stick from now on; speeds (f,) after it, without the relative speeds of elements
+        that stick. ``rests``: joints that rest on stops; ``loose``: as in `FrictionPhases.decide`."""
         if self._phases is None:
             return v
         before = self._phases.signs
@@ -95,13 +95,13 @@ class FrictionState:
         return self._phases.at_rest(t, q, v) if settled is None else settled
 
     def known_signs(self, compiled: Compiled) -> tuple[Real, Real] | None:
-        """Scales and signs (e,) of the elements, all of which free coordinates move; None where some are prescribed."""
+        """Scales and signs (e,) of the elements; None where prescribed drives move some of them."""
         if self._phases is None:
             return None if self.counts and braked(compiled.mechanism.joints) else (np.zeros(0), np.zeros(0))
         return None if self._phases.prescribed.any() else (self._phases.scales, self._phases.signs)
 
     def go_on(self, t: float, signs: Real) -> None:
-        """Elements slide by ``signs`` (e,) from a time [s] on, as a program has decided."""
+        """Adopt the ``signs`` (e,) of sliding that a program has decided, from a time [s] on."""
         if self._phases is not None and signs.tobytes() != self._phases.signs.tobytes():
             before, self._phases.signs = self._phases.signs, signs
             self._record(t, self._phases.changes(before))
@@ -111,12 +111,12 @@ class FrictionState:
             self._log_event(t, joint, sign)
 
     def follow(self, compiled: Compiled, window: Window) -> None:
-        """Where every drive is prescribed, say which way joints slide in a window; it ends where that changes."""
+        """Record the sense in which joints slide in a window where every drive is prescribed; windows end where it changes."""
         if not self.counts:
             return
         middle = np.array([window.start + 0.5 * window.length])
         motion = motion_at(compiled, *window(middle)[:2], middle)
-        turning = window.length < TURN_BACK_WINDOWS * self._soon  # there it is at rest for nothing but an instant
+        turning = window.length < TURN_BACK_WINDOWS * self._soon  # there it is at rest for an instant only
         for key, sign in zip(keys_of(elements_of(motion)), senses(motion)[0], strict=True):
             if sign != self._sliding.get(key, 0.0) and not (turning and sign == 0.0):
                 self._log_event(window.start, key[0], int(sign))
@@ -139,17 +139,18 @@ def _slip_or_stick(joint: str, sign: int) -> tuple[EventKind, str, Text]:
 ElementKey = tuple[str, str, str]
 Here = tuple[Motion, list[Motion], list[Element], ReducedEquations]
 """At one state: the motion with q'' = 0, its tangents, the elements of friction, and the equations of motion without it."""
-NO_EFFECT = 1e-12  # part of what a force on an element would move, if it did, that is rounding
-STICKING_ROUNDING = 1e-10  # of the limit of sticking: what exceeds it by less is rounding
-STARTING_RATE = 1e-12  # rate of what just begins to move
-SOON_MOVED = 1e-16  # of its scale: what moves by less soon is at rest as well
+NO_EFFECT = 1e-12  # part of an element's unconstrained response to a force: a smaller one is rounding
+STICKING_ROUNDING = 1e-10  # part of the limit of sticking: a smaller excess is rounding
+STARTING_RATE = 1e-12  # rate of an element that just begins to move
+SOON_MOVED = 1e-16  # part of its scale: an element that moves less within `soon` is at rest
 
 
 class FrictionPhases:
-    """Which elements slide which way and which stick, and what ends that; ``signs`` (e,) as in `DrySystem`.
+    """Which elements slide, in which sense, and which stick, and what ends such a phase; ``signs`` (e,) as in `DrySystem`.
 
-    ``rests``: joints that rest on end stops. ``soon`` [s]: elements that no free coordinate moves, because prescribed drives or
-        stops lead them, slide as they do so much later. ``before``: signs that go on, of the mechanism with other contacts.
+    ``rests``: joints that rest on end stops. ``soon`` [s]: delay after which the sense of sliding is taken for elements that no
+    free coordinate moves, because prescribed drives or stops lead them. ``before``: signs to keep, of the mechanism with other
+    contacts.
     """
 
     def __init__(
@@ -167,7 +168,7 @@ class FrictionPhases:
         self.prescribed = np.zeros(len(keys), bool)
         self._known: tuple[tuple[float, bytes, bytes], Here] | None = None
         self.alone = len(free_of(compiled)) == len(compiled.mechanism.drives) == 1
-        self._apart = len({key[:2] for key in keys}) == len(keys)  # of every motion there is one element
+        self._apart = len({key[:2] for key in keys}) == len(keys)  # one element for every relative motion
 
     def system(self) -> DrySystem:
         return DrySystem(self.compiled, self.signs.copy(), rests=self.rests)
@@ -187,8 +188,8 @@ class FrictionPhases:
     def decide(self, t: float, q: Real, v: Real, loose: tuple[int, float] | None = None, rests: tuple[str, ...] = ()) -> None:
         """Choose the signs from now on.
 
-        ``loose``: an element that has just come loose and, with one freedom, the way in which it moves (else 0). ``rests``: joints
-        that rest on end stops.
+        ``loose``: an element that has just come loose and, with one freedom, the sense in which it moves (else 0). ``rests``:
+        joints that rest on end stops.
         """
         before = self.signs.copy()
         self.rests = rests
@@ -222,7 +223,7 @@ class FrictionPhases:
                 friction = DrySystem(self.compiled, np.where(still, 0.0, self.signs), rests=rests).solve(*row)
                 sense = self.signs[loose[0]] = -np.sign(friction.value[0, loose[0]])
                 together = np.array([key[:2] == self.keys[loose[0]][:2] for key in self.keys])
-                self.signs[together & still & (before == sense)] = sense  # what moves with it, and was at its limit
+                self.signs[together & still & (before == sense)] = sense  # elements that move with it, and were at their limits
             for _ in range(2 * len(before) + 2):
                 friction = self.system().solve(*row)
                 over = still & (self.signs == 0.0) & (np.abs(friction.value[0]) > friction.limit[0] * (1.0 + 1e-12))
@@ -232,7 +233,7 @@ class FrictionPhases:
                 self.signs[worst] = -np.sign(friction.value[0, worst])
 
     def changes(self, before: Real) -> list[tuple[str, int]]:
-        """Joint and sign (1, -1, 0: it sticks) of each that has another one than ``before`` (e,)."""
+        """Joint and sign (1, -1, 0: it sticks) of each element whose sign differs from that ``before`` (e,)."""
         if self._apart:
             both = zip(self.keys, before.tolist(), self.signs.tolist(), strict=True)
             return [(key[0], int(now)) for key, then, now in both if now != then]
@@ -240,14 +241,15 @@ class FrictionPhases:
         return [(joint, int(sign)) for (joint, what), sign in now.items() if sign != then[joint, what]]
 
     def _states(self, signs: Real) -> dict[tuple[str, str], float]:
-        """Sign by joint and relative motion: it sticks if friction of one kind holds it, whatever else rubs there."""
+        """Sign by joint and relative motion: the joint sticks if friction of one kind holds it, whatever other friction acts
+        there."""
         states: dict[tuple[str, str], float] = {}
         for (joint, what, _), s in zip(self.keys, signs.tolist(), strict=True):
             states[joint, what] = s if states.get((joint, what), s) == s else 0.0
         return states
 
     def at_rest(self, t: float, q: Real, v: Real) -> Real:
-        """Speeds (f,) without what rounding has left of the relative speeds of the elements that stick."""
+        """Speeds (f,) without the rounding in the relative speeds of the elements that stick."""
         stuck = np.flatnonzero((self.signs == 0.0) & ~self.prescribed)
         if not len(stuck):
             return v
@@ -260,7 +262,7 @@ class FrictionPhases:
         return shifted(v, -response @ need @ np.array([elements[i].rate[0] for i in stuck]))
 
     def _at(self, t: float, q: Real, v: Real) -> Here:
-        """Values at a state, kept for the next question about it."""
+        """Values at a state; those of the last state are kept."""
         key = t, q.tobytes(), v.tobytes()
         if self._known is None or self._known[0] != key:
             motion, units = moving(self.compiled, q[None], v[None], np.array([t]))
@@ -268,7 +270,7 @@ class FrictionPhases:
         return self._known[1]
 
     def _prescribed(self, here: Here) -> Flags:
-        """Elements (e,) that no force moves: the drives lead them, or stops hold them."""
+        """Elements (e,) that no force moves, because drives lead them or stops hold them."""
         motion, units, elements, equations = here
         tau = np.stack([rates_of(units, e) for e in elements], axis=1)
         inertia, (rows, _) = equations.inertia, jacobian_of(motion, units, self.rests)
@@ -276,7 +278,7 @@ class FrictionPhases:
         return np.asarray(~(really > NO_EFFECT * freely))
 
     def _sense_from_rest(self, row: tuple[Real, Real, Real]) -> Real:
-        """One freedom at rest: it moves the way in which it then really accelerates, or sticks."""
+        """Signs (e,) of one freedom at rest: it moves in the sense in which it would then accelerate, or sticks (0)."""
         for sense in (1.0, -1.0):
             signs = self.directions(row, sense)
             if float(self._free(sense, *row)[0]) > 0.0:
@@ -284,7 +286,7 @@ class FrictionPhases:
         return np.zeros(len(self.signs))
 
     def directions(self, row: tuple[Real, Real, Real], sense: float) -> Real:
-        """Signs of the elements' speeds where the only coordinate moves one way (e,)."""
+        """Signs of the elements' speeds (e,) where the only coordinate moves in the ``sense`` 1 or -1."""
         q, v, t = row
         return np.asarray(np.sign(self.system().rates(q[:1], sense * np.ones_like(v[:1]), t[:1])[0]))
 
@@ -294,7 +296,7 @@ class FrictionPhases:
 
     def stick_ends(self, q: Real, v: Real, t: float) -> list[tuple[EventFunction, float, tuple[int, float]]]:
         """Event functions that end the sticking of an element in a phase that begins at q, v (f,), t [s]: an event function that
-        then exceeds zero, by how much it may do so by rounding, and what comes loose (see `decide`)."""
+        then exceeds zero, by how much it may do so by rounding, and the element that comes loose (see `decide`)."""
         row = q[None], v[None], np.array([t])
         stuck = np.flatnonzero((self.signs == 0.0) & ~self.prescribed)
         if not len(stuck):
@@ -308,7 +310,7 @@ class FrictionPhases:
         return [(partial(_excess, system, int(i)), float(noise[i]), (int(i), 0.0)) for i in stuck]
 
     def independent_event_functions(self) -> list[EventFunction]:
-        """Gauges that are 1 where an element that is prescribed does not slide as it does now, else 0."""
+        """Event functions that are 1 where a prescribed element does not slide in its present sense, else 0."""
         return [partial(self._other_sense, int(i), self.signs[i]) for i in np.flatnonzero(self.prescribed)]
 
     def _other_sense(self, i: int, sign: float, q: Real, v: Real, t: Real) -> Real:
@@ -321,15 +323,15 @@ class FrictionPhases:
         return self.system().rates(q, v, t)[:, i]
 
     def _free(self, sense: float, q: Real, v: Real, t: Real) -> Real:
-        """Acceleration (n,) in the sense ``sense`` of what rests, if it began to move that way: forces that depend on the sense of
-        the motion (gas in a cylinder) are those of that sense."""
+        """Acceleration (n,) of the freedom at rest in the ``sense`` 1 or -1, if it began to move that way: forces that depend on
+        the sense of motion (gas in a cylinder) are those of that sense."""
         signs = self.directions((q, v, t), sense)
         begun = np.column_stack([np.full(len(v), sense * STARTING_RATE), v[:, 1:]])
         return np.asarray(sense * DrySystem(self.compiled, signs, breaking=True)(q, begun, t)[:, 0])
 
 
 def _excess(system: DrySystem, i: int, q: Real, v: Real, t: Real) -> Real:
-    """By how much what would hold a sticking element exceeds its limit (n,)."""
+    """Excess (n,) of the friction that would hold a sticking element over its limit."""
     friction = system.solve(q, v, t)
     return np.asarray(np.abs(friction.value[:, i]) - friction.limit[:, i])
 
@@ -342,7 +344,7 @@ def braking_elements(compiled: Compiled, q: Real, v: Real, t: float = 0.0) -> li
 
 
 def senses(motion: Motion) -> Real:
-    """Which way all elements slide (n, e): 1, -1, or 0 where their speeds are nothing beside those of the mechanism."""
+    """Sense in which all elements slide (n, e): 1, -1, or 0 where their speeds are negligible beside those of the mechanism."""
     elements = elements_of(motion)
     rates = np.stack([e.rate for e in elements], axis=1)
     turning = np.max([np.abs(w) * np.ones(motion.frames) for w in motion.speeds.angular], axis=0, initial=0.0)
@@ -352,14 +354,14 @@ def senses(motion: Motion) -> Real:
 
 
 def keys_of(elements: Sequence[Element]) -> list[ElementKey]:
-    """Name of an element, whatever other contacts the mechanism has."""
+    """Keys of elements, independent of the mechanism's other contacts."""
     return [(e.joint, e.what, e.kind) for e in elements]
 
 
 def rubbing(
     compiled: Compiled, q: Real, v: Real, t: float, before: Mapping[ElementKey, float], soon: float
 ) -> FrictionPhases | None:
-    """Phases of a mechanism that moves, see `FrictionPhases`; None where it has no friction. Raises `MechanismError`."""
+    """Friction phases of a mechanism, see `FrictionPhases`; None where it has no friction. Raises `MechanismError`."""
     known = compiled.model.once(_elements_known)
     if not known:
         elements = braking_elements(compiled, q, v, t)

@@ -1,7 +1,7 @@
-"""Followers that may leave their cams: contact that only presses.
+"""Followers that may leave their cams: unilateral contact.
 
-In contact the mechanism moves as it is; a cam whose contact would have to pull lets its follower go: then the follower's own guide
-is one more free coordinate of the mechanism without that joint, until the follower comes back to where the cam holds it. The test
+In contact the mechanism moves as modelled. A cam whose contact would have to pull releases its follower: then the follower's own
+guide is one more free coordinate of the mechanism without that joint, until the follower returns to the cam. The test
 is the complementarity of contact: the gap's acceleration, were the follower free, has the opposite sign of the contact force.
 """
 
@@ -33,10 +33,10 @@ from mechcore.records import dataclass
 from mechcore.spec.mechanism import Drive
 from mechcore.texts import as_coordinate
 
-EIGHTH_TURN_SAMPLES = 48  # for an eighth of a turn of the cam
+EIGHTH_TURN_SAMPLES = 48  # samples for an eighth of a turn of the cam
 WINDOW_TURN = TURN / 8.0  # of the cam's turn in a window in which nothing has to be integrated
 MOST_ROUNDS = 10
-PEAK_LOOKS, NEAR_LIMIT = 3, 0.02  # looks at a peak that is by less than this part of the event function's range below the limit
+PEAK_LOOKS, NEAR_LIMIT = 3, 0.02  # refinements of a peak below the limit by less than this part of the event function's range
 INTERVAL_PARTS = 17
 
 
@@ -55,7 +55,7 @@ class _Contact:
 
 
 class FollowerSeparation:
-    """The mechanism with every set of its followers separated, and how far they are from their cams.
+    """The mechanism with each set of separated followers, and the gaps between these and their cams.
 
     Coordinates: the free ones of the mechanism, then those of the separated followers' guides in the order of ``contacts``.
     """
@@ -91,7 +91,8 @@ class FollowerSeparation:
         return self.free + sum(other in separated for other in list(self.contacts)[: list(self.contacts).index(name)])
 
     def compiled(self, separated: frozenset[str], q: Real, v: Real, t: float, name: str) -> tuple[Compiled, Real, Real]:
-        """The mechanism in which ``name`` is separated beside others, and its coordinates and rates (f,), from those without it."""
+        """The mechanism in which the followers in ``separated`` are separated, ``name`` newly, and its coordinates and rates (f,).
+        ``q``, ``v``: those before ``name`` separates."""
         held = self.known[separated - {name}]
         motion = motion_at(held, q[None], v[None], np.array([t]))
         contact = self.contacts[name]
@@ -114,7 +115,7 @@ class FollowerSeparation:
         later = [d.joint for d in mechanism.drives if d.joint in names[names.index(contact.guide) :]]
         k = len(mechanism.drives) - len(later)
         laws = (*mechanism.drives[:k], Drive(joint=contact.guide, law=Free(at, 0.0)), *mechanism.drives[k:])
-        # put together as it stands now; from there on the laws lead
+        # assembled in its present position; from there on the laws lead
         now = [Drive(joint=d.joint, law=Free(float(x[0][0]), 0.0)) for d, x in zip(mechanism.drives, motion.drives, strict=True)]
         start = (*now[:k], laws[k], *now[k:])
         loose = replace(mechanism, joints=tuple(p for p in mechanism.joints if p.name != contact.name), modes={}, sketch=poses)
@@ -132,11 +133,12 @@ class FollowerSeparation:
             )
 
     def overlap(self, name: str, separated: frozenset[str]) -> Callable[[Real, Real, Real], Real]:
-        """How far a separated follower would be in its cam (n,), in its guide's coordinate [m or rad]; negative while away."""
+        """Penetration of a separated follower into its cam (n,), in its guide's coordinate [m or rad]; negative while there is a
+        gap."""
         return lambda q, v, t: -self.gap(name, separated, q, v, t)[0]
 
     def gap(self, name: str, separated: frozenset[str], q: Real, v: Real, t: Real) -> tuple[Real, Real]:
-        """How far a separated follower is from its cam (n,), in its guide's coordinate [m or rad], and the rate of that."""
+        """Gap (n,) between a separated follower and its cam, in its guide's coordinate [m or rad], and its rate."""
         contact, k = self.contacts[name], self.place(name, separated)
         held = self.known[separated - {name}]
         motion = motion_at(held, np.delete(q, k, axis=1), np.delete(v, k, axis=1), t)
@@ -149,9 +151,10 @@ class FollowerSeparation:
     def parting(
         self, name: str, separated: frozenset[str], system: Callable[[Compiled, Real, Real, float], System | None] | None = None
     ) -> Callable[[Real, Real, Real], Real]:
-        """The gap's acceleration (n,) if the follower, now in contact, were let go: positive where the cam would have to pull.
+        """A function that gives the gap's acceleration (n,) if the follower, now in contact, were released: positive where the cam
+        would have to pull.
 
-        ``system``: the equations of motion of a mechanism at an instant, where they are not those of its chart, but of friction.
+        ``system``: the equations of motion with friction of a mechanism at an instant, or None where those of its chart hold.
         """
         contact, more = self.contacts[name], separated | {name}
 
@@ -172,7 +175,7 @@ class FollowerSeparation:
     def landing(
         self, name: str, separated: frozenset[str], t: float, q: Real, v: Real, restitution: float
     ) -> tuple[Real, float, float]:
-        """Rates (f,) after the impact of a follower on its cam; speed of approach; energy that is lost [J]."""
+        """Rates (f,) after the impact of a follower on its cam, the speed of approach, and the energy lost [J]."""
         compiled, row = self.known[separated], np.array([t])
         k = self.place(name, separated)
         contact = self.contacts[name]
@@ -194,14 +197,14 @@ class FollowerSeparation:
         return np.asarray(c.level + c.slope * c.cam.scale * c.cam.law(c.cam.argument(motion))[0])
 
     def where(self, name: str, compiled: Compiled, q: Real, v: Real, t: float) -> str:
-        """The cam's place in words."""
+        """The cam's position in words."""
         cam = self.contacts[name].cam
         x = float(cam.argument(motion_at(compiled, q[None], v[None], np.array([t])))[0])
         rotary = cam.bed is None
         return f"{as_coordinate(x % TURN if rotary else x, rotary=rotary, digits=4)} of the cam"
 
     def pace(self, compiled: Compiled, q: Real, v: Real, t: float) -> float:
-        """How fast the fastest cam runs through its law, in turns of a disc [rad/s]; of a wedge in lengths of its law."""
+        """Rate at which the fastest cam runs through its law [rad/s]; a wedge's length of law counts as a turn."""
         row = np.array([t])
         motion = motion_at(compiled, q[None], v[None], row)
         paces = [0.0]
@@ -213,13 +216,13 @@ class FollowerSeparation:
         return max(paces)
 
     def samples(self, compiled: Compiled, window: Window) -> int:
-        """How many places of a window contacts are looked at."""
+        """Number of samples of a window at which contacts are evaluated."""
         q, v, _ = window(np.array([window.start]))
         turned = self.pace(compiled, q[0], v[0], window.start) * window.length
         return int(min(EIGHTH_TURN_SAMPLES * max(1.0, np.ceil(turned / WINDOW_TURN)), 20_000))
 
     def window_length(self, compiled: Compiled, q: Real, v: Real, t: float, duration: float) -> float:
-        """Length of a window from ``t`` on in which all is prescribed [s], of a motion of a ``duration`` [s]."""
+        """Length [s] of a window from ``t`` on in which all drives are prescribed, in a motion of a ``duration`` [s]."""
         return float(np.clip(WINDOW_TURN / max(self.pace(compiled, q, v, t), 1e-300), duration / 20_000, duration / 8.0))
 
 
@@ -239,7 +242,7 @@ def _angular_velocity(motion: Motion, link: str) -> float:
 
 
 def _slope(compiled: Compiled, relation: Relation, guide: str) -> float:
-    """Rate of the guide's coordinate x by the lift in metres: the relation says c x + lift = constant."""
+    """Derivative of the guide's coordinate x by the lift in metres, from the relation c x + lift = constant."""
     for name, c in relation.slides:
         if name == guide:
             return -1.0 / c
@@ -258,9 +261,10 @@ def first_beyond(
     *,
     again: bool = False,
 ) -> float | None:
-    """The first time in a window after ``after`` [s] at which an event function, with kinks and jumps perhaps, exceeds ``limit``.
+    """The first time in a window after ``after`` [s] at which an event function, which may have kinks and jumps, exceeds ``limit``;
+    None where it does not. ``count``: number of intervals of the first search.
 
-    ``again``: an event function that exceeds it at the beginning, by rounding, has to come below it first.
+    ``again``: an event function that exceeds it at the beginning, by rounding, has to fall below it first.
     """
     low, high = max(window.start, after), window.start + window.length
     if high <= low:
@@ -272,7 +276,7 @@ def first_beyond(
         value = event_function(q, v, t)
         beyond = value > limit
         if not beyond.any() and close < PEAK_LOOKS and float(value.max()) > limit - NEAR_LIMIT * float(np.ptp(value)):
-            k = int(np.argmax(value))  # it nearly does: look closer there
+            k = int(np.argmax(value))  # it nearly does: sample more finely there
             t = np.linspace(t[max(k - 1, 0)], t[min(k + 1, len(t) - 1)], 2 * INTERVAL_PARTS + 1)
             close += 1
             continue
@@ -299,7 +303,7 @@ def driven_windows(
     after: Callable[[Window], float | None],
     breakpoints: Callable[[Window, float], float | None] | None,
 ) -> Solution:
-    """Windows in which nothing is free: only events are looked for, and boundaries where laws bend."""
+    """Windows in which no coordinate is free: they only serve to find events, and end at breakpoints of laws."""
     solution = Solution()
     none = np.zeros(0)
     t = t0

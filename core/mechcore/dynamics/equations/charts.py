@@ -1,9 +1,9 @@
-"""Coordinate charts: accelerations of the joint coordinates that, taken as drives, decide the configuration; which
-joint's coordinate leads the mechanism, how far, and the change from one chart to the next.
+"""Coordinate charts: accelerations of the joint coordinates that, taken as drives, determine the configuration; choice of the
+coordinates, the range in which they are good, and the change from one chart to the next.
 
-At a dead point of one coordinate another one moves: along the curve itself nothing is special there. A chart is good as long as its
-own coordinate does a fair share of the motion; where it does not, the joint that moves most takes over. The angles of the links,
-and the groups that have to be followed, go on from where they are.
+At a dead point of one coordinate another one moves: the configuration curve itself is regular there. A chart is good as long as its
+own coordinate has a fair share of the motion; where it has not, the joint that moves most takes over. The angles of the links, and
+the groups that have to be followed, continue from their present values.
 """
 
 from __future__ import annotations
@@ -45,11 +45,11 @@ from mechcore.records import dataclass
 from mechcore.spec.mechanism import Drive, Mechanism
 from mechcore.texts import as_coordinate
 
-WORTH_LINES = 10  # evaluations after which it pays to write the equations down: that costs as much as about five
-STRAINED_RATE = 6.0  # rate of some joint per unit rate of the leading coordinates, from which on others take over
-EASED_RATE = 0.5  # of that, at most, with those others
-MANY_SETS = 500  # sets of joints, all of which are looked at
-SAME_PLACE = 1e-9  # of positions and energies: the mechanism is where it was
+WORTH_LINES = 10  # evaluations after which it pays to write the equations out: that costs as much as about five
+STRAINED_RATE = 6.0  # joint rate per unit rate of the free coordinates, above which other coordinates take over
+EASED_RATE = 0.5  # part of the present rate that the others may have at most
+MANY_SETS = 500  # sets of joints up to which all are compared
+SAME_PLACE = 1e-9  # relative difference of positions and energies up to which the mechanism is at the same place
 
 
 def jacobian_of(motion: Motion, units: Sequence[Motion], joints: Sequence[str]) -> tuple[Real, Real]:
@@ -68,7 +68,8 @@ def jacobian_of(motion: Motion, units: Sequence[Motion], joints: Sequence[str]) 
 
 
 class Chart(Programmed):
-    """Accelerations of all coordinates (n, f). Joints that ``rest`` keep their coordinates, and `holding` gives what that takes."""
+    """Accelerations of all coordinates (n, f). Joints that ``rest`` keep their coordinates; `holding` gives the efforts that hold
+    them."""
 
     def __init__(self, compiled: Compiled, rests: Sequence[str] = ()):
         self.compiled, self.rests = compiled, tuple(rests)
@@ -88,7 +89,7 @@ class Chart(Programmed):
         return self._solve(q, v, t)[0] if lines is None else lines(q, v, t)
 
     def _solve(self, q: Real, v: Real, t: Real) -> tuple[Real, Real]:
-        """Accelerations (n, f + s), see `with_states`, and what holds the joints at rest (n, p).
+        """Accelerations (n, f + s), see `with_states`, and the efforts that hold the joints at rest (n, p).
 
         From M q'' + h = Q + G' p, G q'' + b = 0.
         """
@@ -125,8 +126,8 @@ def differences(
 
 
 def states_beside(q: Real, v: Real, t: Real, steps: tuple[Real, Real], *, itself: bool = False) -> tuple[Real, Real, Real]:
-    """States (m n, f) and times (m n,): n of them with a step of each coordinate, then of each rate, then as they are, if that is
-    wanted."""
+    """States (m n, f) and times (m n,): n of them for a step of each coordinate, then for a step of each rate, then, if ``itself``,
+    the n states without a step."""
     n, f = q.shape
     m = 2 * f + itself
     many = np.empty((2, m, n, f))
@@ -148,7 +149,7 @@ def quotients(changed: Real, steps: tuple[Real, Real]) -> tuple[Real, Real]:
 
 
 def named(mechanism: Mechanism) -> Mechanism:
-    """The mechanism in whose loads the leading joint is named where it was meant without its name."""
+    """The mechanism with the first drive's joint named in loads that refer to it without a name."""
     first = mechanism.drives[0].joint
     loads = []
     for load in mechanism.loads:
@@ -163,20 +164,21 @@ def named(mechanism: Mechanism) -> Mechanism:
 
 
 def strain(compiled: Compiled, q: Real, v: Real, t: float) -> float:
-    """Largest rate of a joint per unit rate of a free coordinate at q, v (f,); displacements over the mechanism's size."""
+    """Largest rate of a joint per unit rate of a free coordinate at q, v (f,), slides relative to the mechanism's size."""
     return float(np.abs(_chart_rates(compiled, q, v, t)[2]).max())
 
 
 def _chart_rates(compiled: Compiled, q: Real, v: Real, t: float) -> tuple[Motion, list[str], Real]:
-    """The motion at an instant, joints that could lead, and their rates per unit rate of each free coordinate (p, f)."""
+    """The motion at an instant, joints whose coordinates could be free ones, and their rates per unit rate of each free coordinate
+    (p, f)."""
     motion, units = moving(compiled, q[None], v[None], np.array([t]))
     names, rows = rates_of_joints(compiled, units)
     return motion, names, np.array([[float(np.ravel(x)[0]) for x in row] for row in rows])
 
 
 def take_over(compiled: Compiled, q: Real, v: Real, t: float, known: Sequence[Compiled]) -> tuple[Compiled, Real, Real] | None:
-    """The same mechanism, in the same place, in a better chart; its coordinates and rates (f,) there. One that is ``known`` is
-    taken again if it goes through this place. None where no other chart is better, or shows the same mechanism there."""
+    """The same mechanism, in the same place, in a better chart; its coordinates and rates (f,) there. A ``known`` chart is used
+    again if it passes through this place. None where no other chart is better, or none has the same configuration there."""
     motion, names, rows = _chart_rates(compiled, q, v, t)
     if not np.isfinite(rows).all():
         return None
@@ -202,7 +204,8 @@ def take_over(compiled: Compiled, q: Real, v: Real, t: float, known: Sequence[Co
 
 
 def _sets(rows: Real) -> list[tuple[int, ...]]:
-    """Sets of joints that could lead; where there are very many, only the one of a pivoted QR decomposition of their rates."""
+    """Sets of joints whose coordinates could be free ones; where there are very many, only that of a pivoted QR decomposition of
+    their rates."""
     p, f = rows.shape
     if comb(p, f) <= MANY_SETS:
         return list(combinations(range(p), f))
@@ -213,7 +216,7 @@ def _sets(rows: Real) -> list[tuple[int, ...]]:
 
 
 def _compiled(compiled: Compiled, motion: Motion, joints: Sequence[str], coordinates: Real) -> Compiled:
-    """The mechanism with other free coordinates, put together as it stands now; from there on the laws of drives lead."""
+    """The mechanism with other free coordinates, assembled in its present position; from there on the laws of drives lead."""
     mechanism = named(compiled.mechanism)
     poses: dict[str, tuple[float, float, float]] = {}
     for link in motion.model.links[1:]:
@@ -230,7 +233,7 @@ def _compiled(compiled: Compiled, motion: Motion, joints: Sequence[str], coordin
 
 
 def _same(motion: Motion, other: Compiled, q: Real, v: Real, t: float) -> bool:
-    """Whether a chart has all links, and all energy, where they are."""
+    """Whether a chart has the same poses of all links and the same energies as a ``motion``."""
     there = motion_at(other, q[None], v[None], np.array([t]))
     if not _same_poses(motion, there):
         return False
@@ -251,15 +254,16 @@ def _same_poses(motion: Motion, other: Motion) -> bool:
 
 
 POOR_SHARE = 0.05  # share of the motion that a chart's own coordinate must do, at least
-DEAD_SHARE = 1e-4  # share of the motion below which a joint's start says nothing of it: four digits of its speed would be lost
-FAIR_SHARE = 0.2  # below this another joint takes over, well before it gets poor
+DEAD_SHARE = 1e-4  # share of the motion below which a joint's start does not determine it: four digits of its speed would be lost
+FAIR_SHARE = 0.2  # share below which another joint takes over, well before it gets poor
 CURVE_SAMPLES = 721  # of the curve on either side of where a chart begins
-LEAST_ROOM = 1e-6  # of the range of a chart: one that ends sooner does not take over
+LEAST_ROOM = 1e-6  # part of the range of a chart: one that ends sooner does not take over
 
 
 @dataclass(frozen=True, eq=False)
 class CurveChart:
-    """A chart of the curve: the mechanism driven by its coordinate, the table, the range in which it is good (None: everywhere)."""
+    """A chart of the curve: the mechanism driven by its coordinate, the table, and the range in which it is good (None:
+    everywhere)."""
 
     compiled: Compiled
     curve: CurveEquations | Chart
@@ -267,11 +271,11 @@ class CurveChart:
 
 
 def curve_around(compiled: Compiled, q: float, tolerance: float) -> tuple[CurveEquations | Chart, tuple[float, float] | None]:
-    """The mechanism tabulated over one turn of its coordinate, or as far around ``q`` as its coordinate leads at all; then also
-    the range within which it leads well. At an edge of that, where another joint had better take over at once, no table but a
-    chart.
+    """The mechanism tabulated over one turn of its coordinate, or as far around ``q`` as its coordinate leads at all; then also the
+    range within which it leads well. At an edge of this range, where another joint should take over at once, a `Chart` instead of a
+    table.
 
-    Raises `MechanismError` where it does not lead at ``q`` itself.
+    Raises `MechanismError` at a dead point of the coordinate at ``q`` itself.
     """
     model = compiled.model
     rotary = _rotary(compiled)
@@ -301,7 +305,7 @@ def curve_around(compiled: Compiled, q: float, tolerance: float) -> tuple[CurveE
     while high < len(x) - 1 and good[high + 1]:
         high += 1
     ends = float(x[low]), float(x[high])
-    low, high = low + 1, high - 1  # what ends a chart lies within its table
+    low, high = low + 1, high - 1  # the event that ends a chart lies within its table
     while low < here and share[low] < FAIR_SHARE:
         low += 1
     while high > here and share[high] < FAIR_SHARE:
@@ -312,13 +316,14 @@ def curve_around(compiled: Compiled, q: float, tolerance: float) -> tuple[CurveE
 
 
 def _share(compiled: Compiled, q: Real) -> Real:
-    """Share of the motion that the chart's own coordinate does (n,): its rate over that of the fastest joint; 0 out of reach."""
+    """Share of the motion that the chart's own coordinate has (n,): its rate over that of the fastest joint; 0 where it cannot be
+    assembled."""
     share = _own_share(motion_at(compiled, q[:, None], np.ones((len(q), 1)), np.zeros(len(q))))
     return np.where(reached(compiled, q), share, 0.0)
 
 
 def _leads_well(unit: Motion) -> bool:
-    """Whether the chart's own coordinate has enough of the motion at a unit rate everywhere."""
+    """Whether the chart's own coordinate has a sufficient share of the motion at a unit rate everywhere."""
     return bool(np.all(_own_share(unit) >= POOR_SHARE))
 
 
@@ -331,7 +336,8 @@ def _own_share(motion: Motion) -> Real:
 
 
 def _rates(motion: Motion) -> dict[str, Real]:
-    """Sizes of the rates of all joints' coordinates (n,), displacements over the mechanism's size; any of these can lead."""
+    """Absolute rates of all joints' coordinates (n,), slides relative to the mechanism's size; any of these can be the free
+    coordinate."""
     model, speeds = motion.model, motion.speeds
     rotation_class = model.angles.rotation_class
     joints = {p.name for p in motion.mechanism.joints}  # of a cylinder the slide, not the pins that it brings along
@@ -354,7 +360,7 @@ def best_chart(
 ) -> tuple[CurveChart, float, float]:
     """The same mechanism, in the same place, led by the joint that moves most; its coordinate and rate there.
 
-    A chart that is ``known`` is taken again where it goes through this place on the same branch.
+    A ``known`` chart is used again where it passes through this place on the same branch.
     """
     motion = motion_at(compiled, np.array([[q]]), np.array([[v if v else 1.0]]), np.zeros(1))
     rates = _rates(motion)
@@ -384,7 +390,8 @@ def best_chart(
 
 
 def _place_on(chart: CurveChart, coordinate: float, rate: float) -> float | None:
-    """The coordinate on a chart's table, whole turns apart; None where it does not lead well there and farther on in its sense."""
+    """The coordinate in the range of a chart, less whole turns; None where it is not good there and a little ahead in the sense of
+    its rate."""
     if chart.valid_range is None:
         return coordinate
     low, high = chart.valid_range
@@ -398,7 +405,7 @@ def _rotary(compiled: Compiled) -> bool:
 
 
 def _at_rest(q: float) -> tuple[Real, Real, Real]:
-    """A position as `motion_at` takes it."""
+    """A position as arguments of `motion_at`: coordinate, unit rate, time 0."""
     return np.array([[q]]), np.ones((1, 1)), np.zeros(1)
 
 
@@ -410,8 +417,8 @@ def waypoints(compiled: Compiled, q: Real, t: Real) -> list[Waypoint]:
 
 
 def carried_on(compiled: Compiled, q: Real, t: float, motion: Motion) -> Compiled:
-    """A mechanism in a new chart, put together at its coordinates q (f,) at time t [s]. The angles of its links go on from those
-    of a ``motion`` (one frame) of the same mechanism there, in another chart."""
+    """A mechanism in a new chart, assembled at its coordinates q (f,) at time t [s]. The angles of its links continue from those of
+    a ``motion`` (one frame) of the same mechanism there, in another chart."""
     at = replace(_entered(compiled, q, t, motion), starts=compiled.assembly.starts)
     followed = replace(compiled, angles=UnwrappedAngles(compiled.model, motion.angles.start, at, exact=False))
     model, angles = compiled.model, motion_at(followed, q[None], np.zeros_like(q)[None], np.array([t])).angles
@@ -422,7 +429,7 @@ def carried_on(compiled: Compiled, q: Real, t: float, motion: Motion) -> Compile
 
 
 def enter(compiled: Compiled, q: Real, t: float, motion: Motion) -> Compiled:
-    """A chart that has led the motion before and does so again from its free coordinates q (f,) and the time t [s] on, as
+    """A chart that has been used before and is used again from its free coordinates q (f,) and the time t [s] on, as
     `carried_on`."""
     if len(compiled.mechanism.drives) > 1:
         at = _entered(compiled, q, t, motion)
@@ -431,7 +438,7 @@ def enter(compiled: Compiled, q: Real, t: float, motion: Motion) -> Compiled:
 
 
 def _entered(compiled: Compiled, q: Real, t: float, motion: Motion) -> Waypoint:
-    """Where a chart takes a motion over from another one, the angles of its rotation classes known."""
+    """The waypoint at which a chart takes a motion over from another one, with the angles of its rotation classes."""
     model, old = compiled.model, motion.model
     placed = motion_at(compiled, q[None], np.zeros_like(q)[None], np.array([t]))
     class_angles = raw_angles(model, [d[0] for d in placed.drives], placed.state, (1,))[:, 0]
@@ -445,7 +452,7 @@ def _entered(compiled: Compiled, q: Real, t: float, motion: Motion) -> Waypoint:
 
 
 def _starts(compiled: Compiled, at: Waypoint, motion: Motion) -> Starts:
-    """Starts of the groups that have to be followed, from those at the chart's first waypoint and what has moved since."""
+    """Starts of the groups that have to be followed, from those at the chart's first waypoint and the motion since then."""
     model, first = compiled.model, compiled.angles.at
     turning = model.angles
 

@@ -1,7 +1,7 @@
 """Equations of motion with dry friction and joints that rest on stops, as a compiled program.
 
-It is written once for a mechanism and the joints that rest. Which way every element slides, or that it sticks, is a number that it
-is given. The expressions of `contact.dry_friction` and `charts.Chart`, which compute over arrays, stand there term by term.
+It is written once for a mechanism and the joints that rest. The sense in which every element slides, or that it sticks, is an
+input. The program contains the expressions of `contact.dry_friction` and `charts.Chart`, which compute over arrays, term by term.
 """
 
 from __future__ import annotations
@@ -55,8 +55,8 @@ class Ending(IntEnum):
 
 class FrictionValues(NamedTuple):
     """States with friction: accelerations (n, f + s); of every element (n, e) friction, the limit up to which it sticks, relative
-    rate and second rate; efforts (n, c) that hold the joints at rest. ``solved``: whether there are all of these; there always
-    are rates."""
+    rate and second rate; efforts (n, c) that hold the joints at rest. ``solved``: whether all of these are valid; rates always
+    are."""
 
     acceleration: Real
     value: Real
@@ -68,10 +68,10 @@ class FrictionValues(NamedTuple):
 
 
 class ContactProgram(EquationsProgram):
-    """The equations of a mechanism while so many joints rest, with so many elements that rub; where friction jams, numpy has to do.
+    """The equations of a mechanism with given joints at rest and with friction elements; where friction jams, numpy is needed.
 
-    It is for `with_signs` of them; without there is none that rubs. ``has_phases``: it knows `phases`, with stops on the joints
-    that are ``stopped``.
+    `with_signs` sets the signs of the elements; without it they are zero. ``has_phases``: `phases` may be called, with stops on the
+    joints that are ``stopped``.
     """
 
     def __init__(self, compiled: Compiled, written: Written):
@@ -85,8 +85,8 @@ class ContactProgram(EquationsProgram):
         self._signs, self._rests = np.zeros(contacts.elements + 1), contacts.rests
 
     def with_signs(self, signs: Real, *, breaking: bool = False) -> ContactProgram:
-        """The same where elements slide by ``signs`` (e,) of their rates, 0 where they stick; ``breaking``: with the coefficients
-        of sticking."""
+        """The same program where elements slide by ``signs`` (e,) of their rates, 0 where they stick; ``breaking``: with the
+        coefficients of sticking."""
         other = copy(self)
         other._signs = np.append(signs, float(breaking))
         return other
@@ -101,7 +101,7 @@ class ContactProgram(EquationsProgram):
     def phases(
         self, rule: CollocationRule, at: Real, limits: BatchLimits, constants: Sequence[float], given: Sequence[Real]
     ) -> PhaseBatch | None:
-        """Phases one after the other, see `CompiledEquations.phases`; none next to a singular point."""
+        """Consecutive phases, see `CompiledEquations.phases`; None next to a singular point."""
         between = self._away(at[HEAD : HEAD + self._equations.freedoms])
         if between is None:
             return None
@@ -110,7 +110,8 @@ class ContactProgram(EquationsProgram):
     def settled(
         self, t: float, q: Real, v: Real, given: tuple[Real, Real], soon: float, loose: tuple[int, float] | None
     ) -> tuple[Real, Real] | None:
-        """Signs (e,) of the elements from now on and rates (f,) without what rounding has left, see `CompiledEquations.settled`."""
+        """Signs (e,) of the elements from now on and rates (f,) without rounding in those of sticking elements, see
+        `CompiledEquations.settled`."""
         if self._away(q) is None:
             return None
         kind = Ending.NOTHING if loose is None else Ending.REST if loose[1] else Ending.STICKING
@@ -126,7 +127,7 @@ class ContactProgram(EquationsProgram):
         return inertia, np.einsum("nij,nj->ni", inertia, rest[:, :f])
 
     def friction_state(self, q: Real, v: Real, t: Real) -> FrictionValues:
-        """At states (n, f) each."""
+        """Friction values at states (n, f) each."""
         self._set(self._signs)
         accelerations, rest = self._outputs(q, v, t)
         e = len(self._signs) - 1
@@ -136,7 +137,8 @@ class ContactProgram(EquationsProgram):
 
 
 def contact_program(compiled: Compiled, rests: Sequence[str], *, long: bool = False) -> ContactProgram | None:
-    """The program where one is wanted, see `Programmed.program`, and C has it. Raises `MechanismError` as `compiled_program`."""
+    """The program where one is wanted, see `Programmed.program`, and C has it; else None. Raises `MechanismError` as
+    `compiled_program`."""
     known, key = compiled.once(_known), tuple(rests)
     if not wanted(compiled, long or key in known):
         return None
@@ -160,7 +162,7 @@ def _traced(compiled: Compiled, rests: tuple[str, ...]) -> TracedEquations:
 
 
 def stopped(compiled: Compiled) -> list[str]:
-    """Joints with stops whose coordinates the program has: free ones, and slides."""
+    """Joints with stops whose coordinates the program has: slides, and driven joints where the angles are exact."""
     model, exact = compiled.model, compiled.angles.exact
     known = [(joint, model.joint_index.get(joint)) for joint in compiled.angles.start.ranges]
     return [
@@ -178,7 +180,8 @@ def _of_motion(compiled: Compiled, rests: Sequence[str] = ()) -> Written | str:
 
 
 def missing_in_c(compiled: Compiled, rests: Sequence[str] = ()) -> str | None:
-    """Why C does not have the equations of motion of a mechanism, while joints rest on stops, in words; None where it has."""
+    """The reason, in words, why C does not have the equations of motion of a mechanism while joints rest on stops; None where it
+    has."""
     if not free_of(compiled):
         return "no coordinate is free until a follower leaves its cam"
     equations = _of_motion(compiled, rests)
@@ -186,14 +189,14 @@ def missing_in_c(compiled: Compiled, rests: Sequence[str] = ()) -> str | None:
 
 
 def written_source(compiled: Compiled) -> tuple[str, int]:
-    """The program in C of equations that C has, and how many lines compute them."""
+    """Source of the C program of a mechanism's equations of motion, and the number of lines that compute them; C must have them."""
     equations = _of_motion(compiled)
     assert not isinstance(equations, str), equations
     return equations[0].source, equations[0].lines
 
 
 class _ContactWriter(EquationsWriter):
-    """The mechanism on symbols. Equations M a = Q are written solved, with a mass matrix of one."""
+    """The mechanism on symbols. Equations M a = Q are written in solved form, with the identity as mass matrix."""
 
     def __init__(self, compiled: Compiled, rests: tuple[str, ...]):
         super().__init__(compiled)
@@ -231,10 +234,10 @@ class _ContactWriter(EquationsWriter):
         return moving.state.slide[j], moving.speeds.slide[j], moving.accelerations.slide[j]
 
     def _friction(self, loaded: Motion, units: list[Motion], held: _Held) -> tuple[list[Any], list[Any], list[Any]]:
-        """Values of friction; the accelerations and the efforts that hold joints at rest which it adds."""
+        """Values of friction; the accelerations that it adds; the efforts that it adds to those that hold joints at rest."""
         code, modes, links = self.code, len(self.model.blocks), len(self.model.links)
         numbers = (code.input(f"m[{modes + i}]") for i in itertools.count())
-        elements = elements_of(loaded, signs=(s - (1.0 - abs(s)) for s in numbers))  # what sticks counts as sliding back
+        elements = elements_of(loaded, signs=(s - (1.0 - abs(s)) for s in numbers))  # sticking counts as sliding back
         count, plain = len(elements), [e.sign for e in elements]
         signs = [code.input(f"m[{modes + i}]") for i in range(count)]
         breaking, still = code.input(f"m[{modes + count}]"), [1.0 - abs(s) for s in signs]
@@ -286,7 +289,7 @@ class _Held:
         self._writer, self._mass, self._rows = writer, mass, rows
 
     def response(self, force: list[Any], second: list[Any]) -> tuple[list[Any], list[Any]]:
-        """Accelerations and what holds the constraints."""
+        """Accelerations and constraint forces."""
         f, rows = len(self._mass), self._rows
         if f == 1 and not rows:
             return [force[0] / self._mass[0][0]], []
@@ -304,7 +307,7 @@ class _Held:
 def add_inertia(
     motion: Motion, units: Sequence[Motion], response: Sequence[Values], force: list[Plane], moment: list[Values]
 ) -> None:
-    """Add to the loads on the links the inertia forces of accelerations of the coordinates, (...) each."""
+    """Add to the loads on the links the inertia forces of accelerations ``response`` of the coordinates, (...) each."""
     model = motion.model
     for k in range(1, len(model.links)):
         mass, centre, inertia = model.masses[k]

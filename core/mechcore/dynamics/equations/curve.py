@@ -1,9 +1,9 @@
 """One freedom: the mechanism on its configuration curve, with masses and forces reduced to one coordinate once and for all.
 
-J(q), and the reduced force Q(q) of all loads that depend on the position alone, are tabulated over the whole way (one turn where
-it is periodic); J' and the work of Q follow from the same polynomials, so that the energy balance of the tabulated system is
-exact. Beside them stands C(q), the reduced force per unit rate of all loads in proportion to speeds (dampers, oil). Other loads
-that depend on speed or time are evaluated where they are needed. Then J q'' + J' q'^2 / 2 = Q + C q'.
+J(q), and the reduced force Q(q) of all loads that depend on the position alone, are tabulated over the whole range (one turn where
+the mechanism is periodic); J' and the work of Q follow from the same polynomials, so that the energy balance of the tabulated
+system is exact. The table also has C(q), the reduced force per unit rate of all loads proportional to speeds (dampers, oil). Other
+loads that depend on speed or time are evaluated where they are needed. Then J q'' + J' q'^2 / 2 = Q + C q'.
 """
 
 from __future__ import annotations
@@ -30,21 +30,21 @@ from mechcore.records import dataclass
 
 FIRST_PANELS = 8  # panels of the first try
 EQUAL_PANELS = 64  # panels of a table, beside the shorter ones next to singular positions
-SHORT_PANEL = 0.1  # of the width of an equal panel: features that are less wide need shorter ones
-# Halvings next to a singular position; conditions beyond the inverse of that are looked at
+SHORT_PANEL = 0.1  # part of the width of an equal panel: narrower features need shorter panels
+# Halvings next to a singular position; inverse conditions below the second are examined
 MOST_HALVINGS, CLOSE_CONDITION = 24, 0.3
-MOST_TIMES = 16  # as many positions: they gather at singular places, and are everywhere only where rounding decides
-SINGULAR_ROUNDING = 1e-4  # next to a singular position rounding is that much at most
-MOST_BENDS, SEARCH_ROUNDS = 64, 16  # of cams that a table's panels end at; 32^16 are more than there are numbers between two places
-SAME_ENERGY = 1e-3  # of an energy: two ways to find it differ by less
-REPEATED_VALUE = 1e-9  # of the largest value: what differs by less a turn later is the same
-LITTLE_ENERGY = 1e-3  # of the work from one end of a table: kinetic energies below that are no differences of work
+MOST_TIMES = 16  # as many positions, at most: they gather at singular positions, and are everywhere only where rounding decides
+SINGULAR_ROUNDING = 1e-4  # relative rounding next to a singular position, at most
+MOST_BENDS, SEARCH_ROUNDS = 64, 16  # of cams at which a table's panels end; 32^16 exceeds the count of numbers in an interval
+SAME_ENERGY = 1e-3  # part of an energy: two ways to compute it differ by less
+REPEATED_VALUE = 1e-9  # part of the largest value: values that differ by less a turn later are the same
+LITTLE_ENERGY = 1e-3  # part of the work from one end of a table: smaller kinetic energies are not taken as differences of work
 
 
 @dataclass(frozen=True, eq=False)
 class CurveEquations(Programmed):
-    """``table``: J, the tabulated part of Q and, where loads are in proportion to speeds, C; ``both``: these, their derivatives,
-    and J''; ``rest``: effects that are not in the table; ``beside_singular``: whether it comes close to singular positions."""
+    """``table``: J, the tabulated part of Q and, where loads are proportional to speeds, C; ``both``: these, their derivatives, and
+    J''; ``rest``: effects that are not in the table; ``beside_singular``: whether it comes close to singular positions."""
 
     compiled: Compiled
     table: Panels
@@ -86,9 +86,9 @@ class CurveEquations(Programmed):
         return float(np.abs(self._work.coefficients[:, :, 1]).sum(axis=1).max())
 
     def kinetic_energy(self, q: float, v: float, before: tuple[float, float]) -> float:
-        """At q, v; where forces depend on the position alone, by the work that they have done since the position and speed
-        ``before``: this keeps the digits that speeds next to a dead point lose. Where it is little beside that work, it would lose
-        digits itself."""
+        """Kinetic energy at q, v. Where forces depend on the position alone, it follows from their work since the position and
+        speed ``before``: this keeps the digits that speeds next to a dead point lose. An energy that is small beside that work
+        follows from v, as the difference would lose digits."""
         plain = 0.5 * self.inertia(q) * v * v
         if not self.conservative or plain < LITTLE_ENERGY * self._most_work:
             return plain
@@ -100,7 +100,7 @@ class CurveEquations(Programmed):
         return exact if abs(exact - plain) < SAME_ENERGY * plain else plain
 
     def kept(self, before: tuple[float, float], q: Real, v: Real) -> Real:
-        """The speed (1,) at q (1,) at which `kinetic_energy` is what it says."""
+        """The speed (1,) at q (1,) that corresponds to `kinetic_energy`, with the sign of v."""
         energy = self.kinetic_energy(float(q[0]), float(v[0]), before)
         return np.asarray(np.copysign(np.sqrt(2.0 * energy / self.inertia(float(q[0]))), v))
 
@@ -132,10 +132,10 @@ class CurveEquations(Programmed):
 
 
 def beside_singular(compiled: Compiled, x: Real, at_x: Motion | None = None) -> Real:
-    """Positions (n,) in ascending order, with more of them (m,) between where a group comes close to a singular position: in the
-    end two neighbours are about as far apart as that is away. ``at_x``: a motion at a unit rate whose last frames are there.
+    """Positions (n,) in ascending order, with more of them (m,) in between where a group comes close to a singular position: there,
+    the distance of neighbours is about their distance from it. ``at_x``: a motion at a unit rate whose last frames are there.
 
-    The group's condition gives that distance: its inverse falls in proportion, and hardly faster than its slope nearby says.
+    The group's condition gives that distance: its inverse is proportional to it, and hardly falls faster than its slope nearby.
     """
 
     def distances(q: Real, unit: Motion) -> Real:
@@ -194,8 +194,8 @@ def _fitted(
 
 
 def _bends(compiled: Compiled, low: float, high: float) -> Real:
-    """Positions (n,) between two others, in order, at which a cam goes over to another form of its law: a derivative of J or Q
-    jumps there. None where they are very many, as of a measured profile, which is as good as smooth."""
+    """Positions (n,) between two others, in order, at which a cam changes the form of its law: a derivative of J or Q jumps there.
+    Empty where they are very many, as of a measured profile, which is practically smooth."""
     if not any(r.kind == "cam" for r in compiled.model.relations):
         return np.zeros(0)
 
@@ -225,11 +225,11 @@ def whole_turn(
     usable: Callable[[Motion], bool] = lambda _: True,
     most_strain: float = np.inf,
 ) -> CurveEquations | None:
-    """Reduce the mechanism to its free coordinate over one turn, after which everything repeats; None where it does not, or where
-    the coordinate does not lead over the whole turn, as ``usable`` says of the motion at a unit rate, or where some joint then has
-    a rate of more than ``most_strain``.
+    """Reduce the mechanism to its free coordinate over one turn, after which everything repeats; None where it does not repeat, or
+    where the coordinate does not lead over the whole turn: ``usable`` tests the motion at a unit rate, and no joint's rate may
+    exceed ``most_strain``.
 
-    All that this takes is read off one set of positions: the nodes of the table, some of them a turn later, and the ends of panels.
+    All of this needs a single set of positions: the nodes of the table, some of them a turn later, and the ends of panels.
     """
     singular_points = compiled.singular_points
     if singular_points is not None and singular_points.unreachable:
@@ -252,7 +252,7 @@ def whole_turn(
     fixed, rest = _parted(compiled, lambda: unit)
     forces = {e: np.broadcast_to(_force(e, unit), unit.shape) for e in fixed}
     repeating = [e for e, f in forces.items() if np.abs(f[twice] - f[once]).max() <= REPEATED_VALUE * np.abs(f).max()]
-    rest += [e for e in fixed if e not in repeating]  # torsion springs, and tables over an angle that goes on
+    rest += [e for e in fixed if e not in repeating]  # torsion springs, and tables over an unwrapped angle
     known = _columns(unit, {e: forces[e] for e in repeating})[: len(x)]
     values = _values(compiled, repeating, usable)
     table, singular = _fitted(compiled, values, low, low + TURN, periodic=True, tolerance=tolerance, known=known, unit=unit)
@@ -260,8 +260,8 @@ def whole_turn(
 
 
 def _by_program(compiled: Compiled, usable: Callable[[Motion], bool], most_strain: float) -> Callable[[Real], Real] | None:
-    """As `_values`, by the equations in C where they are wanted, positions follow from that of the drive and from modes alone, and
-    forces from positions; None elsewhere."""
+    """As `_values`, by the equations in C. None unless C is wanted, positions follow from the drive's position and the modes alone,
+    and forces depend on positions only."""
     effects = [e for e in effects_of(compiled.mechanism) if "accelerations" not in e.needs]
     alone = len(compiled.mechanism.drives) == 1 and not (compiled.model.relations or compiled.followed)
     alone = alone and all(e.needs <= {"positions"} for e in effects)
@@ -281,8 +281,8 @@ def _by_program(compiled: Compiled, usable: Callable[[Motion], bool], most_strai
 
 
 def _parted(compiled: Compiled, everywhere: Callable[[], Motion]) -> tuple[list[Effect], list[Effect]]:
-    """Effects that depend on the position alone, or beside it in proportion on speeds, and are smooth in it ``everywhere``, and the
-    others."""
+    """Effects that can be tabulated, and the others. The former depend on the position alone or are proportional to speeds, and are
+    smooth; limits of their laws hold in the motion ``everywhere``."""
     effects = [e for e in effects_of(compiled.mechanism) if "accelerations" not in e.needs]
     fixed = [e for e in effects if (e.needs <= {"positions"} or e.proportional) and not e.piecewise]
     if any(e.limited for e in fixed):
@@ -301,7 +301,8 @@ def _holds(effect: Effect, motion: Motion) -> bool:
 
 
 def _unit(compiled: Compiled, q: Real) -> Motion:
-    """The mechanism at positions (n,) of its coordinate, which runs at a unit rate: angles are followed by that."""
+    """The mechanism at positions (n,) of its coordinate, which runs at a unit rate; the time of a position is its distance from the
+    first, by which angles are followed."""
     return motion_at(compiled, q[:, None], np.ones((len(q), 1)), q - q[0])
 
 
@@ -323,7 +324,7 @@ def _values(
 
 
 def _columns(unit: Motion, forces: Mapping[Effect, Values]) -> Real:
-    """J and Q (n, 2), and C (n, 3) where a force is in proportion to speeds, from the forces at a unit rate."""
+    """J and Q (n, 2), and C (n, 3) where a force is proportional to speeds, from the forces at a unit rate."""
     none = np.zeros(unit.frames)
     columns = [2.0 * kinetic_energy(unit), sum((f for e, f in forces.items() if not e.proportional), none)]
     if any(e.proportional for e in forces):
@@ -339,7 +340,7 @@ def _curve(compiled: Compiled, table: Panels, singular: bool, rest: Sequence[Eff
 
 
 def _clear_of(singular_points: SingularPoints, start: float, q: float) -> float:
-    """Where the first panels have to begin, next to ``q``, so that no node comes close to a change, where positions are
+    """Start of the first panels, next to ``q``, such that no node comes close to a singular point, where positions are
     interpolated."""
     if not singular_points.points:
         return q

@@ -1,7 +1,7 @@
 """Motion of one freedom by its energy, where all forces depend on the position alone.
 
-Then T(q) = T_0 + integral of Q dq, q'^2 = 2 T / J, and time is a plain integral, t = integral of dq / q': no step in time is
-made at all. At turning points, where q' vanishes, a quadratic substitution makes the integrand smooth (theory 8.3).
+Then T(q) = T_0 + integral of Q dq, q'^2 = 2 T / J, and time is a plain integral, t = integral of dq / q': no time steps are needed.
+At turning points, where q' vanishes, a quadratic substitution makes the integrand smooth (theory 8.3).
 """
 
 from __future__ import annotations
@@ -22,15 +22,15 @@ from mechcore.records import dataclass
 
 _X, _W = np.polynomial.legendre.leggauss(12)
 _GAUSS = 0.5 * (_X + 1.0), 0.5 * _W
-PANEL_SAMPLES = 24  # of a panel, at which it is seen whether the motion turns back
+PANEL_SAMPLES = 24  # of a panel, at which the search for turning points begins
 _SAMPLED = chebvander(np.linspace(-1.0, 1.0, PANEL_SAMPLES), PANEL_NODES)
 _ALTERNATING = (-1.0) ** np.arange(PANEL_NODES + 1)[:, None]
 
 
 @dataclass(frozen=True, eq=False)
 class Leg:
-    """A way without turning back: ``q = start + length f(u)``, u in [0, 1], f by ``ends`` (which ends are turning points);
-    ``clock``: dt/du and t(u) - ``time`` as panels, which are evaluated ``by_c`` or by numpy."""
+    """A part of the motion without reversal: ``q = start + length f(u)``, u in [0, 1], f by ``ends`` (which ends are turning
+    points); ``clock``: dt/du and t(u) - ``time`` as panels, which are evaluated ``by_c`` or by numpy."""
 
     start: float
     length: float
@@ -51,7 +51,8 @@ class Leg:
 
     @property
     def back(self) -> Leg:
-        """The same way back, between two turning points: what took time t from its start takes time t to its end."""
+        """The same leg backwards, between two turning points: a position at time t after its start is passed at time t before its
+        end."""
         rate, clock = np.moveaxis(self.clock.coefficients[::-1] * _ALTERNATING, 2, 0)
         clock = -clock
         clock[:, 0] += self.duration
@@ -87,7 +88,7 @@ class Leg:
 
 
 def _displacement(u: Real, ends: tuple[bool, bool]) -> tuple[Real, Real, Real]:
-    """f(u) on [0, 1], 1 - f(u) to all digits, and the slope of f: flat at the ends that are turning points."""
+    """f(u) on [0, 1], 1 - f(u) without cancellation, and the slope of f, which is zero at ``ends`` that are turning points."""
     if ends == (True, True):
         f, rest = np.sin(0.5 * np.pi * u), np.cos(0.5 * np.pi * u)
         return f * f, rest * rest, np.pi * f * rest
@@ -99,7 +100,7 @@ def _displacement(u: Real, ends: tuple[bool, bool]) -> tuple[Real, Real, Real]:
 
 
 def _place(before: float, after: float, ends: tuple[bool, bool]) -> float:
-    """The u at which `_displacement`, from a turning point on, has gone ``before`` and has ``after`` still before it."""
+    """The u at which `_displacement`, from a turning point on, has covered ``before`` and has ``after`` left."""
     return float(np.arctan2(np.sqrt(before), np.sqrt(after)) / (0.5 * np.pi) if ends[1] else np.sqrt(before / (before + after)))
 
 
@@ -133,15 +134,15 @@ class EnergyMotion:
 
     @property
     def last(self) -> float:
-        """When it has gone through its legs [s]."""
+        """Time at which the last leg ends [s]."""
         return self.legs[-1].time + self.legs[-1].duration
 
     @property
     def repeats(self) -> float | None:
-        """From when on all that has happened since the start happens again [s]; None where it does not."""
+        """Time [s] from which on the motion since the start repeats; None where it does not."""
         if self.period is None:
             return None
-        return self.last if self.last >= self.period else self.last + self.period  # the first leg may begin before the start
+        return self.last if self.last >= self.period else self.last + self.period  # the first leg may begin before t = 0
 
     def boundaries(self, end: float) -> Real:
         """Times until ``end`` [s] between which the motion is one smooth function."""
@@ -153,13 +154,13 @@ class EnergyMotion:
         return np.asarray(times[(times >= 0.0) & (times < end)])
 
 
-# Of the largest energy: below, its last digits decide how far a swing goes, and its table would be fitted in vain
+# Part of the largest energy: below it, rounding decides how far a swing goes, and no table of it can be fitted
 SMALL_ENERGY = 1e-10
-SAME_BEND = 1e-9  # of a leg: bends that are so close to each other are one
+SAME_BEND = 1e-9  # part of a leg: breakpoints so close to each other are one
 FIRST_PANELS = 16  # panels of a leg's clock, at least: so few cost no more than one
-FIRST_PANELS_ROUND = 40  # the same of a leg that turns back nowhere: fewer would be halved, which costs more than they do
-NO_GAIN = 1e-13  # of the largest energy: what a turn brings less than that is the table's rounding
-LEAST_LEFT = 1e-6  # of the largest energy: where more kinetic energy is left everywhere, the motion turns back nowhere
+FIRST_PANELS_ROUND = 40  # the same of a leg without turning points: fewer would have to be halved, which costs more
+NO_GAIN = 1e-13  # part of the largest energy: a smaller gain in a turn is rounding of the table
+LEAST_LEFT = 1e-6  # part of the largest energy: where more kinetic energy is left everywhere, the motion does not turn back
 
 
 def by_energy(
@@ -171,10 +172,10 @@ def by_energy(
     tolerance: float = 1e-13,
     progress: Callable[[float], None] | None = None,
 ) -> EnergyMotion | None:
-    """The motion from q0, v0 for ``duration`` [s]; None where this way does not lead on (rest in an equilibrium, a way towards an
-    unstable equilibrium, a swing about one that is too small to be seen in the energy, the end of the tabulated range), or where
-    the table comes close to singular positions. ``progress`` gets the time reached. Raises `MechanismError` where it gains
-    speed for more than `MOST_TURNS`."""
+    """The motion from q0, v0 for ``duration`` [s]; None where the energy does not give it (rest in an equilibrium, approach to an
+    unstable equilibrium, a swing too small to be resolved in the energy, the end of the tabulated range), or where the table comes
+    close to singular positions. ``progress`` gets the time reached. Raises `MechanismError` where it gains speed for more than
+    `MOST_TURNS`."""
     if curve.beside_singular:
         return None
     by_c = curve.compiled.executor == "c"
@@ -199,12 +200,12 @@ def by_energy(
         return None
     legs: list[Leg] = []
     q, t, from_rest = q0, 0.0, not v0
-    whole = curve.table.high - curve.table.low  # a turn, or all that a table which does not repeat has: an angle or a length
+    whole = curve.table.high - curve.table.low  # a turn, or the range of a table that does not repeat: an angle or a length
     reach = whole
     before = 0.0 if from_rest else _travel_to_turn(work, q0, kinetic, -sign, reach)
     if before is None or not np.isfinite(before):
         before = 0.0
-    elif before > 0.0:  # it comes from a turning point: from there on, the motion is smooth in `_displacement`'s parameter
+    elif before > 0.0:  # it comes from a turning point, from which the motion is smooth in `_displacement`'s parameter
         from_rest = True
     while t < duration and len(legs) < 100_000:
         travel = _travel_to_turn(work, q, kinetic, sign, reach)
@@ -244,7 +245,7 @@ def by_energy(
 
 def _swings(curve: CurveEquations, q0: float, force: float, slope: float, twice_kinetic: float) -> bool:
     """Whether a motion near q0 stays about an equilibrium there: the force drives it back at twice the linear amplitude on both
-    sides. A small force at the start alone proves nothing: a machine may be spun up from where its springs hold the balance."""
+    sides. A small force at the start alone is no proof: a machine may be spun up from an equilibrium of its springs."""
     if not slope < 0.0:
         return bool(force == 0.0)
     centre = q0 - force / slope
@@ -272,13 +273,14 @@ class _Work:
         return inertia, turns * self.per_turn + work
 
     def at(self, q: float) -> float:
-        """The work at one position; several ask for that at the same one."""
+        """The work at one position; values are kept, as they are used repeatedly."""
         if q not in self._known:
             self._known[q] = float(self(np.array([q]))[1][0])
         return self._known[q]
 
     def never_turns(self, q: float, kinetic: float, sign: float) -> bool:
-        """Whether from q on, with that kinetic energy, no place is too high, since no turn brings less work, but for rounding."""
+        """Whether the motion from q with this kinetic energy never turns back: no position takes all energy, and no turn loses any
+        but for rounding."""
         if not self.periodic or sign * self.per_turn < -NO_GAIN * self.largest:
             return False
         turns = np.floor((q - self.low) / (self.high - self.low))
@@ -286,7 +288,8 @@ class _Work:
         return kinetic + self.lowest - done > LEAST_LEFT * self.largest
 
     def near(self, q: float, travel: Real) -> Real:
-        """Work (n,) on signed ways (n,) from q on that are no longer than a panel, to all digits however short they are."""
+        """Work (n,) on signed displacements (n,) from q, no longer than a panel, with full relative accuracy however short they
+        are."""
         first = self.table.within_panel(q, travel)
         out = self._short(np.full(travel.size, q), first)
         over = first != travel
@@ -294,12 +297,12 @@ class _Work:
         return out
 
     def _short(self, q: Real, travel: Real) -> Real:
-        """Work (n,) on signed ways (n,) from q (n,) on, within a panel each."""
+        """Work (n,) on signed displacements (n,) from q (n,), within a panel each."""
         force = self.table((q[:, None] + travel[:, None] * _GAUSS[0]).ravel())[:, 1].reshape(travel.size, _GAUSS[0].size)
         return np.asarray(travel * (force @ _GAUSS[1]))
 
     def gain(self, q: float, travel: Real) -> Real:
-        """Work (n,) on signed ways (n,) from q on."""
+        """Work (n,) on signed displacements (n,) from q."""
         out = self(q + travel)[1] - self.at(q)
         short = np.abs(travel) <= self.table.least
         if short.any():
@@ -309,20 +312,21 @@ class _Work:
 
 @lru_cache(8)
 def _integrated(table: Panels) -> tuple[Panels, float, float, float]:
-    """A table of J and Q with the work of Q; this over a turn, the largest and the lowest. Further motions have the same table."""
+    """A table of J and Q with the work of Q; this work over the table, its bound, and its lowest value. Further motions have the
+    same table."""
     both = table.with_integral(1)
     integral = both.coefficients[:, :, 2]
     return both, float(integral[-1].sum()), float(np.abs(integral).sum(axis=1).max()), float((_SAMPLED @ integral.T).min())
 
 
 def _room(table: Panels, q: float, sign: float) -> float:
-    """How far a table that does not repeat leads on."""
+    """Distance from q to the end of a table that does not repeat."""
     return table.high - q if sign > 0 else q - table.low
 
 
 def _travel_to_turn(work: _Work, q: float, kinetic: float, sign: float, reach: float) -> float | None:
-    """How far the motion leads from q, where it has some kinetic energy, to its turning point; infinite where that lies beyond
-    ``reach`` or the table's end, None where it is unknown (no room, an equilibrium at the very end)."""
+    """Distance from q, where the motion has some kinetic energy, to its turning point; infinite where that lies beyond ``reach`` or
+    the table's end, None where it is unknown (no room, an equilibrium at the very end)."""
     table = work.table
     span = reach if table.periodic else min(reach, _room(table, q, sign))
     if span <= 0:
@@ -333,7 +337,7 @@ def _travel_to_turn(work: _Work, q: float, kinetic: float, sign: float, reach: f
     travels = span * (np.arange(1, per + 1) / per)
     left = kinetic + work(q + sign * travels)[1] - work.at(q)
     out = np.flatnonzero(left <= 0.0)
-    if len(out) and out[0] == 0:  # a short way, or rounding next to a start at rest
+    if len(out) and out[0] == 0:  # a short distance, or rounding next to a start at rest
         short = travels[0] * 2.0 ** np.arange(-MOST_HALVINGS, 1.0)
         out_near = np.flatnonzero(kinetic + work.near(q, sign * short) <= 0.0)
         if len(out_near) and (out_near[0] or kinetic):
@@ -349,7 +353,8 @@ MOST_HALVINGS = 40  # halvings of the first sample: a displacement of 1e-12 of i
 
 
 def _turn(work: _Work, q: float, kinetic: float, sign: float, low: float, high: float) -> float | None:
-    """The way between two others at which the kinetic energy is used up: Newton's method, and halving where that leads astray."""
+    """The displacement between two others at which the kinetic energy is used up, by Newton's method safeguarded by bisection; None
+    where it is an equilibrium."""
     travel, before = 0.5 * (low + high), np.inf
     for _ in range(200):
         left = kinetic + float(work.gain(q, np.array([sign * travel]))[0])
@@ -362,7 +367,7 @@ def _turn(work: _Work, q: float, kinetic: float, sign: float, low: float, high: 
         if not low <= new <= high:
             new = 0.5 * (low + high)
         change, travel = abs(new - travel), new
-        if change <= 4e-16 * travel or before <= change <= 1e-12 * travel:  # the last digits waver
+        if change <= 4e-16 * travel or before <= change <= 1e-12 * travel:  # the last digits fluctuate
             break
         before = change
     return travel if float(work.table(np.array([q + sign * travel]))[0, 1]) else None
@@ -372,7 +377,7 @@ def _clock(work: _Work, start: float, length: float, ends: tuple[bool, bool], ki
     """dt/du and t(u) of a leg from ``start``, where it has a kinetic energy, over a signed ``length``; None where no table of
     them is found.
 
-    T = length f(u) Q, with Q the mean force on the way from a turning point: what vanishes there, f, is taken out of the root.
+    T = length f(u) Q, with Q the mean force from a turning point on: the factor f, which vanishes there, is taken out of the root.
     """
     size, width = abs(length), work.table.least
     until = work.at(start)
@@ -383,7 +388,7 @@ def _clock(work: _Work, start: float, length: float, ends: tuple[bool, bool], ki
         inertia, done = work(q)
         energy = kinetic + (done - until)
         first = np.zeros(len(u), bool)
-        if size <= width:  # all of it by integrals from its start, which keep the digits of small differences
+        if size <= width:  # the whole leg by integrals from its start, which keep the digits of small differences
             first = f <= rest if ends[1] else f >= 0.0
             energy[first] = kinetic + work.near(start, length * f[first])
         elif ends[0]:
@@ -392,7 +397,7 @@ def _clock(work: _Work, start: float, length: float, ends: tuple[bool, bool], ki
         if ends[1]:
             last = ~first & (size * rest < width)
             energy[last] = work.near(start + length, -length * rest[last])
-        inertia = np.maximum(inertia, 0.0)  # a table of what nearly vanishes may miss it
+        inertia = np.maximum(inertia, 0.0)  # a table of an inertia that nearly vanishes may be negative
         return (size * slope * np.sqrt(0.5 * inertia / np.maximum(energy, 1e-300)))[:, None]
 
     panels, left = fit_where_needed(rate, _edges(work.table, start, length, ends), tolerance=tolerance)
@@ -400,7 +405,8 @@ def _clock(work: _Work, start: float, length: float, ends: tuple[bool, bool], ki
 
 
 def _edges(table: Panels, start: float, length: float, ends: tuple[bool, bool]) -> Real:
-    """Values of `_displacement`'s parameter between which a leg's time is one smooth function; unequal panels end at bends."""
+    """Values of `_displacement`'s parameter between which a leg's time is one smooth function; unequal panels end at
+    breakpoints."""
     if table.boundaries is None:
         least = FIRST_PANELS if any(ends) else FIRST_PANELS_ROUND
         return np.linspace(0.0, 1.0, max(least, round(abs(length) / table.width)) + 1)

@@ -1,8 +1,8 @@
-"""Equations of motion as straight lines of numpy: without a compiler, too, the code is written down once and not run through again.
+"""Equations of motion as straight-line numpy code: even without a compiler, the general code is traced once and not run again.
 
 With several freedoms the windows of an integration are short, and each of numpy's calls on their few nodes costs more than its
-arithmetic. The code of positions, rates, effects and reduction makes some 300 of them for a double pendulum; on symbols it writes
-down 90 lines, as equal terms and plain zeros and ones are left out. Lines of C and of Python are the same but for a few words.
+arithmetic. The code of positions, rates, effects and reduction makes some 300 of them for a double pendulum; traced on symbols it
+gives 90 lines, as equal terms and plain zeros and ones are left out. Lines of C and of Python differ in a few words only.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from mechcore.laws.timed import Free
 from mechcore.motion.compiled import Compiled
 from mechcore.numerics.frames import QUIET
 
-MOST_LINES = 4000  # beyond them numpy's calls on whole lists of links are no more
+MOST_LINES = 4000  # beyond them the general code, which works on whole lists of links, makes no more numpy calls
 CHOICE = re.compile(r"= (\S+) != 0\.0 \? (\S+) : (\S+);")
 NUMPY_FUNCTIONS = (
     "cos",
@@ -52,11 +52,11 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     "leg": lambda r, y, _: leg(r, y),
     **{name: getattr(np, name) for name in NUMPY_FUNCTIONS},
 }
-"""Functions that lines of C may call, by their names there: the others read tables, in the way of C."""
+"""Functions that lines of C may call, by their names there; the others read tables in C only."""
 
 
 class StraightLines:
-    """The equations of motion of a mechanism as a function of arrays: ``self(q, v, t)`` are accelerations as `Chart` gives them."""
+    """The equations of motion of a mechanism as a function of arrays: ``self(q, v, t)`` gives accelerations as `Chart` does."""
 
     def __init__(self, compiled: Compiled, traced: TracedEquations):
         code, (outputs, *_), (self.freedoms, self.states), *_ = traced
@@ -68,7 +68,7 @@ class StraightLines:
         space: dict[str, Any] = dict(FUNCTIONS)
         exec(f"def computed(p, m, q, v, t, d, w, o):\n    pass\n    {body}", space)
         self._computed = space["computed"]
-        self._numbers = [np.array(x) for x in numbers]  # numpy takes them quicker than plain numbers
+        self._numbers = [np.array(x) for x in numbers]  # numpy takes arrays faster than plain numbers
         self._modes = [np.array(float(x)) for x in compiled.assembly.modes]
         self._laws = [d.law for d in compiled.mechanism.drives if not isinstance(d.law, Free)]
         self._of_time, self._count = tuple(code.of_time), len(outputs)
@@ -90,7 +90,7 @@ class StraightLines:
 
 
 def python_of(line: str) -> str:
-    """A line of C in Python. Raises `Untraceable` where it calls what numpy does not have."""
+    """A line of C in Python. Raises `Untraceable` where it calls a function that numpy does not have."""
     line = CHOICE.sub(r"= chosen(\1 != 0.0, \2, \3);", line).removeprefix("const double ").replace("(double)", "1.0 * ").rstrip(";")
     for name in re.findall(r"(\w+)\(", line):
         if name not in FUNCTIONS:
@@ -119,12 +119,12 @@ def solved_by_lines(triangle: Sequence[Values], rhs: Sequence[Values]) -> list[V
 
 
 def straight_lines(compiled: Compiled) -> StraightLines | None:
-    """The equations of a mechanism as lines of numpy; None where they cannot be written so. Ask for it by `Compiled.once`."""
+    """The equations of a mechanism as lines of numpy; None where they cannot be written so. Call it through `Compiled.once`."""
     points = compiled.singular_points
     if compiled.accuracy.differentiation != "exact" or (points is not None and points.points):
         return None
     try:
         traced = traced_equations(compiled)
-        return None if traced.outputs[1] else StraightLines(compiled, traced)  # angles that are followed depend on what was before
+        return None if traced.outputs[1] else StraightLines(compiled, traced)  # followed angles depend on the states before
     except Untraceable:
         return None

@@ -1,8 +1,8 @@
-"""Equations of motion as a compiled program, with what it is given: laws of prescribed drives, angles that it follows.
+"""Equations of motion as a compiled program, with its inputs: laws of prescribed drives, angles that it follows.
 
 The code of positions, rates, effects and reduction runs on symbols, which writes the reduced equations out in C. Where C lacks
-something (loads that are functions of Python) the reason is given in words, and numpy does all. Dry friction and joints that rest
-on stops are in `contacts`.
+something (loads that are functions of Python) the reason is given in words, and numpy evaluates them. Dry friction and joints that
+rest on stops are in `contacts`.
 """
 
 from __future__ import annotations
@@ -52,12 +52,12 @@ from mechcore.motion.motion import Motion
 from mechcore.spec.mechanism import braked
 
 T = TypeVar("T")
-TURNED = "turned"  # of what is followed: the angle of a group from the start pose on, which Newton's unknown need not be
-GONE = "gone"  # whole turns of a rotation class, which stay as they are: see `_gone`
+TURNED = "turned"  # kind of followed unknown: the angle of a group from the start pose on, which may differ from Newton's unknown
+GONE = "gone"  # kind of followed unknown: whole turns of a rotation class, which are constant, see `_gone`
 
 
 def _gone(motion: Motion, rotation_class: int) -> Real:
-    """Whole turns (n,) [rad] by which the angle of a rotation class has gone on from what its group and its drives make: where a
+    """Whole turns (n,) [rad] by which the angle of a rotation class exceeds the sum of its group's and its drives' angles: where a
     chart took over, links may have turned farther than those coordinates show."""
     turning = motion.model.angles
     group = turning.class_group[rotation_class]
@@ -67,7 +67,8 @@ def _gone(motion: Motion, rotation_class: int) -> Real:
 
 
 class EquationsProgram:
-    """The equations of motion of a compiled mechanism, ready to run. It is given so many ``more`` numbers beside the modes."""
+    """The equations of motion of a compiled mechanism, ready to run. ``more``: count of the numbers that it is given beside the
+    modes."""
 
     def __init__(self, compiled: Compiled, written: WrittenEquations, followed: tuple[Unknown, ...], more: int = 0):
         self.compiled, self.followed = compiled, followed
@@ -76,26 +77,26 @@ class EquationsProgram:
         self._of_time = written.of_time
         curves = [numbers_of_time(function) for function in (*self._laws, *self._of_time)]
         known = [numbers for numbers in curves if numbers is not None]
-        self.timed = len(known) == len(curves)  # C knows all functions of the time
+        self.timed = len(known) == len(curves)  # C has all functions of time
         modes = [*compiled.assembly.modes, *[0.0] * more]
         self._equations = CompiledEquations(written, modes, scales, known if self.timed else None)
         points = compiled.singular_points
         self._singular = points if points is not None and points.by_drive and points.points else None
-        self.partial = self._singular is not None  # next to singular points numpy has to do
+        self.partial = self._singular is not None  # next to singular points numpy is needed
         self.everywhere = not (self.partial or followed)  # any states at once
-        self.alone = self.timed and not self.partial  # no values of drives or other functions of the time are needed
+        self.alone = self.timed and not self.partial  # no values of drives or other functions of time need be given
 
     @property
     def has_forms(self) -> bool:
-        """Whether it knows the forms of all laws that have several."""
+        """Whether it evaluates the forms of all laws that have several."""
         return bool(self._equations.kinds) and self.everywhere
 
     def __call__(self, q: Real, v: Real, t: Real) -> Real:
-        """Accelerations (n, f); where angles are followed, of states in order of time that are near each other."""
+        """Accelerations (n, f); where angles are followed, the states must be in order of time and near each other."""
         return self._equations.accelerations(q, v, t, self._drives(t), self.near(q[:1], v[:1], t[:1]))
 
     def reduced(self, q: Real, v: Real, t: Real) -> tuple[Real, Real]:
-        """M (n, f, f) and Q - h (n, f) at free coordinates and rates (n, f), near each other, whatever the states are."""
+        """M (n, f, f) and Q - h (n, f) at free coordinates and rates (n, f), near each other; states of effects are zero."""
         states = self._equations.freedoms - q.shape[1]
         if states:
             q, v = (np.column_stack([x, np.zeros((len(x), states))]) for x in (q, v))
@@ -118,8 +119,8 @@ class EquationsProgram:
         return float(self._equations.strain(q, v, t, self._drives(t), self.near(q, v, t))[0])
 
     def at_rest(self, q: Real) -> Real | None:
-        """M, Q - h and the largest rate of a joint per unit rate (n, 3) at positions (n,) of the only drive, where the program has
-        nothing to follow and no laws; None where one of them is near a singular point."""
+        """M, Q - h and the largest rate of a joint per unit rate (n, 3) at positions (n,) of the only drive, where the program
+        follows nothing and has no laws; None where a position is near a singular point."""
         away = q - self.compiled.start[0]
         modes = np.repeat(self._equations.modes[None], len(q), axis=0)
         if self._singular is not None:
@@ -150,7 +151,8 @@ class EquationsProgram:
         return np.array([float(np.ravel(of[what](i))[0]) for what, i in self.followed])
 
     def window(self, rule: CollocationRule, trial: WindowTrial) -> tuple[Real, int] | None:
-        """Accelerations at the nodes of a window as `solve_window` of numpy; None, too, where it comes near a singular point."""
+        """Accelerations at the nodes of a window as `solve_window` of numpy gives them; None also where it comes near a singular
+        point."""
         t0, h, q, v = trial[:4]
         if self._away(q) is None:
             return None
@@ -162,8 +164,8 @@ class EquationsProgram:
         return solved if self._clear(np.append(q[0], places[:, 0])) else None
 
     def _away(self, q: Real) -> tuple[float, float] | None:
-        """Coordinates of the only drive between which no singular point is near, around a position (f,) whose modes are taken from
-        now on; None where it is near one."""
+        """Coordinates of the only drive between which no singular point is near, around a position (f,); None where it is near one
+        itself. The modes at this position hold from now on."""
         if self._singular is None:
             return -np.inf, np.inf
         if not self._clear(q):
@@ -177,29 +179,29 @@ class EquationsProgram:
         return float(q[0]) - behind + near, float(q[0]) + ahead - near
 
     def _clear(self, q: Real) -> bool:
-        """Whether no singular point is near the way over positions (n,) of the only drive."""
+        """Whether no singular point is near the path over positions (n,) of the only drive."""
         assert self._singular is not None
         reach = NEAR_STEPS * max(point.step for point in self._singular.points)
         away = q - self.compiled.start[0]
         return not self._singular.within(float(away.min()) - reach, float(away.max()) + reach)
 
     def windows(self, rule: CollocationRule, at: Real, limits: BatchLimits) -> WindowBatch:
-        """Windows one after the other, see `CompiledEquations.windows`; only where it is ``alone``, and ``checked`` where it
-        ``has_forms`` forms."""
+        """Consecutive windows, see `CompiledEquations.windows`; only where it is ``alone``, and searched for breakpoints only where
+        it ``has_forms``."""
         return self._equations.windows(rule, at, limits)
 
 
 def compiled_program(compiled: Compiled) -> EquationsProgram | None:
     """The program of a mechanism's equations of motion; None where C does not have them or there is no compiler that works.
 
-    Ask for it by `Compiled.once`. Raises `MechanismError` where C is asked for and cannot be compiled.
+    Call it through `Compiled.once`. Raises `MechanismError` where the executor is "c" and C cannot be compiled.
     """
     equations = written_equations(compiled, traced_equations)
     return None if isinstance(equations, str) else working(compiled, lambda: EquationsProgram(compiled, *equations))
 
 
 def working(compiled: Compiled, made: Callable[[], T]) -> T | None:
-    """A program that is ``made``; None where that fails. Raises `MechanismError` then where C is asked for."""
+    """The program that ``made`` returns; None where that fails. Raises the `MechanismError` where the executor is "c"."""
     try:
         return made()
     except MechanismError:
@@ -235,25 +237,26 @@ def _known(_: Model) -> dict[Any, Written | str]:
 
 
 class Programmed:
-    """Equations of motion that numpy evaluates, or a compiled program where one is wanted."""
+    """Equations of motion that numpy or, where one is wanted, a compiled program evaluates."""
 
     compiled: Compiled
 
     def program(self, *, long: bool = False) -> EquationsProgram | None:
-        """The compiled program where C is asked for; where the executor is "auto", for a ``long`` motion, and once it is there."""
+        """The compiled program where the executor is "c" or, where it is "auto", for a ``long`` motion or once it exists; else
+        None."""
         return (
             self.compiled.once(compiled_program) if wanted(self.compiled, compiled_program in self.compiled.kept or long) else None
         )
 
 
 def wanted(compiled: Compiled, worth: bool) -> bool:
-    """Whether a compiled program is: where C is asked for, and where the executor is "auto" and it is ``worth`` it."""
+    """Whether a compiled program is wanted: where the executor is "c", or "auto" and the program is ``worth`` it."""
     return compiled.executor == "c" or (compiled.executor == "auto" and worth)
 
 
 class TracedEquations(NamedTuple):
-    """A program and what is wanted of it, see `WrittenEquations`: ``outputs``, ``freedoms``, how many values of drives are
-    ``given``; its ``contacts``; the unknowns that are ``followed``."""
+    """Traced code and its interface, see `WrittenEquations`: ``outputs``, ``freedoms``, number of values of drives that are
+    ``given``, ``contacts``; the unknowns that are ``followed``."""
 
     code: Code
     outputs: tuple[list[Any], ...]
@@ -264,7 +267,7 @@ class TracedEquations(NamedTuple):
 
 
 def traced_equations(compiled: Compiled) -> TracedEquations:
-    """The reduced equations of a mechanism on symbols. Raises `Untraceable` with the reason where that cannot be."""
+    """The reduced equations of a mechanism on symbols. Raises `Untraceable` with the reason where they cannot be traced."""
     check_traceable(compiled.model)
     if "friction" in compiled.mechanism.effects and braked(compiled.mechanism.joints):
         raise Untraceable("dry friction depends on the reactions")
@@ -278,9 +281,9 @@ class EquationsWriter:
         self.compiled, self.model, self.code = compiled, compiled.model, Code()
         self.took_over = compiled.angles.at.time > -np.inf  # from another chart
         self.contacts: ContactCounts | None = None
-        self.followed: list[Unknown] = []  # in the order of the program's
-        self.turned: dict[int, Any] = {}  # angles of groups from the start pose on, as far as something asks for them
-        self.gone: dict[int, Any] = {}  # of rotation classes that drives turn, as far as something asks for them
+        self.followed: list[Unknown] = []  # in the order of the program's inputs
+        self.turned: dict[int, Any] = {}  # angles of groups from the start pose on, as far as they are needed
+        self.gone: dict[int, Any] = {}  # whole turns of rotation classes that drives turn, as far as they are needed
 
     def equations(self) -> TracedEquations:
         model, free, code = self.model, free_of(self.compiled), self.code
@@ -307,7 +310,7 @@ class EquationsWriter:
         outputs = [self._operand(x) for x in outputs] + integrated
         ratios, forms = [self._operand(x) for row in rates for x in row], self._forms(moving)
         own: dict[str, Any] = {TURNED: self.turned, GONE: self.gone, "angle": state.angle, "slide": state.slide}
-        near = [self._operand(own[what][i]) for what, i in self.followed]  # after all that may ask for an angle
+        near = [self._operand(own[what][i]) for what, i in self.followed]  # after all code that may need an angle
         given = 3 * (len(drives) - len(free))
         kept = outputs, near, ratios, forms, [self._operand(x) for x in additional]
         return TracedEquations(code, kept, (len(free), len(states)), given, self.contacts, tuple(self.followed))
@@ -322,7 +325,7 @@ class EquationsWriter:
         """Forms of the laws of effects and cams; none where C does not have them all."""
         try:
             return [self._operand(x) for x in forms_of(motion)]
-        except (TypeError, AttributeError, ValueError, IndexError):  # what code for arrays says of symbols
+        except (TypeError, AttributeError, ValueError, IndexError):  # errors of array code on symbols
             return []
 
     def _operand(self, value: Any) -> Any:
@@ -357,7 +360,7 @@ class EquationsWriter:
         return self.code.input(f"near[{len(self.followed) - 1}]")
 
     def _angles(self, state: Any) -> LinkAngles:
-        """Angles of the links, those of groups followed only where something asks for them."""
+        """Angles of the links; those of groups are followed only where they are needed."""
         model = self.model
 
         def of_class(rotation_class: int) -> Any:

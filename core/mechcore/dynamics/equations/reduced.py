@@ -1,9 +1,9 @@
 """Reduction of a mechanism's masses and forces to its free coordinates, for many positions at once.
 
 With the free coordinates q as if they were drives, every velocity is linear in q': v = sum_i v_i q_i'. Hence the reduced inertia
-M_ij = sum m v_i v_j + J w_i w_j, the reduced force Q_i = sum F v_i + M w_i of all loads (virtual power), and the inertia forces
-that are left when q'' = 0, h_i = sum m v_i a_S + J w_i alpha; the equations of motion are M q'' + h = Q (theory of the reduced
-mass, Lagrange's equations of the second kind). Positions are solved on the manifold itself: nothing drifts, and redundant
+M_ij = sum m v_i v_j + J w_i w_j, the reduced force Q_i = sum F v_i + M w_i of all loads (virtual power), and the inertia forces at
+q'' = 0, h_i = sum m v_i a_S + J w_i alpha; the equations of motion are M q'' + h = Q (theory of the reduced mass, Lagrange's
+equations of the second kind). Positions are solved on the configuration manifold itself: there is no drift, and redundant
 constraints do no harm.
 """
 
@@ -25,7 +25,7 @@ from mechcore.motion.solve import solve_motion
 from mechcore.records import dataclass
 from mechcore.spec.mechanism import Planar, Prismatic, Revolute, coordinates_of
 
-DIFFERENCE_STEP = 1e-7  # of a finite difference; slopes only steer Newton's method
+DIFFERENCE_STEP = 1e-7  # of a finite difference, relative; slopes only steer Newton's method
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +57,7 @@ def solve_frames(matrix: Real, rhs: Real) -> Real:
 
 
 def constrained(inertia: Real, force: Real, jacobian: Real, second: Real | None = None) -> tuple[Real, Real]:
-    """Accelerations a (n, ..., f) under generalised forces Q (n, ..., f), and what holds the constraints, p (n, ..., c).
+    """Accelerations a (n, ..., f) under generalised forces Q (n, ..., f), and the constraint forces p (n, ..., c).
 
     M a = Q + G' p and G a + b = 0, ``jacobian`` G (n, c, f), ``second`` b (n, c) or none; not a number where that is singular.
     """
@@ -70,7 +70,7 @@ def constrained(inertia: Real, force: Real, jacobian: Real, second: Real | None 
         inertia, force = full, np.concatenate([force, right], axis=-1)
     try:
         unknowns = np.asarray(np.linalg.solve(inertia, force[..., None])[..., 0], float)
-    except np.linalg.LinAlgError:  # one of many, frame by frame
+    except np.linalg.LinAlgError:  # some frames are singular: solve frame by frame
         each = np.broadcast_to(inertia, (*force.shape, force.shape[-1]))
         unknowns = solve_frames(each.reshape(-1, *each.shape[-2:]), force.reshape(-1, force.shape[-1])).reshape(force.shape)
     if c == f:  # everything is held where nothing moves: rounding would have a direction
@@ -92,10 +92,10 @@ def coordinate_scales(compiled: Compiled) -> Real:
 
 
 def steps_of_differences(compiled: Compiled, q: Real, v: Real, a: Real) -> tuple[Real, Real]:
-    """Steps (f,) of coordinates and of rates by which slopes are found at nodes (n, f), with accelerations (n, f).
+    """Steps (f,) of coordinates and of rates for finite differences at nodes (n, f), with accelerations (n, f).
 
-    Relative to the scale of each coordinate and, for rates, to the time in which the motion covers it, so that units do not
-    matter; states of effects that integrate, whose scales nobody knows, count as coordinates of scale 1.
+    They are relative to the scale of each coordinate and, for rates, to the time in which the motion covers it, so that units do
+    not matter. States of effects that integrate have no known scale and count as coordinates of scale 1.
     """
     scales = compiled.once(coordinate_scales)
     f, (position, speed, change) = len(scales), (np.maximum.reduce(np.abs(x)) for x in (q, v, a))
@@ -133,22 +133,22 @@ def motion_at(compiled: Compiled, q: Real, v: Real, t: Real, a: Real | None = No
 
 
 def integrating(compiled: Compiled) -> list[Effect]:
-    """The effects that integrate over the time, in the order of their states, see `with_states`."""
+    """The effects that integrate over time, in the order of their states, see `with_states`."""
     return [e for e in compiled.model.once(applied_effects) if e.integrates]
 
 
 def with_states(acceleration: Real, motion: Motion) -> Real:
     """Accelerations (n, f), and after them the rates of the states of effects that integrate (n, f + s).
 
-    Among coordinates, rates and accelerations a state is a rate: what is integrated is its acceleration, and the coordinate that
-    belongs to it is the state's own integral, which nothing depends on.
+    Among coordinates, rates and accelerations a state is a rate: its integrand is the acceleration, and its coordinate is the
+    integral of the state, on which nothing depends.
     """
     rates = [e.state_rate(motion) * np.ones(motion.frames) for e in motion.model.once(applied_effects) if e.integrates]
     return np.column_stack([acceleration, *rates]) if rates else acceleration
 
 
 def shifted(v: Real, change: Real) -> Real:
-    """Rates (f + s,) changed by those of the coordinates (f,); states stay."""
+    """Rates (f + s,) with a ``change`` of the coordinates' rates (f,); states stay."""
     return v + np.append(change, np.zeros(len(v) - len(change)))
 
 
@@ -175,7 +175,7 @@ def _scaled(motion: Motion, rates: Sequence[Real]) -> dict[int, list[Interpolant
 
 
 def tangents(motion: Motion, free: Sequence[int]) -> list[Motion]:
-    """The same positions with the unit rate of one free coordinate each, all else standing still."""
+    """For each free coordinate, a motion at the same positions with its unit rate; all other coordinates stand still."""
     one, none = np.ones(motion.frames), np.zeros(motion.frames)
     return [with_rates(motion, [one if k == i else none for k in range(len(motion.drives))]) for i in free]
 
@@ -183,7 +183,7 @@ def tangents(motion: Motion, free: Sequence[int]) -> list[Motion]:
 def moving(compiled: Compiled, q: Real, v: Real, t: Real) -> tuple[Motion, list[Motion]]:
     """The motion with q'' = 0, and its `tangents`."""
     free = free_of(compiled)
-    if len(free) == len(compiled.mechanism.drives) == 1:  # through change points: interpolated at a unit rate, then scaled
+    if len(free) == len(compiled.mechanism.drives) == 1:  # at change points: interpolated at a unit rate, then scaled
         unit = motion_at(compiled, q, np.column_stack([np.ones(len(v)), v[:, 1:]]), t)
         return with_rates(unit, [v[:, 0]]), [unit]
     motion = motion_at(compiled, q, v, t)
@@ -209,8 +209,8 @@ def reduced_equations(motion: Motion, units: Sequence[Motion]) -> ReducedEquatio
 
 
 def rates_of_joints(compiled: Compiled, units: Sequence[Motion]) -> tuple[list[str], list[list[Values]]]:
-    """Joints that could lead, and their rates per unit rate of each free coordinate, relative to the sizes of both; ``units``: the
-    tangents."""
+    """Joints whose coordinates could be free ones, and their rates per unit rate of each free coordinate, relative to the scales of
+    both; ``units``: the tangents."""
     mechanism, model = compiled.mechanism, compiled.model
     prescribed = {d.joint for d in mechanism.drives if not isinstance(d.law, Free)}
     movable = [p for p in mechanism.joints if isinstance(p, Revolute | Prismatic | Planar)]

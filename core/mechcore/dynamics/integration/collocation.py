@@ -20,8 +20,8 @@ from mechcore.arrays import Real
 from mechcore.compiled.collocation import WindowTrial
 from mechcore.records import dataclass
 
-ROUNDING = 1e-15  # of the largest term of a position: a correction below that is none
-NO_PART = 1e-11  # of the acceleration: last coefficients below that are no part of a series
+ROUNDING = 1e-15  # part of the largest term of a position: a smaller correction is rounding
+NO_PART = 1e-11  # part of the acceleration: smaller last coefficients are rounding
 
 
 class System(Protocol):
@@ -120,8 +120,8 @@ def radau(s: int) -> Rule:
 
 class Window(NamedTuple):
     """One window of a solution: times ``start`` to ``start + length`` [s]; ``q``, ``v`` (f,) at its start, Legendre coefficients
-    ``a`` (s, f) of the acceleration. ``cut``: it ends where the equations change their form; ``strain``: how fast some joint is
-    there against the coordinates, where that is known."""
+    ``a`` (s, f) of the acceleration. ``cut``: it ends where the equations change their form; ``strain``: largest rate of a joint
+    per unit rate of the coordinates in it, where that is known."""
 
     start: float
     length: float
@@ -153,12 +153,12 @@ def solve_window(rule: Rule, system: System, trial: WindowTrial) -> tuple[Real, 
     """Accelerations at the nodes (s, f) of one window, and the number of evaluations; None where Newton's method does not converge.
 
     ``system(q, v, t)`` gives the accelerations (s, f) at nodes, ``system.slopes(q, v, t, a)`` their derivatives by position and
-    speed, (s, f, f) each; a system whose slopes are differences may have both in one call, ``system.with_slopes(q, v, t, near)``
-    beside accelerations that are near.
+    speed, (s, f, f) each; a system whose slopes are differences may give both in one call, ``system.with_slopes(q, v, t, near)``,
+    with approximate accelerations ``near``.
 
-    The iteration ends when a step moves no position by more than that, or than the rounding of the sums that make the positions:
-    the accelerations themselves may keep far fewer digits. Over a stiff vibration they are as large as the inverse of the
-    collocation matrix makes them (1e4 times the position for 12 nodes), and rounding of a position moves them as much.
+    The iteration ends when a step moves no position by more than the trial's tolerance, or than the rounding of the sums that make
+    the positions: the accelerations themselves may keep far fewer digits. Over a stiff vibration they are as large as the inverse
+    of the collocation matrix makes them (1e4 times the position for 12 nodes), and rounding of a position moves them as much.
     """
     t0, h, q0, v0, a, tolerance = trial
     s, f = a.shape
@@ -219,9 +219,9 @@ def tails(a: Real, share: Real | float) -> Real:
 def neglected_tails(a: Real, share: Real | float) -> tuple[Real, Real]:
     """The error (..., f) of the speed that the quadrature misses, and its order (...); arguments as of `tails`.
 
-    Those are the coefficients from 2 s on. Where the acceleration is smooth, next to nothing is left of them; next to a contact of
-    Hertz, which starts as the power 3/2 of time, the k-th falls as C / k^m only, and what is left of them is the sum of those. C
-    and m follow from the last coefficients and those of half their number.
+    Those are the coefficients from 2 s on. Where the acceleration is smooth, they are negligible; next to a Hertz contact, which
+    starts as the power 3/2 of time, the k-th falls as C / k^m only, so that their sum counts. C and m follow from the last
+    coefficients and those of half their number.
     """
     s, size = a.shape[-2], np.abs(a)
     last, middle = size[..., -2:, :].max(axis=-2), size[..., (s - 1) // 2 : (s + 3) // 2, :].max(axis=-2)

@@ -1,8 +1,8 @@
 """Many windows of collocation solved together instead of one after the other (parallel shooting).
 
 The coupling of the windows is linear: a correction at a window's start changes its end by a matrix of the size of the state. All
-nodes are evaluated in one call, their slopes in another, and one batch of linear systems corrects the whole trajectory; what is
-left of its error is of the order of its square (Hairer, Wanner, "Solving Ordinary Differential Equations I", II.7 and II.14).
+nodes are evaluated in one call, their slopes in another, and one batch of linear systems corrects the whole trajectory; the
+remaining error is of the order of its square (Hairer, Wanner, "Solving Ordinary Differential Equations I", II.7 and II.14).
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ from mechcore.errors import MechanismError
 from mechcore.records import dataclass
 
 MOST_NODES = 4096  # nodes that are solved together
-MOST_HALVINGS = 8  # of windows, before they are too many
-LINEAR_CORRECTION = 1e-5  # of the scale: what a correction of this size leaves is of the order of its square
-SQUARE_LEFT = 1e-2  # of the tolerance: what that square may be
-NEWTON_STEPS = 6  # of Newton's method
-CORRECTION_RATIO = 0.3  # part of a correction that the next one may have
+MOST_HALVINGS = 8  # of windows, at most
+LINEAR_CORRECTION = 1e-5  # part of the scale: after a correction of this size the error is of the order of its square
+SQUARE_LEFT = 1e-2  # part of the tolerance that this square may be
+NEWTON_STEPS = 6  # of Newton's method, at most
+CORRECTION_RATIO = 0.3  # largest ratio of a correction to the one before
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +37,7 @@ class Trajectory:
 
     @classmethod
     def along(cls, rule: Rule, boundaries: Real, q: Real, v: Real, a: Real) -> Trajectory:
-        """The way on which accelerations ``a`` lead from q, v (f,)."""
+        """The trajectory from q, v (f,) with accelerations ``a`` (k, s, f) at the nodes."""
         h = np.diff(boundaries)[:, None]
         once, twice = _ends(rule)
         gain = np.tensordot(a, once, (1, 0))
@@ -78,13 +78,13 @@ class ParallelShooting:
             with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # a trial may be anywhere
                 started = self._fine(boundaries, q, v, guess, halvings)
                 return None if started is None else self._newton(*started)
-        except (MechanismError, np.linalg.LinAlgError):  # where the guess has led, equations need have no solution
+        except (MechanismError, np.linalg.LinAlgError):  # where the guess leads, the equations may have no solution
             return None
 
     def _fine(
         self, boundaries: Real, q: Real, v: Real, guess: Callable[[Real], Real], halvings: int
     ) -> tuple[Trajectory, Real] | None:
-        """The guess on windows that are short enough, and what the equations say of the accelerations on it."""
+        """The guess on windows that are short enough, and the accelerations (k, s, f) by the equations of motion along it."""
         for _ in range(max(halvings, 1)):
             h = np.diff(boundaries)
             t = boundaries[:-1, None] + h[:, None] * self.rule.nodes
@@ -102,7 +102,8 @@ class ParallelShooting:
         return None
 
     def resolved_windows(self, trajectory: Trajectory, margin: float) -> int:
-        """How many windows, from the first one on, keep the tolerance: errors of high order up to a ``margin``, as in `tails`."""
+        """Number of windows, from the first one on, that keep the tolerance; errors of high order may be ``margin`` times it, see
+        `tails`."""
         last, low = self._missed(trajectory.a, np.diff(trajectory.boundaries))
         return int(np.argmax(np.append((last > margin) | (low > 1.0), True)))
 

@@ -1,4 +1,4 @@
-"""A motion found anew from one that is nearly right: many windows at once instead of one after the other.
+"""A motion computed again from one that is nearly right: many windows at once instead of one after the other.
 
 `Integrator` marches because nothing is known of the next window before the last one is solved. Where a motion is known already and
 its error is to be found, its accelerations start Newton's method on the collocation equations of many windows together
@@ -23,8 +23,8 @@ from mechcore.dynamics.integration.windows import AT_START, BreakpointFinder, In
 from mechcore.records import dataclass
 
 MORE_NODES = 3  # nodes beyond those of the tolerance: the windows are at first those of a looser one
-WINDOW_END = 1e-10  # of a window: a breakpoint so near to its end is there
-LEAST_WINDOW = 0.05  # of the window after it: what a breakpoint has left of one goes with that
+WINDOW_END = 1e-10  # part of a window: a breakpoint so near to its end counts as its end
+LEAST_WINDOW = 0.05  # part of the next window: a shorter remainder after a breakpoint is merged with it
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +42,7 @@ def _acceleration(window: Window, t: Real) -> Real:
 
 
 def refine(by: Integrator, q: Real, v: Real, t0: float, t1: float, known: Known) -> Solution:
-    """The solution of `Integrator.run`, found by what is ``known``; it raises the same."""
+    """The solution of `Integrator.run`, started from the ``known`` motion; it raises the same errors."""
     rule, breakpoints = by.rule(MORE_NODES), by.breakpoints
     solver = ParallelShooting(by.system, rule, by.tolerance, by.scale)
     solution = Solution()
@@ -52,7 +52,7 @@ def refine(by: Integrator, q: Real, v: Real, t0: float, t1: float, known: Known)
     ends, cut = np.minimum(known.boundaries[1:][keep], t1), known.cut[keep]
     if len(ends) and by.most is not None and np.diff(np.append(t0, ends)).max() > by.most:
         ends, cut = ends[:0], cut[:0]
-    if breakpoints is not None:  # what a law states in time is where it was
+    if breakpoints is not None:  # breakpoints that laws state in time have not moved
         cut = cut & np.array([abs(breakpoints.stated(end - 20.0 * least) - end) > 20.0 * least for end in ends], bool)
     block = max(1, MOST_NODES // len(rule.nodes))
     bent = 0
@@ -98,7 +98,8 @@ def refine(by: Integrator, q: Real, v: Real, t0: float, t1: float, known: Known)
 
 
 def _until(solver: ParallelShooting, window: Window, break_time: float, breakpoints: BreakpointFinder, least: float) -> Window:
-    """A window that ends at its first breakpoint. Where that is not found, the window as long as it was guessed."""
+    """A window that ends at its first breakpoint. Where this window cannot be solved, the given one is cut at the estimated
+    breakpoint."""
     for _ in range(5):
         boundaries = np.array([window.start, break_time])
         trajectory = solver.solve(boundaries, window.q, window.v, partial(_acceleration, window))

@@ -26,24 +26,24 @@ from mechcore.dynamics.integration.parallel_shooting import MOST_NODES, Parallel
 from mechcore.errors import Fault, MechanismError
 from mechcore.records import dataclass
 
-# Times the tolerance: a tail of high order may be as large, a little shorter a window meets it; none of low order may
+# Times the tolerance: a tail of high order may be so large, as a slightly shorter window meets the tolerance; none of low order may
 TAIL_MARGIN = 4.0
-SCALE_ROUNDING = 1e-15  # of the scale: no window is solved to more digits
-LONGER_WINDOW = 1.6  # times as long as the one before: so much longer at the most
-FEW_WINDOWS = 3  # windows in a row that end at stated breakpoints: so many, or more, are solved together
-# How far the next ones reach: where the last were solved, were not, or one of them was
+SCALE_ROUNDING = 1e-15  # part of the scale: the smallest tolerance of Newton's method
+LONGER_WINDOW = 1.6  # largest ratio of a window's length to that of the one before
+FEW_WINDOWS = 3  # consecutive windows that end at stated breakpoints: this many or more are solved together
+# Factors of the reach of a row: if the last row was solved, if it was not, and after a single window
 FARTHER_REACH, NEARER_REACH, RECOVERED_REACH = 2.0, 0.3, 1.2
-AT_START = 20.0  # least lengths: a breakpoint nearer to a window's start is the one at which it begins, and hides no later one
-# Windows shorter than this part of the longest; so many in a row, cut at breakpoints, get nowhere
+AT_START = 20.0  # shortest lengths: a breakpoint nearer to a window's start is the one at which it begins, and hides no later one
+# Windows shorter than this part of the longest are chatter; more than so many in a row, cut at breakpoints, are an error
 CHATTER_LENGTH, MOST_CUT = 1e-5, 400
-# Windows after which their length gives the number of those left; so many are worth compiling
+# Windows after which the length of the next predicts the number left; for more than so many, compiling a program pays
 SETTLED_WINDOWS, MANY_WINDOWS = 8, 250
-BATCH_WINDOWS = 64  # windows that a compiled program solves before anybody looks at them
+BATCH_WINDOWS = 64  # windows that a compiled program solves in a call
 
 
 class WindowProgram(Protocol):
-    """Equations of motion as a compiled program, with the windows around them; ``alone``: nothing else is needed for them; it
-    ``has_forms`` the forms of laws; ``partial``: where it has no answer numpy may have one."""
+    """Equations of motion and their windows as a compiled program. ``alone``: it solves windows without other input; ``has_forms``:
+    it evaluates the forms of laws; ``partial``: where it has no result, numpy may have one."""
 
     @property
     def alone(self) -> bool: ...
@@ -57,8 +57,8 @@ class WindowProgram(Protocol):
 
 
 class BreakpointFinder(Protocol):
-    """Where the equations change their form: the first time [s] in a window that is later than another one, or None; and the
-    first one, later than another, that is known without a window. ``searched``: there may be others than those."""
+    """Finds breakpoints, where the equations change their form. A call returns the first one [s] in a window later than ``after``,
+    or None; ``stated`` the first one that is known without a window. ``searched``: there may be others than the stated ones."""
 
     def __call__(self, window: Window, after: float) -> float | None: ...
 
@@ -99,14 +99,15 @@ class Solution:
         return q[0], v[0]
 
     def _within(self, t: Real) -> tuple[Real, ...]:
-        """Where times (n,) are in their windows, and the windows' lengths, starts and series."""
+        """Positions (n,) of times in their windows, from 0 to 1, and the lengths, initial positions and speeds, and series of these
+        windows."""
         starts, lengths, q, v, a = self._stacked()
         k = np.clip(np.searchsorted(starts, t, side="left") - 1, 0, len(starts) - 1)
         length = lengths[k]
         return (t - starts[k]) / length, length, q[k], v[k], a[k]
 
     def _stacked(self) -> tuple[Real, ...]:
-        """Starts, lengths (w,), positions, speeds (w, f) and series (w, s, f) of all windows, those with fewer nodes filled up."""
+        """Starts, lengths (w,), positions, speeds (w, f) and series (w, s, f) of all windows, shorter series padded with zeros."""
         if len(self._stack) == 0 or len(self._stack[0]) != len(self.windows):
             starts, lengths, q, v, series, *_ = zip(*self.windows, strict=True)
             n, most = len(starts), max(map(len, series))
@@ -122,7 +123,8 @@ class Solution:
 
 
 def nodes_for(tolerance: float) -> int:
-    """Nodes a window for a relative tolerance: about as many as digits are wanted (measured: flat between 8 and 14)."""
+    """Nodes per window for a relative tolerance: two more than its digits, 5 to 14 (measured: the cost is flat between 8 and
+    14)."""
     return min(max(round(-math.log10(max(tolerance, 1e-15))) + 2, 5), 14)
 
 
@@ -130,11 +132,11 @@ def nodes_for(tolerance: float) -> int:
 class Integrator:
     """How a system is integrated by collocation, window by window.
 
-    ``tolerance``: local error of the position, relative to ``scale`` (a typical size of q, one or (f,)). ``nodes``: of a window,
-    ``most``: longest window [s]. ``after`` is called with every accepted window; a time that it returns ends the integration there.
-    ``passed`` is told of several windows in a row first: False where ``after`` has to look at each.
-    ``breakpoints`` finds the first time in a window, later than a given one, at which the equations change their form: windows end
-    there. ``keeps``: position and speed at the end of a window -> the speed that a first integral gives there.
+    ``tolerance``: local error of the position, relative to ``scale`` (a typical size of q, a number or (f,)). ``nodes``: of a
+    window, ``most``: longest window [s]. ``after`` is called with every accepted window; a time that it returns ends the
+    integration there. ``passed`` is called first with several consecutive windows: it returns False where ``after`` has to be
+    called with each. ``breakpoints`` finds the first time in a window, later than a given one, at which the equations change their
+    form: windows end there. ``keeps``: position and speed at the end of a window -> the speed that a first integral gives there.
     """
 
     system: System
@@ -149,7 +151,7 @@ class Integrator:
     keeps: Callable[[Real, Real], Real] | None = None
 
     def rule(self, more: int = 0) -> Rule:
-        """The rule of its windows, with so many ``more`` nodes."""
+        """The collocation rule of its windows, with ``more`` additional nodes."""
         nodes = (self.nodes or nodes_for(self.tolerance)) + more
         return radau(nodes) if self.stiff else gauss(nodes)
 
@@ -160,16 +162,16 @@ class Integrator:
 
     @property
     def longest(self) -> float:
-        """Longest window that is wanted [s]."""
+        """Longest window that is allowed [s]."""
         return np.inf if self.most is None else self.most
 
     @property
     def searches_breakpoints(self) -> bool:
-        """Whether there may be breakpoints in a window that are not known without it."""
+        """Whether a window may contain breakpoints that are not stated in advance."""
         return self.breakpoints is not None and self.breakpoints.searched
 
     def limits(self, t: float, end: float, shortest: float, count: int) -> BatchLimits:
-        """The limits of a compiled program from a time ``t`` to an ``end`` [s], with so many windows at the most."""
+        """The limits of a compiled program from a time ``t`` to an ``end`` [s], with ``count`` windows at the most."""
         breaks = _breaks_from(self.breakpoints, t, end, count)
         bounds = end, shortest, self.longest, self.tolerance, self.newton_tolerance
         return BatchLimits(*bounds, count, self.searches_breakpoints, breaks)
@@ -183,7 +185,7 @@ class Integrator:
         """The solution from ``t0`` to ``t1`` [s], starting at q, v (f,).
 
         Where many breakpoints are stated within the length that one window would have, the windows between them are solved
-        together. Raises `MechanismError` where no window however short succeeds.
+        together. Raises `MechanismError` where even the shortest window fails.
         """
         return _Integration(self, np.asarray(q, float), np.asarray(v, float), t0, t1).run()
 
@@ -200,9 +202,9 @@ class _Integration:
         self.guess = np.repeat(self.end_a, len(self.rule.nodes), axis=0)
         self.least = by.least(t0, t1)
         self.longest = 0.0  # window so far
-        self.chatter = 0  # windows in a row that a breakpoint has cut to almost nothing
+        self.chatter = 0  # consecutive windows that a breakpoint has cut to almost nothing
         self.starts = by.breakpoints is not None  # at a breakpoint, or where one may be
-        self.cuts, self.uncut = 0, 0.0  # of the present window at breakpoints, and how long it would have been
+        self.cuts, self.uncut = 0, 0.0  # of the present window at breakpoints, and its length without them
         self.shortened = False  # the last trial was too long
         self.offered: Callable[..., WindowProgram | None] = getattr(by.system, "program", lambda **_: None)
         self.program, self.settled = self.offered(), False
@@ -218,7 +220,8 @@ class _Integration:
         return self.solution
 
     def _advance(self) -> bool:
-        """One step: many windows by a compiled program, a row of them together, or a trial of one. False: the end is here."""
+        """One step: many windows by a compiled program, a row of them together, or a trial of one. False where the integration
+        ends."""
         if not self.settled and len(self.solution.windows) >= SETTLED_WINDOWS:
             self.settled = True
             if self.program is None and self.t1 - self.t > MANY_WINDOWS * self.h:
@@ -300,7 +303,7 @@ class _Integration:
         return self._shorten(worst, order) if worst > TAIL_MARGIN else self._go_on(window, worst, order)
 
     def _fit(self) -> None:
-        """The window's length within what is left, the longest that is wanted, and the next breakpoint that is stated."""
+        """Limit the window's length by the time left, by the longest allowed window, and by the next stated breakpoint."""
         t, t1, breakpoints = self.t, self.t1, self.by.breakpoints
         h = min(self.h, t1 - t) if self.by.most is None else min(self.h, self.by.most, t1 - t)
         if t + 1.9 * h > t1 and t + h < t1:
@@ -319,7 +322,7 @@ class _Integration:
         return solved
 
     def _error(self, window: Window) -> tuple[float, float]:
-        """The window's error over the tolerance, and the power of its length with which it goes."""
+        """The window's error over the tolerance, and the power of the window's length to which it is proportional."""
         allowed = self.by.tolerance * self.by.scale
         share = self.h * max(self.longest, self.h)
         worst, order = float((tails(window.a, share) / allowed).max()), float(len(self.rule.nodes) + 1)
@@ -329,29 +332,29 @@ class _Integration:
             if neglected > worst:
                 worst, order = neglected, float(power)
         if worst > TAIL_MARGIN and self.h < 1e4 * self.least:
-            worst = TAIL_MARGIN  # the equations jump here without saying so; as near to the jump as times are resolved
+            worst = TAIL_MARGIN  # the equations jump here without a stated breakpoint: as near to the jump as times are resolved
         return worst, order
 
     def _shorten(self, worst: float, order: float) -> bool:
-        """Try a shorter window, by the error of this one; infinite where there is no solution."""
+        """Try a shorter window, by the error ``worst`` of this one, which is infinite where it has no solution."""
         self.solution.rejected += 1
         self.shortened = True
         self.h *= min(max(0.8 * (1.0 / worst) ** (1.0 / order), 0.1), 0.7) if np.isfinite(worst) else 0.3
         if self.h < 1e3 * self.least:
             raise _stuck(self.t, self.h)
         self.guess = np.repeat(self.guess[:1], len(self.rule.nodes), axis=0)
-        self.cuts = 0  # what is left of it does not reach the breakpoint
+        self.cuts = 0  # the shorter window does not reach the breakpoint
         return True
 
     def _go_on(self, window: Window, worst: float, order: float) -> bool:
-        """Accept a window; the length and the guess of the next one."""
+        """Accept a window, and choose the length and the starting guess of the next one."""
         self.longest = max(self.longest, self.h)
         self.chatter = self.chatter + 1 if self.by.breakpoints is not None and self.h < CHATTER_LENGTH * self.longest else 0
         self._still()
         if not self._accept(window):
             return False
         self._go_to_end(window)
-        growth = 1.0 if self.shortened else LONGER_WINDOW  # what has just been too long often is so again
+        growth = 1.0 if self.shortened else LONGER_WINDOW  # a length that was just too long often is so again
         longer = self.h * min(max(0.9 * (1.0 / max(worst, 1e-12)) ** (1.0 / order), 0.3), growth)
         self.shortened = False
         nodes = self.rule.nodes
@@ -366,7 +369,7 @@ class _Integration:
         return True
 
     def _still(self) -> None:
-        """Raise `MechanismError` where breakpoints leave no windows."""
+        """Raise `MechanismError` where breakpoints have cut too many consecutive windows to almost nothing."""
         if self.chatter > MOST_CUT:
             why = (
                 f"at t = {self.t:.9g} s a force changes its law again and again: at rest it pushes back whichever way the "
@@ -380,8 +383,8 @@ class _Integration:
 
 
 class _Rows:
-    """Rows of windows between breakpoints that are stated, each row solved together. ``natural`` [s]: how long a window would be,
-    ``least``, ``most`` [s]: how short and how long it may be; ``reach`` [s]: how far the next row may go."""
+    """Rows of windows between breakpoints that are stated, each row solved together. ``natural`` [s]: length of a window without
+    breakpoints; ``least``, ``most`` [s]: shortest and longest allowed window; ``reach`` [s]: longest extent of the next row."""
 
     def __init__(self, shooting: ParallelShooting, breakpoints: BreakpointFinder, natural: float, least: float, most: float | None):
         self.shooting, self.breakpoints, self.natural, self.reach = shooting, breakpoints, natural, natural
@@ -390,7 +393,7 @@ class _Rows:
     def solve(self, t: float, t1: float, q: Real, v: Real, a: Real, longest: float) -> list[Window]:
         """The windows from ``t`` on, before ``t1`` [s]: as many as keep the tolerance and hold no other breakpoints.
 
-        There are none where breakpoints are not close to each other, or Newton's method fails: then one window has to do alone.
+        There are none where breakpoints are not close to each other, or Newton's method fails: then a single window is tried.
         ``q``, ``v`` (f,) and ``a`` (1, f) are those at the start, ``longest`` [s] is the longest window so far.
         """
         boundaries, shooting = self._boundaries(t, min(t + self.reach, t1)), self.shooting
@@ -409,7 +412,8 @@ class _Rows:
         return good
 
     def _boundaries(self, t: float, end: float) -> Real:
-        """The time and the breakpoints after it, as many as can be solved together, none too far from the one before."""
+        """The time ``t`` and the stated breakpoints after it: as many as can be solved together, each within a window of the one
+        before."""
         boundaries, longest = [t], min(self.natural, self.most)
         while len(boundaries) <= MOST_NODES // len(self.shooting.rule.nodes):
             stated = self.breakpoints.stated(boundaries[-1] + AT_START * self.least)
@@ -426,7 +430,7 @@ def windows_of(batch: WindowBatch) -> list[Window]:
 
 
 def _breaks_from(breakpoints: BreakpointFinder | None, t: float, until: float, most: int) -> Real:
-    """Stated breakpoints [s] between two times, as many as so many windows meet at the ``most``."""
+    """Stated breakpoints [s] from ``t`` on, up to the first one not before ``until``, ``most`` of them at most."""
     out = [t]
     while breakpoints is not None and len(out) <= most and out[-1] < until:
         out.append(breakpoints.stated(out[-1] + 4.0 * np.spacing(out[-1])))
@@ -450,7 +454,7 @@ def _first_window(q: Real, v: Real, a: Real, span: float, scale: object) -> floa
 
 
 def _extrapolated(window: Window, t: Real, end: Real) -> Real:
-    """Start for the next window: the last polynomial continued, if that stays near, else its value at the end."""
+    """Starting guess of the next window: the last polynomial extrapolated, if that stays near, else its value at the end."""
     guess = window.acceleration(t)
     total = float(np.abs(window.a).sum())
     if np.abs(guess - end).max() > 4.0 * total + 1e-300:

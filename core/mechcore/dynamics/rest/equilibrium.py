@@ -1,8 +1,8 @@
 """Equilibria: where a mechanism with free coordinates stays at rest, found from a start by Newton's method on the reduced force.
 
-At rest (q' = 0) the reduced force Q(q) of all loads is what moves the mechanism; an equilibrium is a place with Q = 0, and
-K = -dQ/dq is its stiffness. Downhill steps need no potential: the work of Q along a step, by Simpson's rule, says whether it was
-one.
+At rest (q' = 0) the reduced force Q(q) of all loads is what moves the mechanism; an equilibrium is a position with Q = 0, and
+K = -dQ/dq is its stiffness. Descent needs no potential: a step is downhill if the work of Q along it, by Simpson's rule, is
+positive.
 """
 
 from __future__ import annotations
@@ -33,19 +33,19 @@ from mechcore.spec.mechanism import Mechanism
 from mechcore.texts import Text, as_coordinate, as_quantity
 
 Seek = Literal["stable", "nearest"]
-DIFFERENCE_STEP = 4e-3  # of a difference, relative to the scale: its error is the sixth power of this
-LONGEST_STEP = 0.3  # step, relative to the scale
-MOST_STEPS = 300  # steps
+DIFFERENCE_STEP = 4e-3  # of a difference, relative to the scale: the error is of its sixth power
+LONGEST_STEP = 0.3  # of Newton's method, relative to the scale
+MOST_STEPS = 300  # of Newton's method
 NODES = np.array([-3.0, -2.0, -1.0, 1.0, 2.0, 3.0])
 DIFFERENCE_WEIGHTS = np.array([-1.0, 9.0, -45.0, 45.0, -9.0, 1.0]) / 60.0  # central difference of sixth order
 
 
 @dataclass(frozen=True, eq=False)
 class Equilibrium:
-    """A place at which the mechanism stays at rest.
+    """A position in which the mechanism stays at rest.
 
-    ``position`` (f,) of the free coordinates of ``compiled`` [rad or m]; ``stiffness`` K = -dQ/dq (f, f); ``residual``: what is
-    left of the reduced force there, relative to the forces that balance; ``steps`` that it took.
+    ``position`` (f,) of the free coordinates of ``compiled`` [rad or m]; ``stiffness`` K = -dQ/dq (f, f); ``residual``: the reduced
+    force there, relative to the forces in balance; ``steps``: number of Newton steps.
     """
 
     compiled: Compiled
@@ -61,11 +61,11 @@ class Equilibrium:
 
     @property
     def motion(self) -> Motion:
-        """The mechanism at rest in it (one frame)."""
+        """The mechanism at rest in the equilibrium (one frame)."""
         return self.motion_with(np.zeros_like(self.position))
 
     def motion_with(self, rates: Real) -> Motion:
-        """The mechanism passing through it with ``rates`` (f,) of its free coordinates (one frame)."""
+        """The mechanism passing through the equilibrium with ``rates`` (f,) of its free coordinates (one frame)."""
         return motion_at(_still(self.compiled), self.position[None], rates[None], np.zeros(1))
 
 
@@ -83,8 +83,8 @@ class _Held:
 
 
 def _still(compiled: Compiled) -> Compiled:
-    """The same mechanism with its prescribed drives, and the targets of its servos, held at their start; itself where there are
-    none."""
+    """The same mechanism with its prescribed drives, and the targets of its servos, held at their start; ``compiled`` itself where
+    there are none."""
     mechanism = compiled.mechanism
     if all(isinstance(d.law, Free) for d in mechanism.drives) and not any(isinstance(x, Servo) for x in mechanism.loads):
         return compiled
@@ -98,16 +98,17 @@ def _start(law: Law) -> float:
 
 
 def force_at_rest(compiled: Compiled, q: Real, v: Real | None = None, *, only: str = "positions") -> Real:
-    """Reduced force Q of all loads at positions (n, f) with rates (n, f), or at rest: (n, f); of those that need ``only`` this.
+    """Reduced force Q (n, f) of all loads at positions (n, f) with rates (n, f), or at rest.
 
-    Time stands still at 0, and so do prescribed drives. NaN where the mechanism cannot be assembled. Forces of inertia are left
+    ``only`` other than "positions": of the loads that need this, such as "velocities". Time is 0, and prescribed drives are held at
+    their start. NaN where the mechanism cannot be assembled. Forces of inertia are left
     out: they are of the second order in the rates. So is dry friction.
     """
     return _forces(compiled, q, v, only)[0]
 
 
 def _forces(compiled: Compiled, q: Real, v: Real | None = None, only: str = "positions") -> tuple[Real, Real]:
-    """`force_at_rest`, and the sum of the sizes of its parts (n, f)."""
+    """`force_at_rest`, and the sum of the absolute values of its parts (n, f)."""
     still = _still(compiled)
     n = len(q)
     motion = motion_at(still, q, np.zeros_like(q) if v is None else v, np.zeros(n))
@@ -124,8 +125,8 @@ def _forces(compiled: Compiled, q: Real, v: Real | None = None, only: str = "pos
 
 
 def slopes_at_rest(compiled: Compiled, q: Real) -> tuple[Real, Real, Real]:
-    """Q (f,) at rest at position q (f,), its derivative by the position (f, f), and the size of its parts around there (f,): all
-    from one set of positions, central differences of sixth order."""
+    """Q (f,) at rest at position q (f,), its derivative by the position (f, f), and the size of its parts around there (f,); all
+    from one set of positions, by central differences of sixth order."""
     scale, f = compiled.once(coordinate_scales), len(q)
     shifts = (np.eye(f)[:, None, :] * NODES[None, :, None]).reshape(-1, f)
     force, size = _forces(compiled, np.vstack([q[None], q + DIFFERENCE_STEP * scale * shifts]))
@@ -137,15 +138,15 @@ def find_equilibrium(mechanism: Mechanism | Compiled, *, seek: Seek = "stable", 
     """The equilibrium reached from the start of the free coordinates.
 
     ``seek`` "stable": go downhill from the start (an unstable equilibrium is found only if the mechanism starts exactly there);
-    "nearest": plain Newton, to whatever equilibrium is next. The way stays within ``stops``. Raises `MechanismError` where
-    there is none on the way.
+    "nearest": plain Newton's method, which may lead to any equilibrium. Raises `MechanismError` where none is found, or where it
+    lies beyond one of the ``stops``.
     """
     compiled = mechanism if isinstance(mechanism, Compiled) else compile_mechanism(mechanism)
     if not free_of(compiled):
         why = "every drive is prescribed: nothing is free to come to rest."
         raise MechanismError(Fault("joints", why, "Give a joint a free start instead of its drive."))
     loose = next(iter(journals_of(compiled.mechanism)), None)
-    if loose is not None:  # its force bends within the clearance: differences over any step would mix flight and contact
+    if loose is not None:  # its force has a kink at the clearance: differences over any step would mix flight and contact
         why = "a journal in its clearance has a stiffness only where it is pressed: nothing there is linear."
         raise MechanismError(Fault(f"joints.{loose}.clearance", why, "Leave out the clearance."))
     q = np.array([float(d.law(0.0)[0]) for d in compiled.mechanism.drives if isinstance(d.law, Free)])
@@ -156,7 +157,7 @@ def find_equilibrium(mechanism: Mechanism | Compiled, *, seek: Seek = "stable", 
         if not np.isfinite(by_q).all():
             if len(q) > 1 or changed > 8:
                 raise _lost(compiled, q)
-            chart, place, _ = best_chart(compiled, float(q[0]), 0.0, [], 1e-9)  # another joint leads past a dead point
+            chart, place, _ = best_chart(compiled, float(q[0]), 0.0, [], 1e-9)  # another joint's coordinate leads past a dead point
             compiled, q, changed = chart.compiled, np.array([place]), changed + 1
             continue
         largest = float((size * scale).max()) or 1.0
@@ -182,7 +183,8 @@ def find_equilibrium(mechanism: Mechanism | Compiled, *, seek: Seek = "stable", 
 
 
 def _newton(force: Real, stiffness: Real, seek: Seek) -> Real:
-    """The step to the equilibrium, none along directions without stiffness and force; downhill where the stiffness is negative."""
+    """The Newton step: zero along directions without stiffness and force, and, unless ``seek`` is "nearest", downhill where the
+    stiffness is negative."""
     if seek == "nearest" or not force.any():
         return np.asarray(np.linalg.lstsq(stiffness, force, rcond=1e-10)[0])
     values, vectors = np.linalg.eigh(0.5 * (stiffness + stiffness.T))
@@ -195,7 +197,8 @@ def _newton(force: Real, stiffness: Real, seek: Seek) -> Real:
 
 
 def _step(compiled: Compiled, q: Real, force: Real, step: Real, seek: Seek, largest: float) -> Real:
-    """The position after a step: shortened until it stays within reach and, going downhill, until the forces do work along it."""
+    """The position after a step, which is halved until the mechanism can be assembled and, in descent, until the forces do work
+    along it."""
     scale = compiled.once(coordinate_scales)
     length = float(np.abs(step / scale).max())
     step = step * min(1.0, LONGEST_STEP / length) if length else step
@@ -237,18 +240,18 @@ def _within(equilibrium: Equilibrium, stops: Sequence[EndStop]) -> None:
             raise MechanismError(Fault(f"joints.{s.joint}.stops", why, "Move the stop, or leave it out."))
 
 
-MANY_PERIODS = 1_000  # periods in a run, from which on it is said before the work begins
-DECAY_EXPONENT = 35.0  # exponent of decay, after which nothing is left of a vibration
-SLOW_RATE = 1e-3  # of the vibration's own speed at an amplitude of one: the rate at which damping is looked up
+MANY_PERIODS = 1_000  # periods in a run above which a warning precedes it
+DECAY_EXPONENT = 35.0  # exponent of decay after which a vibration is negligible
+SLOW_RATE = 1e-3  # part of the vibration's speed at an amplitude of one: the rate at which damping is evaluated
 
 
 @dataclass(frozen=True)
 class Fastest:
     """The fastest small vibration about the start.
 
-    ``frequency`` [Hz]; ``amplitude`` at which forces and speeds at the start set it going, relative to one radian or the
-    mechanism's size, and as a ``swing`` of the coordinate that moves most, in words; ``damping`` ratio; ``load``: the spring that
-    has the largest share in it, by name, and its ``stiffness`` in words.
+    ``frequency`` [Hz]; ``amplitude`` that forces and speeds at the start excite, relative to one radian or the mechanism's size;
+    ``swing``: the same of the coordinate that moves most, in words; ``damping`` ratio; ``load``: name of the spring with the
+    largest share in it, and its ``stiffness`` in words.
     """
 
     frequency: float
@@ -259,24 +262,24 @@ class Fastest:
     stiffness: str
 
     def periods(self, duration: float) -> float:
-        """How many periods a run has to follow until its end or until they have died away."""
+        """Number of periods that a run has to follow, until its end or until the vibration has decayed."""
         return self.frequency * min(duration, DECAY_EXPONENT / max(TURN * self.frequency * self.damping, 1e-300))
 
     def steps_over(self, duration: float, tolerance: float) -> bool:
-        """Whether a run does well not to follow it, because nothing of it is seen, or because it has soon died away."""
+        """Whether a run should step over it: it has many periods, and an amplitude within the tolerance or an early decay."""
         turns = self.frequency * duration
         return turns >= MANY_PERIODS and (self.amplitude <= tolerance or self.periods(duration) < 0.1 * turns)
 
     @property
     def stepped_over(self) -> str:
-        """Note on a run that does without it."""
+        """Note on a run that steps over it."""
         return (
             f"a vibration of {self.frequency:.4g} Hz with an amplitude of {self.swing}, of spring '{self.load}' with "
             f"{self.stiffness}, is not followed: accelerations and forces are those without it"
         )
 
     def words(self, duration: float) -> str:
-        """Price of a run."""
+        """What a run has to follow, in words."""
         return (
             f"{self.frequency:.4g} Hz is the fastest vibration, of spring '{self.load}' with {self.stiffness}: "
             f"{self.periods(duration):,.0f} periods in {duration:.6g} s"
@@ -284,14 +287,15 @@ class Fastest:
 
 
 def places_beside(compiled: Compiled, q: Real) -> Real:
-    """A place (f,), and places beside it (n, f) from which slopes by the free coordinates follow."""
+    """Positions (n, f): q (f,) itself, then those beside it from which central differences by the free coordinates follow."""
     shifts = (np.eye(len(q))[:, None, :] * NODES[None, :, None]).reshape(-1, len(q))
     return np.vstack([q[None], q + DIFFERENCE_STEP * compiled.once(coordinate_scales) * shifts])
 
 
 def vibrations(compiled: Compiled, forces: Real, inertia: Real) -> tuple[Real, Real, Real] | None:
-    """Squares of the frequencies (f,) [rad^2/s^2] in order, shapes (f, f) in sizes of the coordinates, and the stiffness (c, f, f)
-    of each of the ``forces`` (c, n, f) at places `places_beside` one; the last of them counts. None where they are not known."""
+    """Squares of the natural frequencies (f,) [rad^2/s^2] in ascending order, shapes (f, f) in scales of the coordinates, and the
+    stiffness (c, f, f) of each of the ``forces`` (c, n, f) at `places_beside` a position. The last of the forces is the total one,
+    which gives the frequencies. None where they cannot be found."""
     scale, f = compiled.once(coordinate_scales), forces.shape[-1]
     by_q = np.einsum("cknj,n->cjk", forces[:, 1:].reshape(-1, f, len(NODES), f), DIFFERENCE_WEIGHTS) / (DIFFERENCE_STEP * scale)
     stiffness = -0.5 * (by_q + by_q.swapaxes(1, 2))
@@ -333,7 +337,7 @@ def fastest_vibration(compiled: Compiled, q: Real, v: Real) -> Fastest | None:
     shares = np.einsum("j,cjk,k->c", shape, stiffness[:-1], shape)
     spring = springs[int(np.argmax(shares))]
     if not shares.max() > 0.5 * squares[-1]:
-        return None  # weights, or springs that hold each other
+        return None  # weights dominate, or springs that oppose each other
     rates = SLOW_RATE * omega * np.array([shape, -shape])
     passing = motion_at(compiled, np.repeat(q[None], 2, axis=0), rates, np.zeros(2))
     braking = reduced_equations(passing, tangents(passing, free_of(compiled)))
@@ -347,7 +351,7 @@ def fastest_vibration(compiled: Compiled, q: Real, v: Real) -> Fastest | None:
 
 
 def _stiffness(spring: Spring | TorsionSpring | Bushing) -> str:
-    """A stiffness as a part of a text; of a bushing all three."""
+    """A stiffness in words; of a bushing all three."""
     if isinstance(spring, Bushing):
         x, y, angle = spring.stiffness
         return f"{as_quantity(x, 'stiffness')}, {as_quantity(y, 'stiffness')} and {as_quantity(angle, 'torsional stiffness')}"
@@ -355,8 +359,8 @@ def _stiffness(spring: Spring | TorsionSpring | Bushing) -> str:
 
 
 def check_periods(fastest: Fastest, duration: float, tolerance: float) -> Text | None:
-    """Warning before a run that has to follow its fastest vibration; None where that is quickly done. Raises `MechanismError`
-    where nobody would wait for it."""
+    """Warning before a run over very many periods of its fastest vibration; None where there are fewer. Raises `MechanismError`
+    beyond `MOST_TURNS` periods."""
     periods = fastest.periods(duration)
     if periods < MANY_PERIODS:
         return None

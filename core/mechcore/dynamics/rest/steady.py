@@ -1,8 +1,9 @@
-"""Steady running of a machine of one freedom, found directly: the speed over a cycle that comes back to itself.
+"""Steady running of a machine of one freedom, found directly as the periodic solution for its speed over a cycle.
 
-With w = v^2 / 2 the equation of motion is dw/dx = q''(x, v) along the way x of the free coordinate, and a steady run is a solution
-of period one cycle. It is collocated on panels over the cycle (Gauss nodes); Newton's method condenses every panel to an affine
-map of w, whose product over the cycle is the multiplier by which a disturbance of w shrinks from cycle to cycle (Floquet).
+With w = v^2 / 2 the equation of motion is dw/dx = q''(x, v) with the displacement x of the free coordinate, and a steady run is a
+solution with the period of one cycle. It is collocated on panels over the cycle (Gauss nodes); Newton's method condenses every
+panel to an affine map of w, whose product over the cycle is the multiplier by which a disturbance of w shrinks from cycle to cycle
+(Floquet).
 """
 
 from __future__ import annotations
@@ -35,22 +36,22 @@ from mechcore.spec.mechanism import Link, Mechanism
 from mechcore.texts import as_angle, as_quantity, as_torque
 
 PANEL_NODES = 12
-FIRST_PANELS = 16  # panels a turn
+FIRST_PANELS = 16  # panels per turn
 MOST_PANELS = 4096
 RULE = gauss(PANEL_NODES)
 WEIGHTS = RULE.legendre[0]
 DIFFERENCE_STEP = 1e-6
-SAMPLES_A_TURN = 192  # places a turn at which breakpoints of forces are looked for
-SPEEDS = np.geomspace(1e-2, 1e4, 49)  # [rad/s] at which a mean balance is looked for
+SAMPLES_A_TURN = 192  # samples per turn by which breakpoints of forces are found
+SPEEDS = np.geomspace(1e-2, 1e4, 49)  # [rad/s] at which the mean torque is evaluated
 
 
 @dataclass(frozen=True, eq=False)
 class SteadyRun:
     """A steady run over ``turns`` turns of the free joint from ``start`` [rad] in the ``sense`` 1 or -1.
 
-    ``period`` [s]; ``mean`` speed over time, ``least`` and ``greatest`` [rad/s], all positive; ``multiplier``: what is left of a
-    small disturbance of the energy after a cycle, 1 where nothing depends on the speed. Call it with places (n,) [rad] along the
-    way for the speeds there [rad/s].
+    ``period`` [s]; ``mean`` speed over time, ``least`` and ``greatest`` [rad/s], all positive; ``multiplier``: the part of a small
+    disturbance of the energy that is left after a cycle, 1 where nothing depends on the speed. Call it with displacements (n,)
+    [rad] from the start for the speeds there [rad/s].
     """
 
     compiled: Compiled
@@ -59,8 +60,8 @@ class SteadyRun:
     sense: float
     turns: int
     edges: Real
-    w: Real  # at the panels' begins
-    slopes: Real  # (p, NODES): Legendre coefficients of dw/dx
+    w: Real  # at the panels' starts
+    slopes: Real  # (p, PANEL_NODES): Legendre coefficients of dw/dx
     period: float
     multiplier: float
     least: float
@@ -77,7 +78,7 @@ class SteadyRun:
 
     @property
     def speed(self) -> float:
-        """At the start, with its sign [rad/s]."""
+        """Speed at the start, with its sign [rad/s]."""
         return self.sense * float(np.sqrt(2.0 * self.w[0]))
 
     def __call__(self, x: ArrayLike) -> Real:
@@ -98,7 +99,7 @@ def steady_run(mechanism: Mechanism | Compiled, *, turns: int = 1, tolerance: fl
     joint, start, speed = _validated(compiled, turns)
     sense = -1.0 if speed < 0.0 else 1.0
     span = turns * TURN
-    if compiled.mechanism.ends:  # a turn that goes beyond them is refused
+    if compiled.mechanism.ends:  # a turn beyond the ends of slots or guides is refused
         x = np.linspace(0.0, span, 720 * turns + 1)
         solve_motion(compiled, x, drives={joint: (start + sense * x, np.full_like(x, sense), np.zeros_like(x))})
     _check_back(compiled, start, speed, turns)
@@ -146,7 +147,7 @@ def _validated(compiled: Compiled, turns: int) -> tuple[str, float, float]:
 
 
 def _check_back(compiled: Compiled, start: float, speed: float, turns: int) -> None:
-    """Refuse a number of turns after which the machine is not back: at the stated speed, or at any where none is."""
+    """Refuse a number of turns that is no cycle of the machine, at the stated speed, or at 10 rad/s where none is stated."""
     rate = speed or 10.0
 
     def forces(x: Real) -> Forces:
@@ -163,7 +164,7 @@ def _check_back(compiled: Compiled, start: float, speed: float, turns: int) -> N
 
 
 class _Machine:
-    """dw/dx and its slope by w at places and speeds; which form the laws of the forces have there."""
+    """dw/dx and its derivative by w at displacements and speeds, and the forms that the laws of the forces have there."""
 
     def __init__(self, compiled: Compiled, start: float, sense: float):
         self.compiled, self.start, self.sense = compiled, start, sense
@@ -174,7 +175,7 @@ class _Machine:
         return (self.start + self.sense * x)[:, None], (self.sense * v)[:, None], np.zeros(len(x))
 
     def signs(self, x: Real) -> Real:
-        """Signs of the relative speeds of what rubs (n, e)."""
+        """Signs of the relative speeds of the friction elements (n, e)."""
         motion = moving(self.compiled, *self.rows(x, np.ones(len(x))))[0]
         return np.stack([np.broadcast_to(np.sign(e.rate), x.shape) for e in elements_of(motion)], axis=1)
 
@@ -209,20 +210,21 @@ class _Machine:
 
 
 def _balance(machine: _Machine, span: float, wanted: float) -> float:
-    """Speed [rad/s] at which the mean torque over the cycle vanishes and beyond which it brakes; the one next to ``wanted``."""
+    """Speed [rad/s] at which the mean torque over the cycle vanishes and above which it brakes: the one nearest to ``wanted``, or
+    the highest where that is 0."""
     count = int(48 * span / TURN)
     x = span * (np.arange(count) + 0.37) / count
     inertia = reduce(machine.compiled, *machine.rows(x, np.ones(count))).inertia[:, 0, 0]
 
     def mean(speeds: Real) -> tuple[Real, Real]:
-        """Of the torque, and of its size."""
+        """Means over the cycle of the torque and of its absolute value, for each speed."""
         slope = machine.slope(np.tile(x, len(speeds)), np.repeat(speeds, count)).reshape(len(speeds), -1)
         return (inertia * slope).mean(axis=1), np.abs(inertia * slope).mean(axis=1)
 
     speeds = np.unique(np.append(SPEEDS, wanted)) if wanted else SPEEDS
     torque, size = mean(speeds)
     falls = np.flatnonzero((torque[:-1] > 0.0) & (torque[1:] <= 0.0))
-    slow = speeds <= 10.0 * max(wanted, 1.0)  # fast, inertia alone is left, whose mean is rounding
+    slow = speeds <= 10.0 * max(wanted, 1.0)  # at higher speeds inertia alone counts, whose mean is rounding
     if np.abs(torque[slow]).max() <= 1e-9 * size[slow].max() and wanted:
         return wanted
     if not len(falls):
@@ -248,7 +250,7 @@ def _balance(machine: _Machine, span: float, wanted: float) -> float:
 
 
 def _cut(edges: Real, machine: _Machine, speed: Callable[[Real], Real]) -> Real:
-    """Edges with those places added at which the law of some force changes its form."""
+    """Edges of the panels, with those positions added at which the law of some force changes its form."""
     if not machine.piecewise and not machine.rubs:
         return edges
     span = float(edges[-1])
@@ -273,7 +275,7 @@ def _cut(edges: Real, machine: _Machine, speed: Callable[[Real], Real]) -> Real:
 
 
 def _solve(machine: _Machine, edges: Real, w: Real, level: float) -> tuple[Real, Real, Real, float]:
-    """w at the panels' begins (p,), at the nodes (p, s), dw/dx at the nodes, and the multiplier."""
+    """w at the panels' starts (p,), at the nodes (p, s), dw/dx at the nodes, and the multiplier."""
     h = np.diff(edges)
     x = edges[:-1, None] + h[:, None] * RULE.nodes
     identity = np.eye(PANEL_NODES)
@@ -298,7 +300,7 @@ def _solve(machine: _Machine, edges: Real, w: Real, level: float) -> tuple[Real,
         slopes = alpha + beta * begins[:, None]
         new = begins[:, None] + h[:, None] * (slopes @ RULE.once.T)
         worst = float(new.min())
-        if worst <= 0.0:  # no farther than to a tenth of what it was
+        if worst <= 0.0:  # a step reduces w to a tenth at most
             share = 0.9 * float(np.min(np.where(new < 0.1 * w, w / np.maximum(w - new, 1e-300), 1.0)))
             if share < 1e-6:
                 break
@@ -331,7 +333,7 @@ def _run(
 
 
 def _standstills(edges: Real, coefficients: Real) -> list[Real]:
-    """Places inside the panels at which dw/dx vanishes."""
+    """Positions inside the panels at which dw/dx vanishes: extrema of the speed."""
     z = np.linspace(-1.0, 1.0, 2 * PANEL_NODES + 1)
     values = legendre.legval(z, coefficients.T)
     out = []
@@ -395,7 +397,7 @@ def size_flywheel(mechanism: Mechanism, fluctuation: float, *, turns: int = 1, t
 
     compiled = compile_mechanism(mechanism)
     _, start, speed = _validated(compiled, turns)
-    _check_back(compiled, start, speed, turns)  # no flywheel would mend that
+    _check_back(compiled, start, speed, turns)  # no flywheel changes that
     q = np.linspace(0.0, TURN, 25)[:-1, None]
     own = float(reduce(compiled, q, np.ones_like(q), np.zeros(24)).inertia.mean())
     known: list[tuple[float, float]] = []

@@ -2,7 +2,7 @@
 coordinates, their natural frequencies, damping ratios and modes.
 
 M is the reduced inertia, K = -dQ/dq and C = -dQ/dq' of the reduced force Q at rest (inertia forces are of the second order in the
-rates and give nothing to either). Modes solve K phi = w^2 M phi with phi' M phi = 1 (Rayleigh; any text on vibrations, such as
+rates and contribute to neither). Modes solve K phi = w^2 M phi with phi' M phi = 1 (Rayleigh; any text on vibrations, such as
 Meirovitch, Fundamentals of Vibrations, chapter 7). Where forces have no potential, K is not symmetric, and two w^2 may be a complex
 pair: flutter (Ziegler, Principles of Structural Stability, chapter 5). With damping, exponents are eigenvalues of the state matrix.
 """
@@ -26,8 +26,8 @@ from mechcore.records import dataclass
 from mechcore.spec.loads import Servo
 from mechcore.spec.mechanism import Mechanism, braked
 
-NEUTRAL_STIFFNESS = 1e-9  # of the largest stiffness: below this a mode has none
-LEAST_GROWTH = 1e-7  # of the fastest frequency: below this growth, or the frequency of what grows, is rounding
+NEUTRAL_STIFFNESS = 1e-9  # part of the largest stiffness: a mode with less is neutral
+LEAST_GROWTH = 1e-7  # part of the fastest frequency: a growth rate, or the frequency of a growing mode, below it is rounding
 
 Kind = Literal["vibration", "neutral", "flutter", "divergence"]
 
@@ -38,10 +38,10 @@ class Mode:
 
     ``shape`` (f,): displacements of the free coordinates [rad or m, per sqrt(kg) m], phi' M phi = 1, the first of its largest parts
     positive; ``square``: square of the undamped natural angular frequency [1/s^2], negative where the stiffness is. Both are
-    complex in the two modes of undamped flutter: parts out of step, in the motion Re(shape exp(i w t)).
-    ``eigenvalues``: the two exponents [1/s] of the damped motion that belong to it.
-    ``kind`` follows from the exponents: "vibration", "neutral" (no stiffness: it stays where it is put), "flutter" (grows as it
-    oscillates) or "divergence" (grows without).
+    complex in the two modes of undamped flutter: their coordinates differ in phase, in the motion Re(shape exp(i w t)).
+    ``eigenvalues``: the two exponents [1/s] of the damped motion that belong to it. ``kind`` follows from the exponents:
+    "vibration", "neutral" (no stiffness: it stays where it is put), "flutter" (grows as it oscillates) or "divergence" (grows
+    without).
     """
 
     shape: Real | Complex
@@ -57,19 +57,20 @@ class Mode:
 
     @property
     def damped_frequency(self) -> float:
-        """Frequency of the damped motion [Hz]; 0 where it creeps back without vibrating."""
+        """Frequency of the damped motion [Hz]; 0 where it is aperiodic."""
         return abs(self.eigenvalues[0].imag) / TURN
 
     @property
     def damping_ratio(self) -> float:
-        """Damping over critical damping: -(s1 + s2) / (2 sqrt(s1 s2)); above 1 it creeps, below 0 it grows; else NaN."""
+        """Damping over critical damping: -(s1 + s2) / (2 sqrt(s1 s2)); above 1 the motion is aperiodic, below 0 it grows. NaN where
+        s1 s2 is not positive or the mode is neutral."""
         a, b = self.eigenvalues
         product = (a * b).real
         return -(a + b).real / (2.0 * float(np.sqrt(product))) if self.square and product > 0 else float("nan")
 
     @property
     def growth(self) -> float:
-        """Rate of growth [1/s] of what grows fastest in it: negative where it dies away."""
+        """Larger growth rate of the two exponents [1/s]; negative where the motion decays."""
         return max(e.real for e in self.eigenvalues)
 
 
@@ -77,8 +78,8 @@ class Mode:
 class Vibrations:
     """Small vibrations of a mechanism about an equilibrium.
 
-    ``inertia`` M, ``damping`` C, ``stiffness`` K (f, f) in the free coordinates; ``modes`` in the order of their frequencies,
-    those of negative and of no stiffness first; ``notes`` say what was left out or held.
+    ``inertia`` M, ``damping`` C, ``stiffness`` K (f, f) in the free coordinates; ``modes`` in the order of their frequencies, those
+    of negative and of no stiffness first; ``notes``: what was left out or held, in words.
     """
 
     equilibrium: Equilibrium
@@ -99,7 +100,7 @@ class Vibrations:
 
     @property
     def stability(self) -> str:
-        """ "stable", "neutral" or "unstable": what becomes of a small disturbance."""
+        """ "stable", "neutral" or "unstable": the response to a small disturbance."""
         kinds = {m.kind for m in self.modes}
         return "unstable" if kinds & {"flutter", "divergence"} else "neutral" if "neutral" in kinds else "stable"
 
@@ -107,8 +108,8 @@ class Vibrations:
 def small_vibrations(mechanism: Mechanism | Compiled, *, seek: Seek = "stable", stops: Sequence[EndStop] = ()) -> Vibrations:
     """Small vibrations about the equilibrium that is reached from the start of the free coordinates.
 
-    ``seek``, ``stops``: as of `find_equilibrium`. Prescribed drives and the time of loads stand still at their start, dry friction
-    is left out; the notes say so. Raises `MechanismError` where there is no equilibrium, or a coordinate moves no mass.
+    ``seek``, ``stops``: as of `find_equilibrium`. Prescribed drives and the time of loads are held at their start, and dry friction
+    is left out; the notes list them. Raises `MechanismError` where there is no equilibrium, or a coordinate moves no mass.
     """
     equilibrium = find_equilibrium(mechanism, seek=seek, stops=stops)
     compiled, q = equilibrium.compiled, equilibrium.position
@@ -140,9 +141,9 @@ def small_vibrations(mechanism: Mechanism | Compiled, *, seek: Seek = "stable", 
 
 
 def _damping(compiled: Compiled, q: Real) -> Real:
-    """C = -dQ/dq' at rest (f, f): central differences, extrapolated to no step at all (a force like v |v| has a slope of zero).
+    """C = -dQ/dq' at rest (f, f): central differences, extrapolated to a step of zero (a force like v |v| has a slope of zero).
 
-    Raises `MechanismError` where a force jumps as the motion turns round.
+    Raises `MechanismError` where a force jumps as the motion reverses.
     """
     scale, f = coordinate_scales(compiled), len(q)
     steps = DIFFERENCE_STEP * 0.5 ** np.arange(3)
@@ -194,7 +195,7 @@ def _modes(inertia: Real, damping: Real, stiffness: Real, scale: Real) -> tuple[
         k = k - (squares[i] * np.outer(right[:, i], left[:, i].conj()) / np.vdot(left[:, i], right[:, i])).real
     squares = np.where(none, 0.0, squares)
     roots = np.sqrt(squares + 0j)
-    order = np.lexsort((squares.imag, np.where(squares.imag == 0, roots.real - roots.imag, roots.real)))  # what grows first
+    order = np.lexsort((squares.imag, np.where(squares.imag == 0, roots.real - roots.imag, roots.real)))  # growing modes first
     squares, right = squares[order], right[:, order]
     shapes = basis @ right
     largest = np.argmax(np.abs(shapes) > 0.999 * np.abs(shapes).max(axis=0), axis=0)  # the first of equal ones
@@ -213,13 +214,14 @@ def _modes(inertia: Real, damping: Real, stiffness: Real, scale: Real) -> tuple[
 def _kind(square: complex, exponents: tuple[complex, complex], fastest: float) -> Kind:
     growing = max(exponents, key=lambda s: s.real)
     creeping = abs(growing.imag) <= LEAST_GROWTH * fastest
-    if growing.real > (0.0 if creeping and square else LEAST_GROWTH * fastest):  # what creeps has a simple root, however small
+    if growing.real > (0.0 if creeping and square else LEAST_GROWTH * fastest):  # aperiodic: a simple root, however small
         return "divergence" if creeping else "flutter"
     return "vibration" if square else "neutral"
 
 
 def _exponents(squares: Complex | Real, modes: Complex | Real, k: Real, c: Real) -> list[tuple[complex, complex]]:
-    """Two exponents for each of the ``modes`` (columns), from x'' + c x' + k x = 0: what moves mostly in a mode belongs to it."""
+    """Two exponents for each of the ``modes`` (columns), from x'' + c x' + k x = 0. Each belongs to the mode in which it moves
+    most."""
     f = len(k)
     own = np.zeros(f) if np.any(k - np.diag(np.diag(k))) else np.diag(c)
     if np.abs(c - np.diag(own)).max() <= 1e-11 * np.abs(c).max():
@@ -243,7 +245,8 @@ def _exponents(squares: Complex | Real, modes: Complex | Real, k: Real, c: Real)
 
 
 def _roots(c: float, k: complex) -> tuple[complex, complex]:
-    """The two roots of s^2 + c s + k, the smaller real one without cancellation; of complex k, without c, one and its conjugate."""
+    """The two roots of s^2 + c s + k, the smaller real one without cancellation; for complex k, where c is 0, one root and its
+    conjugate."""
     if k.imag:
         root = 1j * complex(np.sqrt(k))
         return root, root.conjugate()

@@ -1,1 +1,1 @@
-"""Dry friction: where it acts, what presses there, and the reactions that follow."""
+"""Dry friction: where it acts, the normal loads there, and the reactions that follow."""

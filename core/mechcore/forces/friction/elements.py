@@ -1,19 +1,19 @@
 """Where friction acts: one element for each relative motion that a joint with a coefficient brakes.
 
 An element puts ``lambda`` times a unit wrench on the second link of its joint and the opposite on the first, with
-``lambda = -sign(rate) factor * g``, where ``rate`` is the relative speed that does work on the wrench and ``g`` the normal load:
+``lambda = -sign(rate) factor * g``, where ``rate`` is the relative speed at which the wrench does work and ``g`` the normal load:
 the length, or the larger component, of two numbers that are linear in what the joint transmits.
 
-Pin: moment mu r |R| (the lecture's formula, R the whole reaction), exactly mu r / sqrt(1 + mu^2) |R| (friction circle).
+Pin: moment mu r |R| (the formula of lectures, R the whole reaction), exactly mu r / sqrt(1 + mu^2) |R| (friction circle).
 Guide with a bearing of length b: the forces N1 and N2 at its ends have N1 + N2 = N and (N2 - N1) b / 2 = C, the couple about
 its middle, hence |N1| + |N2| = max(|N|, 2 |C| / b): while |C| < |N| b / 2 both press on the same side and the couple does not
-count, whatever the pressure between them; beyond that they press on opposite sides.
-Cam: mu |N| along the common tangent; a roller on a pin of radius r: mu r / R |N|, what the pin drags. Where a roller rolls and is
-also pushed along its axis, as on cams about an axis in the plane, the whole friction at the flank is mu |N| against the whole
-sliding; what the pin drags is its part across the axis, so that along it there is mu sqrt(1 - r^2 / R^2) |N|.
+matter, whatever the pressure between them; beyond that they press on opposite sides.
+Cam: mu |N| along the common tangent; a roller of radius R on a pin of radius r: mu r / R |N|, the drag of the pin. Where a roller
+rolls and also slides along its axis, as on cams about an axis in the plane, the whole friction at the flank is mu |N| against the
+whole sliding; the drag of the pin is its part across the axis, so that along the axis it is mu sqrt(1 - r^2 / R^2) |N|.
 Screw: mu N along the thread, N across its flanks: with the mean radius r, the lead angle l, tan l = lead / (2 pi r), and
 tan rho = mu the torque is F r tan(l + rho) against the load F, and F r tan(l - rho) with it.
-Cylinder: mu |F| along it, F the force that drives it; a cylinder that nothing drives transmits none and has only its brake.
+Cylinder: mu |F| along it, F the force that drives it; a cylinder without a drive transmits none and has only its brake.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ from mechcore.spec.mechanism import (
 Movement = Literal["turn", "slide"]
 ElementKind = Literal["pin", "guide", "normal", "contact", "brake", "drive"]
 
-RESTING_SPEED = 1e-12  # relative speeds below this part of the largest of the whole mechanism: joints that never move
+RESTING_SPEED = 1e-12  # part of the largest relative speed of the mechanism: slower joints are at rest
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +63,7 @@ class Element:
     kind: ElementKind  # how the normal load follows from what the joint transmits
     friction: Friction
     factor: Values  # moment or force per normal load [m or 1] where it slides, a number or (F,)
-    limit: Values  # the same up to which it sticks
+    limit: Values  # the same at the limit of sticking
     coefficient: Values  # of sliding, a number or (F,)
     links: tuple[int, int]  # first and second
     index: int  # of the joint in the model; -1 for a relation
@@ -71,9 +71,9 @@ class Element:
     rate: Real
     sign: Real
     place: Plane | None = None  # of a cam or thread: where they touch
-    twist: Values | None = None  # of an axis in the plane: couple on what turns about it, the opposite on its carrier [m]
+    twist: Values | None = None  # of an axis in the plane: couple on the turning link, the opposite on the carrier [m]
     carrier: int = -1
-    seen: Values = 1.0  # of the same: how much of the normal force the plane sees
+    seen: Values = 1.0  # of the same: part of the normal force in the plane
 
     @property
     def unit(self) -> str:
@@ -81,7 +81,7 @@ class Element:
 
     @property
     def euclidean(self) -> bool:
-        """Whether the normal load is the length of its two numbers, else it is the larger of them."""
+        """Whether the normal load is the Euclidean length of its two numbers; otherwise it is the larger of them."""
         return self.kind in ("pin", "contact")
 
     def load(self, motion: Motion, force: list[Plane], moment: list[Values], value: Values) -> None:
@@ -102,8 +102,8 @@ class Element:
     def normal(
         self, motion: Motion, transmitted: Sequence[tuple[Plane, Values]], contacts: dict[str, tuple[Plane, Plane]], sign: Values
     ) -> tuple[Values, Values]:
-        """The two numbers whose size is the normal load [N]; ``sign`` is the direction of sliding."""
-        if self.kind == "brake":  # its factor is the whole friction, whatever the joint transmits: see `solve.system`
+        """The two numbers whose norm is the normal load [N]; ``sign`` is the direction of sliding."""
+        if self.kind == "brake":  # its factor is the whole friction: see `solve.system`
             return 1.0, 0.0
         if self.kind == "contact":
             force = contacts[self.joint][1] / self.seen
@@ -130,7 +130,7 @@ def scales_of(model: Model, elements: Sequence[Element]) -> Real:
 
 def elements_of(motion: Motion, flanks: Mapping[int, Values] | None = None, signs: Iterable[Values] | None = None) -> list[Element]:
     """All elements of a mechanism, in the order of its joints. ``flanks``: relation -> multiplier (F,) whose sign says on which of
-    its two sides a cam presses; without it all press where they push. ``signs`` of their rates, where these are known."""
+    its two sides a cam presses; without it all press on the first side. ``signs`` of their rates, where these are known."""
     if signs is not None:
         given = iter(signs)
         return _elements(motion, lambda *_: next(given), flanks)
@@ -141,7 +141,7 @@ def elements_of(motion: Motion, flanks: Mapping[int, Values] | None = None, sign
     return _elements(motion, lambda rate, what: _sign(rate, least[what], peak), flanks)
 
 
-Sense = Callable[[Any, Movement], Any]  # a rate (F,) and what it is of -> its sign (F,)
+Sense = Callable[[Any, Movement], Any]  # a rate (F,) and the movement it belongs to -> its sign (F,)
 
 
 def _elements(motion: Motion, sense: Sense, flanks: Mapping[int, Values] | None) -> list[Element]:
@@ -158,8 +158,8 @@ def two_sided(motion: Motion) -> bool:
 
 
 def _parts(joint: Joint) -> list[tuple[Movement, ElementKind, float]]:
-    """Movements that friction brakes in a joint, by which normal load, with which arm [m or 1] or, of a brake, effort [N m or
-    N]."""
+    """Movements that friction brakes in a joint, each with its kind of normal load and its arm [m or 1], or for a brake its effort
+    [N m or N]."""
     f = friction_of(joint)
     if f is None:
         return []
@@ -171,7 +171,7 @@ def _parts(joint: Joint) -> list[tuple[Movement, ElementKind, float]]:
         parts = [(what, kind, arm)] if f.coefficient and arm else []
         return [*parts, (what, "brake", f.brake)] if f.brake else parts
     if isinstance(joint, CamJoint):
-        roller = getattr(joint.face, "radius", 0.0) if f.radius else 0.0  # it rolls, and rubs on its pin
+        roller = getattr(joint.face, "radius", 0.0) if f.radius else 0.0  # it rolls, with friction on its pin
         share = f.radius / roller if roller else 1.0
         parts = [("slide", "contact", share)]
         return parts if joint.spatial is None else [*parts, ("slide", "contact", np.sqrt(1.0 - share * share))]
@@ -226,12 +226,13 @@ def _element(
 
 
 def _of_thread(motion: Motion, joint: Screw, friction: Friction, sense: Sense) -> Element:
-    """Sliding of the nut's thread on the spindle's, by the nut's travel: the force along the thread has a part along the axis, and
-    one round it, a torque about the axis. Raises `MechanismError` of a self-locking thread that nothing drives."""
+    """Sliding of the nut's thread on the spindle's, with the nut's travel as its rate: the force along the thread has a part along
+    the axis and a circumferential part, a torque about the axis. Raises `MechanismError` for a self-locking thread without a
+    drive."""
     model, r = motion.model, friction.radius
     lead_angle, most = np.arctan2(joint.radius, r), max(friction.static, friction.coefficient)
     driven = any(drive.joint == joint.name and not isinstance(drive.law, Free) for drive in motion.mechanism.drives)
-    if not driven and most * r >= joint.radius:  # without inertia the spindle would turn as if nothing pressed on it
+    if not driven and most * r >= joint.radius:  # without inertia the spindle would turn as if it were unloaded
         why = f"the thread locks itself, as {most:g} is not below the tangent of its lead angle, {joint.radius / r:.4g}."
         remedy = "Drive the screw, whose spindle has no inertia here, or give a smaller coefficient or a larger lead."
         raise MechanismError(Fault(f"joints.{joint.name}.friction", why, remedy))
@@ -272,7 +273,7 @@ def _of_cam(
 ) -> Element:
     """Sliding of the follower on its cam: along the common tangent at the contact, at the difference of both surfaces' speeds.
 
-    A roller is counted as if it stood still: what drags it along is the friction on its pin, at the same contact.
+    A roller counts as if it did not roll: the force that drags it along is the friction on its pin, taken at the same contact.
     """
     index, relation = next((i, r) for i, r in enumerate(motion.model.relations) if r.name == joint.name)
     geometry, flank = relation.geometry, np.asarray(flanks.get(index, np.ones(motion.shape)))
@@ -306,7 +307,7 @@ def _sign(rate: Real, least: float, peak: Callable[[ArrayLike], float]) -> Real:
 
 
 def relative_rate(motion: Motion, rates: Rates, what: Movement, j: int, links: tuple[int, int]) -> Real:
-    """Rate (F,) that does work on an element's unit wrench; ``rates`` are the motion's speeds or accelerations."""
+    """Rate (F,) at which an element's unit wrench does work; ``rates`` are the motion's speeds or accelerations."""
     if what == "turn":
         rotation_class = motion.model.angles.rotation_class
         value = rates.angular[rotation_class[links[1]]] - rates.angular[rotation_class[links[0]]]
@@ -316,7 +317,7 @@ def relative_rate(motion: Motion, rates: Rates, what: Movement, j: int, links: t
 
 
 def _over_frames(motion: Motion, value: object) -> Real:
-    if not (motion.shape and isinstance(value, np.ndarray | float | int)):  # what stands for an array
+    if not (motion.shape and isinstance(value, np.ndarray | float | int)):  # a substitute for an array
         return cast(Real, value)
     return np.array(np.broadcast_to(np.asarray(value, float), (motion.frames,)))
 

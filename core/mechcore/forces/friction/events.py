@@ -1,4 +1,4 @@
-"""When friction changes: its sign, jams with their edges found between frames, self-locking, and what it costs over a run."""
+"""Events of friction: changes of sign, jams with their edges found between frames, self-locking, and the losses over a run."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ from mechcore.records import dataclass
 
 INTERVAL_PARTS = 16  # into which an interval is divided at every round of the search for an edge
 EVEN_PARTS = np.linspace(0.0, 1.0, INTERVAL_PARTS + 1)
-BEYOND = np.array([0.5, 1.0])  # of an interval in the jam: how fast what can still be moved becomes less
+BEYOND = np.array([0.5, 1.0])  # parts of an interval in the jam: they show how fast the reached proportion falls
 SEARCH_ROUNDS = 7  # 16^7 = 3e8 places between two frames
-NEAR_STABILITY = 0.7  # stability below which a minimum between frames is looked at
+NEAR_STABILITY = 0.7  # stability below which a minimum between frames is searched
 MOST_CANDIDATES = 24
 
 
 @dataclass(frozen=True)
 class Jam:
-    """A stretch of time [s] in which the drives cannot move the mechanism, and the joints whose friction does it."""
+    """An interval of time [s] in which the drives cannot move the mechanism, and the joints whose friction causes it."""
 
     start: float
     end: float
@@ -41,7 +41,7 @@ def sign_changes(forces: Forces) -> list[tuple[float, str]]:
     motion = forces.motion
     changes = []
     for e in friction.elements:
-        if not np.isfinite(e.rate).all() or not e.sign.any() or e.place is not None:  # the sliding of cams is known at frames only
+        if not np.isfinite(e.rate).all() or not e.sign.any() or e.place is not None:  # cams: rates at frames only
             continue
 
         def rows(m: Motion, e: Element = e) -> Real:
@@ -54,7 +54,8 @@ def sign_changes(forces: Forces) -> list[tuple[float, str]]:
 
 
 def find_jams(forces: Forces) -> list[Jam]:
-    """All jams of a run. Their edges, and jams that begin and end between two frames, are found where laws lead the drives."""
+    """All jams of a run. Their edges, and jams that begin and end between two frames, are located where the motion is available at
+    other times."""
     friction = forces.friction
     if friction is None:
         return []
@@ -71,14 +72,14 @@ def find_jams(forces: Forces) -> list[Jam]:
             end = _edge(again, float(time[last + 1]), end, inner[0], near) if last + 1 < len(time) else end
         jams.append(Jam(start, end, friction.jammed_by(frame), float(friction.reached[frame])))
     if again is not None:
-        for jam in _hidden(again, friction, time, near):  # two low frames may lead to the same one
+        for jam in _hidden(again, friction, time, near):  # two minima may lead to the same jam
             if not any(jam.start <= known.end and known.start <= jam.end for known in jams):
                 jams.append(jam)
     return sorted(jams, key=lambda jam: jam.start)
 
 
 def _again(forces: Forces) -> Callable[[Real], FrictionResult] | None:
-    """The friction of the same motion at other times."""
+    """A function that gives the friction of the same motion at other times; None where it is not available."""
     motion_at = forces.motion.again
     if motion_at is None:
         return None
@@ -92,8 +93,8 @@ def _again(forces: Forces) -> Callable[[Real], FrictionResult] | None:
 
 
 def _edge(again: Callable[[Real], FrictionResult], free: float, jammed: float, within: float, near: float) -> float:
-    """The time at which a jam begins or ends, between one where it moves and one where it jams, to ``near`` [s]; ``within`` the
-    jam: how far beyond it goes on at least."""
+    """The time at which a jam begins or ends, to ``near`` [s], between a ``free`` and a ``jammed`` one; ``within``: a time up to
+    which the jam lasts at least."""
     parts = EVEN_PARTS
     for _ in range(SEARCH_ROUNDS):
         width = jammed - free
@@ -113,8 +114,9 @@ def _edge(again: Callable[[Real], FrictionResult], free: float, jammed: float, w
 
 
 def _parts_about_edge(places: Real, reached: Real) -> Real:
-    """Where to look next between 0, where it moves, and 1, where it jams: denser about where the proportion that is ``reached`` at
-    up to three places in the jam would become one, as far as a line and a parabola through it agree."""
+    """Next search places between 0, where it moves, and 1, where it jams. They are denser about the place where the proportion
+    ``reached``, known at up to three places in the jam, would become one, the more the closer a line and a parabola through it
+    agree."""
     short = 1.0 - reached
     if len(short) < 3 or not np.all(np.diff(short, prepend=0.0) > 0.0):
         return EVEN_PARTS
@@ -126,7 +128,7 @@ def _parts_about_edge(places: Real, reached: Real) -> Real:
 
 
 def _hidden(again: Callable[[Real], FrictionResult], friction: FrictionResult, time: Real, near: float) -> Iterator[Jam]:
-    """Jams between frames: the stability has a low minimum there, which the neighbourhood of its lowest frame is searched for."""
+    """Jams between frames: where the stability has a low minimum at a frame, the neighbourhood of the frame is searched."""
     s = np.where(friction.jammed, np.nan, friction.stability)
     with np.errstate(invalid="ignore"):
         low = np.flatnonzero((s[1:-1] <= s[:-2]) & (s[1:-1] <= s[2:]) & (s[1:-1] < NEAR_STABILITY)) + 1
@@ -187,7 +189,7 @@ def _span(motion: Motion, first: int, last: int) -> str:
     if first == last:
         return f"at {start:.6g} s ({at_drive(motion, start)})"
     there, drives = at_drive(motion, end), motion.mechanism.drives
-    if len(drives) == 1:  # it need not be named twice
+    if len(drives) == 1:  # the only drive need not be named twice
         there = there.removeprefix(f"drive {drives[0].joint} at ")
     return f"from {start:.6g} s to {end:.6g} s ({at_drive(motion, start)} to {there})"
 
@@ -221,7 +223,7 @@ def friction_lanes(forces: Forces) -> dict[str, list[tuple[float, str]]]:
 
 
 def _lane(time: Real, states: list[str], turns: list[float]) -> list[tuple[float, str]]:
-    """Changes of a state; a reversal counts where it happens between frames, and a single frame of rest in it does not."""
+    """Changes of a state: a reversal counts at its time between frames, and a single frame of rest within it does not count."""
     n = len(states)
     calm = [
         states[k + 1] if 0 < k < n - 1 and states[k] == "at rest" and "at rest" not in (states[k - 1], states[k + 1]) else states[k]

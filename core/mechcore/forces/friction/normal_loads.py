@@ -1,11 +1,11 @@
 """Normal loads under Coulomb friction: ``g = |a + K g|`` for all frames at once.
 
-Reactions are linear in the friction, friction is proportional to the size of reactions. With ``g`` (n,) the normal loads of the n
-braked motions, each is the norm of two numbers ``a_i + K_i g``. A norm is convex and grows in proportion, hence:
+Reactions are linear in the friction, and friction is proportional to the magnitude of reactions. With ``g`` (n,) the normal loads
+of the n braked motions, each is the norm of two numbers ``a_i + K_i g``. A norm is convex and homogeneous, hence:
 
 - where the matrix of the norms of ``K`` has a spectral radius below one the map contracts: there is one solution, and it is
-  found by Newton's method, fixed-point steps where that does not come closer;
-- elsewhere the solution is followed from the frictionless one by raising all coefficients in the same proportion. Where the
+  found by Newton's method, with fixed-point steps where that does not reduce the residual;
+- elsewhere the solution is continued from the frictionless one by raising all coefficients in the same proportion. Where the
   branch runs to infinity or turns back before the full coefficients, no drive effort moves the mechanism: it jams.
   ``det(I - D K)`` (D: the norms' gradients) is one without friction and positive all along the branch.
 """
@@ -17,25 +17,26 @@ import numpy as np
 from mechcore.arrays import Flags, Real
 from mechcore.records import dataclass
 
-# Residual, of the terms of its equation: a joint that carries a billionth of another's load counts as much
+# Residual, relative to the terms of its equation: a joint that carries a billionth of another's load counts as much
 RESIDUAL_TOLERANCE = 1e-13
-SETTLED_RESIDUAL = 1e-11  # the same: as close as rounding lets Newton's method come
+SETTLED_RESIDUAL = 1e-11  # the same: the limit of Newton's method by rounding
 SHORTEST_STEP = 1e-13  # step of the coefficients' proportion at which a branch ends
-START_COUNT = 24  # from which other solutions are looked for
-AT_ONCE = 60_000  # frames times couplings that are solved together: what stays near the processor
+START_COUNT = 24  # starts from which other solutions are searched for
+AT_ONCE = 60_000  # frames times couplings that are solved together, small enough for the processor's cache
 BOUND_VECTORS = 8  # vectors that are tried for the simple bound
-OFF_BRANCH = 0.05  # of the terms of its equation, or of the largest load: a step that ends farther off may have left the branch
-BEYOND_BRANCH = 1e-6  # of the coefficients: gradients just past the end of a branch, which may end where a norm changes its side
-MOST_STEPS = 2000  # along a branch: some fifty do
-CONTRACTION_PART = 0.9  # part of the proportion up to which the map contracts
+OFF_BRANCH = 0.05  # part of the equation's terms or the largest load: a prediction with a larger error may have left the branch
+BEYOND_BRANCH = 1e-6  # part of the coefficients: gradients are taken so far past the end of a branch, where a norm may have a kink
+MOST_STEPS = 2000  # along a branch: some fifty suffice
+CONTRACTION_PART = 0.9  # part used of the proportion up to which the map contracts
 
 
 @dataclass(frozen=True, eq=False)
 class NormalLoads:
-    """``loads`` (F, n), NaN where ``jammed`` (F,); ``reached`` (F,): proportion of the coefficients that can still be moved.
+    """``loads`` (F, n), NaN where ``jammed`` (F,); ``reached`` (F,): proportion of the coefficients with which the mechanism can
+    still be moved.
 
-    ``share`` (F, n): how far each braked motion takes part in the jam, the largest 1; zero elsewhere. ``residual`` (F,): error of
-    the equations, each of its own terms. ``iterations``: most of any frame.
+    ``share`` (F, n): share of each braked motion in the jam, the largest 1; zero elsewhere. ``residual`` (F,): residual of the
+    equations, each relative to its own terms. ``iterations``: most of any frame.
     """
 
     loads: Real
@@ -49,7 +50,8 @@ class NormalLoads:
 def solve_normal_loads(a: Real, k: Real, euclidean: Flags, tolerance: float = RESIDUAL_TOLERANCE) -> NormalLoads:
     """Solve ``g = |a + K g|``: ``a`` (F, n, 2), ``k`` (F, n, 2, n); ``euclidean`` (n,): length of two numbers, else the larger one.
 
-    Frames with numbers that are not finite stay NaN and do not count as jammed. ``tolerance``: of the terms of its equation.
+    Frames with numbers that are not finite stay NaN and do not count as jammed. ``tolerance``: of a residual relative to the terms
+    of its equation.
     """
     frames, n = a.shape[:2]
     at_once = max(64, AT_ONCE // (n * n))
@@ -63,7 +65,7 @@ def solve_normal_loads(a: Real, k: Real, euclidean: Flags, tolerance: float = RE
         }
         return NormalLoads(**whole, iterations=max(part.iterations for part in parts))
     size = _sizes(k, euclidean)
-    bound = _simple_bound(size)  # does for most mechanisms
+    bound = _simple_bound(size)  # suffices for most mechanisms
     if (bound < 1.0).all() and np.isfinite(a).all():  # NaN is not below one
         loads, residual, steps = _contract(a, k, euclidean, bound, dominant=True, tolerance=tolerance)
         return NormalLoads(loads, np.zeros(frames, bool), np.ones(frames), np.zeros((frames, n)), residual, steps)
@@ -91,8 +93,8 @@ def solve_normal_loads(a: Real, k: Real, euclidean: Flags, tolerance: float = RE
 def _contract(a: Real, k: Real, euclidean: Flags, radius: Real, *, dominant: bool, tolerance: float) -> tuple[Real, Real, int]:
     """Loads (F, n), residuals (F,) and the number of steps where the map contracts, at most by ``radius`` (F,) below one.
 
-    Just below a jam the loads are many times the frictionless ones, Newton's method from these goes astray and fixed-point steps
-    hardly come closer: such frames are followed from smaller coefficients, as beyond.
+    Just below a jam the loads are many times the frictionless ones: Newton's method started from these fails, and fixed-point steps
+    converge slowly. Such frames are continued from smaller coefficients, as in `_follow`.
     """
     loads, residual, steps = _newton(a, k, euclidean, None, dominant=dominant, tolerance=tolerance)
     slow = np.flatnonzero(residual > max(SETTLED_RESIDUAL, tolerance))
@@ -112,7 +114,7 @@ def stability(a: Real, k: Real, euclidean: Flags, loads: Real) -> Real:
 
 
 def has_several_solutions(a: Real, k: Real, euclidean: Flags, loads: Real) -> Flags:
-    """Frames (F,) in which other loads than the given ones are in equilibrium too, looked for from many starts.
+    """Frames (F,) in which other loads than the given ones are in equilibrium too, searched for from many starts.
 
     Where the map contracts there are none; elsewhere two states can be possible, as they are for a rod that is pushed over a rough
     floor (Painleve).
@@ -165,7 +167,7 @@ def spectral_radius(m: Real) -> Real:
 
 
 def _sizes(k: Real, euclidean: Flags) -> Real:
-    """Norms (F, n, n) of the two numbers that each load adds to each other one."""
+    """Norms (F, n, n) of the two numbers that each load contributes to each other one."""
     larger = np.maximum(np.abs(k[:, :, 0]), np.abs(k[:, :, 1]))
     return np.asarray(np.where(euclidean[:, None], np.hypot(k[:, :, 0], k[:, :, 1]), larger), float)
 
@@ -209,10 +211,11 @@ def _newton(
 ) -> tuple[Real, Real, int]:
     """Loads (F, n), relative residuals (F,) and the number of steps, from ``start`` or from the frictionless loads.
 
-    A step that does not come closer is replaced by a fixed-point step. Frames that are there stay as they are; once they are the
-    larger part, only the others go on. ``dominant``: with some scaling of the columns the rows of ``|K|`` add up to less than one.
+    A step that does not reduce the residual is replaced by a fixed-point step. Converged frames stay as they are; once they are the
+    larger part, only the others are iterated. ``dominant``: with some scaling of the columns the rows of ``|K|`` add up to less
+    than one.
     """
-    # frames last: numpy is quick along the last axis, and all others are short
+    # frames last: numpy is fast along the last axis, and all others are short
     aw, kw = np.ascontiguousarray(np.moveaxis(a, 0, -1)), np.ascontiguousarray(np.moveaxis(k, 0, -1))
     kinds = euclidean[:, None]
     loads = _norm_last(aw, kinds)[0] if start is None else np.ascontiguousarray(start.T)
@@ -231,7 +234,7 @@ def _newton(
         f_new, slope_new = _jacobian_last(aw, kw, kinds, step)
         largest_new = _largest_residual_last(f_new, own, norms, step)
         worse = ~(largest_new < 0.7 * largest)
-        stay = ~going | (worse & (largest <= SETTLED_RESIDUAL))  # there, or as close as rounding lets it come
+        stay = ~going | (worse & (largest <= SETTLED_RESIDUAL))  # converged, or limited by rounding
         if (worse & ~stay).any():
             step = np.where(worse & ~stay, here - f, step)
             f_new, slope_new = _jacobian_last(aw, kw, kinds, step)
@@ -251,7 +254,8 @@ def _newton(
 
 
 def _largest_residual_last(f: Real, own: Real, norms: Real, g: Real) -> Real:
-    """Largest residual (F,) of equations f (n, F), each of its own terms: ``own`` (n, F), ``norms`` (n, n, F) times ``g``."""
+    """Largest residual (F,) of equations f (n, F), each relative to its own terms: ``own`` (n, F), ``norms`` (n, n, F) times
+    ``g``."""
     return np.asarray((np.abs(f) / np.maximum(own + np.einsum("ijf,jf->if", norms, np.abs(g)), 1e-300)).max(axis=0))
 
 
@@ -292,16 +296,16 @@ def _eliminate(matrix: Real, rhs: Real) -> Real:
 
 
 def _follow(a: Real, k: Real, euclidean: Flags, radius: Real) -> tuple[Real, Real, Real, Real]:
-    """Loads (F, n), proportion reached (F,), share in the jam (F, n), residuals (F,): the branch from the frictionless loads.
+    """Loads (F, n), proportion reached (F,), share in the jam (F, n), residuals (F,), by continuation from the frictionless loads.
 
-    The proportion p of the coefficients goes from 0 to 1; up to ``CLOSE / radius`` the map contracts.
+    The proportion p of the coefficients goes from 0 to 1; up to ``CONTRACTION_PART / radius`` the map surely contracts.
     """
     p = np.minimum(CONTRACTION_PART / radius, 1.0)
     g, residual, _ = _newton(a, k * p[:, None, None, None], euclidean, None)
     step = 0.1 * p
     jammed = np.zeros(len(a), bool)
     active = np.flatnonzero((p < 1.0) & (np.abs(a).max(axis=(1, 2)) > 0.0))
-    p[np.abs(a).max(axis=(1, 2)) == 0.0] = 1.0  # nothing loads it
+    p[np.abs(a).max(axis=(1, 2)) == 0.0] = 1.0  # no load acts on it
     for _ in range(MOST_STEPS):
         if not len(active):
             break
@@ -310,7 +314,7 @@ def _follow(a: Real, k: Real, euclidean: Flags, radius: Real) -> tuple[Real, Rea
         y = aa + at[:, None, None] * np.einsum("fiaj,fj->fia", ka, here)
         slope = _solve(matrix, np.einsum("fia,fiaj,fj->fi", _norm(y, euclidean)[1], ka, here))
         size = np.minimum(_terms(aa, ka * at[:, None, None, None], here), np.abs(here).max(axis=1, keepdims=True))
-        # no load grows by more than half of its own terms, or of the largest load, in one step; a step of one is all of it
+        # no load grows by more than half of its own terms, or of the largest load, in one step; the largest step is one
         half = 0.5 * size
         most = (half / np.maximum(np.maximum(np.abs(slope), half), 1e-300)).min(axis=1)
         h = np.minimum(np.minimum(step[active], most), 1.0 - at)
@@ -326,7 +330,7 @@ def _follow(a: Real, k: Real, euclidean: Flags, radius: Real) -> tuple[Real, Rea
         ended = (to <= at) | (h < SHORTEST_STEP) & ~ok  # the branch runs to infinity, or turns back
         jammed[active[ended]] = True
         active = active[~ended & (p[active] < 1.0)]
-    jammed[active] = True  # it never settled
+    jammed[active] = True  # it has not converged
     share = np.zeros_like(g)
     past = p[jammed] * (1.0 + BEYOND_BRANCH)
     share[jammed] = _share(a[jammed], k[jammed] * past[:, None, None, None], euclidean, g[jammed])
@@ -338,14 +342,14 @@ def _follow(a: Real, k: Real, euclidean: Flags, radius: Real) -> tuple[Real, Rea
 
 
 def _correct(a: Real, k: Real, euclidean: Flags, g: Real) -> tuple[Real, Flags]:
-    """Plain Newton from a prediction, and where it arrives at loads on the same branch."""
+    """Loads by plain Newton from a prediction, and where it converges to loads on the same branch."""
     g, ok, matrix = _arrive(a, k, euclidean, g)
     with np.errstate(all="ignore"):
         return g, ok & (np.linalg.det(matrix) > 0.0)
 
 
 def _arrive(a: Real, k: Real, euclidean: Flags, g: Real) -> tuple[Real, Flags, Real]:
-    """Plain Newton, where it arrives at loads, and I - D K there. Loads are norms: where the equations hold none is negative."""
+    """Loads by plain Newton, where it converges, and I - D K there. Loads are norms: where the equations hold, none is negative."""
     with np.errstate(all="ignore"):
         for _ in range(8):
             f, matrix = jacobian(a, k, euclidean, g)
@@ -362,7 +366,8 @@ def _terms(a: Real, k: Real, g: Real) -> Real:
 
 
 def _share(a: Real, k: Real, euclidean: Flags, g: Real) -> Real:
-    """How strongly each column of K moves the smallest eigenvalue of I - D K: the joints whose friction makes the jam (F, n)."""
+    """Sensitivity (F, n) of the smallest singular value of I - D K to each column of K, the largest 1: the joints whose friction
+    causes the jam."""
     _, matrix = jacobian(a, k, euclidean, g)
     u, _, vt = np.linalg.svd(matrix)
     left, right = u[:, :, -1], vt[:, -1]

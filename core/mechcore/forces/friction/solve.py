@@ -1,11 +1,12 @@
 """Dry friction in joints: reactions and friction that depend on each other, solved together for all frames.
 
-Friction puts a wrench on the two links of a joint, against their relative motion and in proportion to what presses on the joint;
-that again depends on all friction. `elements` says where friction acts, `respond` what a unit of it does, `normal_loads` finds the
-loads or that there are none (the mechanism jams), `FrictionResult` holds what comes out, `events` says when it changes.
+Friction puts a wrench on the two links of a joint, against their relative motion and in proportion to the normal load of the joint;
+this load again depends on all friction. `elements` lists where friction acts, `respond` finds the effect of a unit of it,
+`normal_loads` finds the loads or that there are none (the mechanism jams), `FrictionResult` holds the results, `events` finds when
+they change.
 
-At rest, where the relative speed of a joint is zero, its friction is undetermined between two limits: zero stands for it, the
-middle of the two-sided limit where the motion reverses. At a jam all forces of the frame are NaN.
+At rest, where the relative speed of a joint is zero, its friction is undetermined between two limits: it is set to zero, the middle
+of the two-sided limit where the motion reverses. At a jam all forces of the frame are NaN.
 """
 
 from __future__ import annotations
@@ -30,11 +31,12 @@ from mechcore.records import dataclass
 from mechcore.spec.mechanism import Revolute, braked, friction_of
 
 TransmittedForces = tuple[list[tuple[Plane, Values]], dict[str, tuple[Plane, Plane]], dict[int, Values]]
-"""Of each joint force and couple on its second link, of each relation place and force, and its multiplier: see `transmit`."""
+"""Force and couple on the second link of each joint, place and force of each relation, and multiplier of each relation: see
+`transmit`."""
 
 FLANK_ROUNDS = 8  # rounds in which the flanks of gears may change sides
-LEAST_SHARE = 0.1  # of the largest share in a jam: joints below it are not named
-LEAST_USE = 1e-4  # of the work that loads exchange in a run: what is less useful is nothing
+LEAST_SHARE = 0.1  # part of the largest share in a jam: joints below it are not named
+LEAST_USE = 1e-4  # part of the work that loads exchange in a run: less useful work counts as zero
 AT_ONCE = 400_000  # elements times frames that are solved in one call
 
 
@@ -43,7 +45,7 @@ def solve_friction(
 ) -> tuple[list[tuple[Plane, Values]], dict[str, tuple[Plane, Plane]], FrictionResult]:
     """Forces that joints and relations transmit (as `mechcore.forces.equilibrium.transmit` gives them), and the friction.
 
-    ``force`` and ``moment`` are what loads put on the links. Raises `MechanismError` where statics leaves the normal load of a
+    ``force`` and ``moment`` of each link are those of the loads. Raises `MechanismError` where statics leaves the normal load of a
     joint with friction undetermined.
     """
     check_friction(motion)
@@ -70,8 +72,8 @@ def solve_friction(
 
 
 def check_friction(motion: Motion) -> None:
-    """Raise `MechanismError` of numbers that are no friction, where specs are made without a scene; and where statics does not
-    determine what presses on a joint."""
+    """Raise `MechanismError` for friction data that are invalid, as specs may be made without a scene, and where statics does not
+    determine the normal load of a joint."""
     faults = []
     for joint in motion.mechanism.joints:
         f = friction_of(joint)
@@ -90,8 +92,7 @@ def check_friction(motion: Motion) -> None:
 
 
 def _refuse_indeterminate(motion: Motion) -> None:
-    """Redundant constraints share the load between joints in a way that rigid bodies leave undetermined, and friction depends on
-    it."""
+    """Raise `MechanismError` where redundant constraints leave the normal load of a joint with friction undetermined."""
     if not motion.model.redundant:
         return
     braked_joints = [p for p in indeterminate(motion) if p in braked(motion.mechanism.joints)]
@@ -104,7 +105,7 @@ def _refuse_indeterminate(motion: Motion) -> None:
 
 @dataclass(frozen=True, eq=False)
 class Response:
-    """``base``: transmitted without friction. ``units``: of each element, the same under its unit wrench alone."""
+    """``base``: transmitted forces without friction. ``units``: for each element, those under its unit wrench alone."""
 
     base: TransmittedForces
     units: list[TransmittedForces]
@@ -137,7 +138,7 @@ def respond(
 
 
 def picked(together: TransmittedForces, shape: tuple[int, int]) -> list[TransmittedForces]:
-    """The parts of the elements of what several transmit side by side."""
+    """The transmitted forces of each element, from those that were computed side by side."""
     transmitted, contacts, multipliers = together
 
     def rows(values: Any) -> Any:
@@ -162,7 +163,7 @@ def system(motion: Motion, elements: Sequence[Element], response: Response, sens
     ``sense`` = -1: the same loads while everything moves backwards.
     """
     frames, n = motion.frames, len(elements)
-    a, k = np.empty((n, 2, frames)), np.empty((n, 2, n, frames))  # frames last in memory, where numpy is quick
+    a, k = np.empty((n, 2, frames)), np.empty((n, 2, n, frames))  # frames last in memory, where numpy is fast
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         for i, element in enumerate(elements):
             sign = sense * element.sign
@@ -178,7 +179,7 @@ def system(motion: Motion, elements: Sequence[Element], response: Response, sens
 
 
 class FrictionResult:
-    """Dry friction in the joints of a motion; results have a leading frame axis and go by the names of the joints.
+    """Dry friction in the joints of a motion; results have a leading frame axis and are found by the joints' names.
 
     ``jammed`` (F,): no friction of this direction is in equilibrium with any drive effort; all forces of these frames are NaN.
     ``reached`` (F,): proportion of the stated coefficients up to which the mechanism can be moved, 1 where it does not jam.
@@ -203,18 +204,19 @@ class FrictionResult:
 
     @lazy
     def _response(self) -> Response:
-        """Where a program has solved the normal loads, what it did not keep."""
+        """The response, which a program that has solved the normal loads does not keep."""
         return respond(self.motion, self.elements, *sum_up(self._applied, len(self.motion.model.links)))
 
     @cached_property
     def stability(self) -> Real:
-        """How far the friction is from a jam (F,), dimensionless: 1 without any, 0 where the effort grows beyond all bounds, NaN at
-        a jam."""
+        """Distance from a jam (F,), dimensionless: det(I - D K), 1 without friction, 0 where the effort grows beyond all bounds,
+        NaN at a jam."""
         return stability(*system(self.motion, self.elements, self._response), self._solution.loads)
 
     @cached_property
     def ambiguous(self) -> Flags:
-        """Frames (F,) with other friction in equilibrium than that which grows out of the frictionless state, which is given."""
+        """Frames (F,) with further states of friction in equilibrium, beside the given one that is continuous with the frictionless
+        state."""
         return has_several_solutions(*system(self.motion, self.elements, self._response), self._solution.loads)
 
     @property
@@ -224,7 +226,7 @@ class FrictionResult:
 
     @property
     def slopes(self) -> Real:
-        """Derivatives (F, n, n), dimensionless, of what is left of the equations of the normal loads by these."""
+        """Derivatives (F, n, n), dimensionless, of the residuals of the equations of the normal loads by these loads."""
         return jacobian(*system(self.motion, self.elements, self._response), self._solution.loads)[1]
 
     @property
@@ -239,11 +241,12 @@ class FrictionResult:
         return -e.sign * e.factor * self._solution.loads[:, i]
 
     def normal_load(self, joint: str) -> Real:
-        """Size of what presses on a joint (F,) [N]: |R| of a pin, |N| of a contact, |N1| + |N2| at the two ends of a bearing."""
+        """Normal load of a joint (F,) [N]: |R| of a pin, |N| of a contact, |N1| + |N2| at the two ends of a bearing."""
         return np.array(self._solution.loads[:, self._elements_of(joint)[0]])
 
     def applied(self, joint: str) -> Real:
-        """Share of friction in the force [N] and couple [N m] on the second link (F, 3), beside what the joint transmits anyway."""
+        """Share of friction in the force [N] and couple [N m] on the second link (F, 3), in addition to the reaction that the joint
+        transmits."""
         return plane_rows(self.motion.shape, *self._applied_to(joint))
 
     def _applied_to(self, joint: str) -> tuple[Plane, Values]:
@@ -255,7 +258,7 @@ class FrictionResult:
                 couple = couple + value
             else:
                 force = force + value * e.along
-        for relation in self.motion.model.relations:  # what bearings of shafts in the plane carry
+        for relation in self.motion.model.relations:  # couples carried by bearings of shafts in the plane
             for name, sign in relation.bearing.joints if relation.bearing is not None else ():
                 if name == joint:
                     for i in self._elements_of(relation.name):
@@ -281,7 +284,7 @@ class FrictionResult:
         return list(np.where(self.jammed, "jammed", words))
 
     def jammed_by(self, frame: int) -> tuple[str, ...]:
-        """The joints whose friction makes the jam at a frame, the strongest first."""
+        """The joints whose friction causes the jam at a frame, the strongest first."""
         share = self._solution.share[frame]
         order = [i for i in np.argsort(-share) if share[i] >= LEAST_SHARE]
         return tuple(dict.fromkeys(self.elements[i].joint for i in order))
@@ -298,22 +301,23 @@ class FrictionResult:
 
     @cached_property
     def frictionless_power(self) -> Real:
-        """Power that the drives would put in without friction (F,) [W]: the loads' with the other sign."""
+        """Power that the drives would supply without friction (F,) [W]: that of the loads with the opposite sign."""
         return np.asarray(np.zeros(self.motion.frames) - sum(power_of(self.motion, w) for w in self._applied))
 
     @cached_property
     def efficiency(self) -> float:
-        """Useful over supplied energy of the run: the loads' share where the drives drive, the drives' where the loads do. What
-        harmful loads take is no use: those of viscous friction, of a medium, and those that are said to be harmful.
+        """Useful over supplied energy of the run: the useful energy is that of the loads where the drives drive, that of the drives
+        where the loads do. Energy that harmful loads absorb is not useful: those of viscous friction, of a medium, and those stated
+        as harmful.
 
-        Zero where both only feed losses, NaN where the mechanism jams.
+        Zero where all supplied energy is lost, NaN where the mechanism jams.
         """
         w0, loss = self._integral(self.frictionless_power), self._integral(-self.power)
         uses = {load.name: load.use for load in self.motion.mechanism.loads}
         harmful = (w for w in self._applied if (uses.get(w.name) or ("harmful" if w.cause in LOSSES else "")) == "harmful")
         wasted = self._integral(np.asarray(np.zeros(self.motion.frames) - sum(power_of(self.motion, w) for w in harmful)))
         supplied, useful = (w0 + loss, w0 - wasted) if w0 >= 0.0 else (wasted - w0, -w0 - loss)
-        # over whole turns inertia and gravity leave nothing but what the frames leave out
+        # over whole turns the works of inertia and gravity vanish but for the discretisation by frames
         useful = useful if useful > LEAST_USE * self._integral(np.abs(self.frictionless_power)) else 0.0
         return useful / supplied if supplied > 0.0 else (1.0 if supplied == 0.0 else np.nan)
 
@@ -322,12 +326,13 @@ class FrictionResult:
         span = float(np.ptp(self.motion.time)) or 1.0
         return {p: self._integral(self.losses(p)) / span for p in self.joints}
 
-    # -- the other way round ------------------------------------------------------------------------------------------
+    # -- back-driving -------------------------------------------------------------------------------------------------
     @cached_property
     def back_driving_power(self) -> Real:
-        """Power of all drives (F,) [W] while the loads drive: of this motion where they do, of its reverse where they resist.
+        """Power of all drives (F,) [W] while the loads drive: in this motion where they drive, in its reverse where they resist.
 
-        Negative: the loads overcome the friction. Positive: even then the drives have to help. Infinite: it jams that way.
+        Negative: the loads overcome the friction. Positive: even then the drives have to supply power. Infinite: it jams in that
+        direction.
         """
         p0 = self.frictionless_power
         forward = p0 - self.power
@@ -341,9 +346,9 @@ class FrictionResult:
 
     @cached_property
     def self_locking(self) -> Flags:
-        """Whether the loads cannot move the drives, whichever way they push (F,): back-driving needs power from the drives."""
+        """Whether the loads cannot move the drives in either direction (F,): back-driving needs power from the drives."""
         p0 = np.abs(self.frictionless_power)
-        driven = p0 > 1e-9 * np.max(p0, initial=0.0, where=np.isfinite(p0))  # else the loads push neither way
+        driven = p0 > 1e-9 * np.max(p0, initial=0.0, where=np.isfinite(p0))  # elsewhere the loads push in neither direction
         with np.errstate(invalid="ignore"):
             return np.asarray(driven & (self.back_driving_power >= -1e-12 * p0))
 
