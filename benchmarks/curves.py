@@ -22,7 +22,7 @@ LEAST, MOST = 1e-16, 1e2  # errors that are drawn: what is smaller is rounding, 
 
 @dataclass(frozen=True)
 class Curve:
-    """The settings of one way to solve a problem, in the order of its dial: times [s] and errors."""
+    """The settings of one way to solve a problem, in the order of its parameter: times [s] and errors."""
 
     who: str
     settings: tuple[str, ...]

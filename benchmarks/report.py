@@ -175,7 +175,7 @@ PARTS: tuple[Part, ...] = (
     Part(
         "precision",
         "P1, P2: work and precision",
-        "The dials of everybody turned: stop of Newton's method, steps of engines, rates by differences, positions computed.",
+        "The settings of all varied: stop of Newton's method, steps of engines, rates by differences, positions computed.",
         lambda g: script("peers/precision.py", *_short(g)),
         peers=True,
         draw=draw_precision,
@@ -237,7 +237,7 @@ PARTS: tuple[Part, ...] = (
     Part(
         "accuracy",
         "What accuracy costs",
-        "`mechviz accuracy` for two gallery scenes: error against time of every dial.",
+        "`mechviz accuracy` for two gallery scenes: error against time of every setting.",
         lambda g: [sys.executable, "-c", LADDERS, str(PLOTS), "quick" if g.short else "whole"],
         draw=keep_diagrams,
     ),

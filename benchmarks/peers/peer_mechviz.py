@@ -91,7 +91,7 @@ ROWS = {
 
 
 def triad(stop):
-    """The residual at which Newton's method stops is a dial: the group has no closed form."""
+    """The residual at which Newton's method stops is a setting: the group has no closed form."""
     from mechcore.accuracy import Accuracy
     from mechcore.laws.timed import ConstantSpeed
     from mechcore.motion.solve import compile_mechanism, solve_motion

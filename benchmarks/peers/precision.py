@@ -1,4 +1,4 @@
-"""Work and precision of P1 and P2: the dials of mechviz and of the packages beside it turned, error against time.
+"""Work and precision of P1 and P2: the settings of mechviz and of the packages beside it varied, error against time.
 
     python benchmarks/peers/precision.py [--short] [--all] [--only WORD]
 

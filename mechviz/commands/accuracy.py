@@ -35,12 +35,12 @@ def accuracy(
     ] = None,
     output: Annotated[Path | None, typer.Option("--output", "-o", help="write the diagrams (.svg, .png or .pdf)")] = None,
     rrd: Annotated[Path | None, typer.Option("--rrd", help="write the diagrams as a rerun recording")] = None,
-    setting: Annotated[str | None, typer.Option("--dial", help="one dial only, such as frames")] = None,
-    every: Annotated[bool, typer.Option("--all", help="every setting with its error and time, not the summary")] = False,
+    setting: Annotated[str | None, typer.Option("--setting", help="one setting only, such as frames")] = None,
+    every: Annotated[bool, typer.Option("--all", help="every value with its error and time, not the summary")] = False,
     again: Annotated[bool, typer.Option("--again", help="measure again, whatever was kept of an earlier run")] = False,
     quick: QuickOpt = False,
 ) -> None:
-    """Measure what accuracy costs: error against time at a ladder of settings of each dial and method.
+    """Measure what accuracy costs: error against time for a series of values of each setting.
 
     Times are medians on one thread after a warm-up. Marked: * on the Pareto front (nothing is quicker and more exact), <- what the
     scene uses now. Results are kept by scene and machine; --again measures anew.
@@ -62,7 +62,9 @@ def accuracy(
             measured = keep(loaded, target, points, quick, share())
         shown = [p for p in measured.points if setting is None or p.setting == setting]
         if not shown:
-            fail(f"--dial: '{setting}' is no dial of this scene. Choose from {', '.join(settings_of(measured.points))}.")
+            fail(
+                f"--setting: '{setting}' is no setting of this scene. Choose from {', '.join(settings_of(measured.points))}."
+            )
         title = f"{loaded.title}: what accuracy costs"
         lines = table_lines(shown, target) if every or setting is not None else summary_lines(shown)
         print("\n".join([title, *lines, "", measured.foot, *_answer(shown, target)]))
@@ -80,7 +82,7 @@ def accuracy(
 
 def summary_lines(points: Sequence[PrecisionPoint]) -> list[str]:
     """Summary as lines of text, for each setting: the value of the scene, the least error with its time, and the quickest value."""
-    lines = ["", f"  {'dial':<22} {'now':>26}   {'most exact':>36}   {'quickest':>36}"]
+    lines = ["", f"  {'setting':<22} {'now':>26}   {'most exact':>36}   {'quickest':>36}"]
 
     def words(p: PrecisionPoint | None, named: bool) -> str:
         if p is None:
@@ -92,7 +94,7 @@ def summary_lines(points: Sequence[PrecisionPoint]) -> list[str]:
         now = next((p for p in own if p.current), None)
         best, quick = min(own, key=lambda p: (p.error, p.seconds)), min(own, key=lambda p: p.seconds)
         lines.append(f"  {setting:<22} {words(now, False):>26}   {words(best, True):>36}   {words(quick, True):>36}")
-    return [*lines, "", "every setting: --all; one dial: --dial NAME; the cheapest for an error: --target ERROR"]
+    return [*lines, "", "every value: --all; one setting: --setting NAME; the cheapest for an error: --target ERROR"]
 
 
 def table_lines(points: Sequence[PrecisionPoint], target: float | None) -> list[str]:
@@ -103,7 +105,7 @@ def table_lines(points: Sequence[PrecisionPoint], target: float | None) -> list[
         front = {id(p) for p in pareto(own)}
         best = cheapest(own, target) if target is not None else None
         width = max(len(p.method) for p in own)
-        lines += ["", setting, f"  {'':<{width}}  {'setting':<14} {'error':>8}  {'time [ms]':>10} {'spread':>8}"]
+        lines += ["", setting, f"  {'':<{width}}  {'value':<14} {'error':>8}  {'time [ms]':>10} {'spread':>8}"]
         for p in own:
             marks = ["*"] if id(p) in front else []
             marks += ["<- now"] if p.current else []

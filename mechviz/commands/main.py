@@ -80,7 +80,7 @@ COMMANDS = {
     },
     "accuracy": {
         "hard": "Run the suite of hard cases: what happens there, what is expected, what is found; exit code 1 where one fails.",
-        "accuracy": "Measure what accuracy costs: error against time at a ladder of settings of each dial and method.",
+        "accuracy": "Measure what accuracy costs: error against time for a series of values of each setting.",
         "effects": "Measure what each effect and load does to the answer, beside its price in time; suggest those worth having.",
     },
 }

@@ -1,4 +1,4 @@
-"""The dials of accuracy: each is used, a wanted error is reached, and what the program says of its errors is true."""
+"""The settings of accuracy: each is used, a wanted error is reached, and what the program says of its errors is true."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[3] / "benchmarks"))
 from error_estimates import compare
 
 
-# -- the dials -----------------------------------------------------------------------------------------------------------------
+# -- the settings -----------------------------------------------------------------------------------------------------------------
 def test_every_dial_has_a_default_and_is_checked():
     assert DEFAULT.changed == {}
     assert set(SETTINGS) == {f.name for f in dataclasses.fields(Accuracy)} - {"target"}
@@ -48,7 +48,7 @@ def test_every_dial_has_a_default_and_is_checked():
         accuracy_for(0.5)
 
 
-def test_all_dials_follow_from_the_target():
+def test_all_settings_follow_from_the_target():
     loose, tight = accuracy_for(1e-3), accuracy_for(1e-9)
     for name in ("position", "friction", "event", "integrator"):
         assert getattr(loose, name) > getattr(tight, name) > 0.0, name
@@ -110,12 +110,12 @@ def test_rates_by_differences_and_by_the_drawn_method():
     exact = run_scene(scene).motion
     peak = np.abs(exact.acceleration("rocker")[:, 2]).max()
     errors = {}
-    for name, dials in {
+    for name, settings in {
         "2": Accuracy(differentiation="differences", differences=2),
         "4": Accuracy(differentiation="differences", differences=4),
         "drawn": Accuracy(differentiation="graphical", resolution=5e-4),
     }.items():
-        motion = run_scene(scene, frames=360 if name != "drawn" else 24, accuracy=dials).motion
+        motion = run_scene(scene, frames=360 if name != "drawn" else 24, accuracy=settings).motion
         other = exact if name != "drawn" else run_scene(scene, frames=24).motion
         errors[name] = np.abs(motion.acceleration("rocker")[:, 2] - other.acceleration("rocker")[:, 2]).max() / peak
         assert np.abs(motion.pose("rocker") - other.pose("rocker")).max() < 1e-14, "positions are the same"
@@ -384,9 +384,9 @@ def test_the_estimate_between_frames_falls_with_the_frames():
 
 
 def test_fit_is_the_least_number_of_frames():
-    scene, dials = load("crank-rocker"), accuracy_for(1e-5)
-    fit = fit_frames(scene, dials)
-    at = provider(scene, dials)
+    scene, settings = load("crank-rocker"), accuracy_for(1e-5)
+    fit = fit_frames(scene, settings)
+    at = provider(scene, settings)
     assert achieved(at, 1.0, fit.frames, 3).error <= 1e-5 < achieved(at, 1.0, int(0.6 * fit.frames), 3).error
 
 

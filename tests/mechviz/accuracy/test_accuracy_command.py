@@ -69,22 +69,22 @@ def once(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "dials"),
+    ("name", "settings"),
     [
         ("triad", {"frames", "differentiation", "position tolerance", "tessellation", "recording"}),
         ("slider-crank-friction", {"frames", "differentiation", "friction tolerance", "tessellation", "recording"}),
     ],
 )
-def test_a_scene_has_the_ladders_that_it_has_a_use_for(name, dials, monkeypatch):
+def test_a_scene_has_the_ladders_that_it_has_a_use_for(name, settings, monkeypatch):
     once(monkeypatch)
     monkeypatch.setattr(precision, "FRAMES", (16, 64, 256))
     monkeypatch.setattr(precision, "DIVISIONS", (24, load(name).frames))
     monkeypatch.setattr(precision, "_tessellation", lambda *_: [point(1.0, 1.0)])
     monkeypatch.setattr(precision, "_recording", lambda *_: [point(1.0, 1.0)])
     points = [p for p in ladder(load(name), 1e-4, budget=0.0) if p.value != "x"]
-    assert {p.setting for p in points} == dials - {"tessellation", "recording"}
-    for dial in {p.setting for p in points}:
-        assert sum(p.current for p in points if p.setting == dial) == 1, "the current setting is among them, once"
+    assert {p.setting for p in points} == settings - {"tessellation", "recording"}
+    for setting in {p.setting for p in points}:
+        assert sum(p.current for p in points if p.setting == setting) == 1, "the current setting is among them, once"
     cubics = [p for p in points if p.method == "cubics" and not p.note]
     if name == "triad":
         assert [p.error for p in cubics] == sorted((p.error for p in cubics), reverse=True)
@@ -217,7 +217,7 @@ def test_what_was_kept_on_another_machine_does_not_count(tmp_path, monkeypatch):
     [
         (["--target", "7"], "is no accuracy"),
         (["-o", "x.gif"], "SVG, PNG or PDF"),
-        (["--dial", "colour"], "'colour' is no dial"),
+        (["--setting", "colour"], "'colour' is no setting"),
     ],
 )
 def test_bad_options_are_refused(arguments, words, tmp_path, monkeypatch):

@@ -209,7 +209,7 @@ def test_masses_from_mesh_files_survive_balance_effects_and_vibrations(bar, monk
     command("vibrations", str(free), "--mode", "1", "-o", "mode.toml", "--csv", "modes.csv")
     shown = mechviz.load("mode.toml")
     assert shown.mechanism.links[1].mass == pytest.approx(MASS, rel=1e-6) and shown.simulation is None
-    command("accuracy", str(bar), "--target", "1e-3", "--quick", "--dial", "tessellation", "-o", "ladder.svg")
+    command("accuracy", str(bar), "--target", "1e-3", "--quick", "--setting", "tessellation", "-o", "ladder.svg")
 
 
 def test_measured_ladders_belong_to_the_files_too(cam):

@@ -590,8 +590,8 @@ def test_a_spatial_cam_turns_in_its_recording_as_in_its_run(tmp_path):
     assert np.ptp(computed[1][:, 1:3]) > 0.5, "not about z"
 
 
-def test_solids_follow_the_dials_of_the_accuracy():
-    """The viewer draws what a recording of the same run holds, and other dials ask for other solids."""
+def test_solids_follow_the_settings_of_the_accuracy():
+    """The viewer draws what a recording of the same run holds, and other settings ask for other solids."""
     plain, fine = (run_scene(scene.load("cam-roller"), frames=4, accuracy=a) for a in (None, Accuracy(chord=1e-5, profile=2160)))
     faces = {name: sum(len(p.faces) for p in body.pieces) for name, body in build(fine).bodies.items()}
     assert faces == {body.parent: len(body.mesh.faces) for body in picture_of(fine, solids_of(fine)).of(BodyNode, "solids")}

@@ -51,7 +51,7 @@ class AccuracyTab:
                 "relative to the mechanism's size and the peak of each quantity: frames, tolerances and all other settings follow"
             )
             self.wanted = gui.add_dropdown("Wanted error", self._errors(), initial_value=self._wanted(), hint=hint)
-            button = gui.add_button("Measure what accuracy costs", hint="error against time for every dial; takes a while")
+            button = gui.add_button("Measure what accuracy costs", hint="error against time for every setting; takes a while")
             self.choice = gui.add_dropdown("Setting", (AS_IT_IS,), hint="* nothing is quicker and more exact")
             self.diagram = gui.add_html(words.hint("Error against time appears here; a click on a setting applies it."))
         self._edited = EditedControls(session, callback)
