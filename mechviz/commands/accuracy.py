@@ -62,9 +62,7 @@ def accuracy(
             measured = keep(loaded, target, points, quick, share())
         shown = [p for p in measured.points if setting is None or p.setting == setting]
         if not shown:
-            fail(
-                f"--setting: '{setting}' is no setting of this scene. Choose from {', '.join(settings_of(measured.points))}."
-            )
+            fail(f"--setting: '{setting}' is no setting of this scene. Choose from {', '.join(settings_of(measured.points))}.")
         title = f"{loaded.title}: what accuracy costs"
         lines = table_lines(shown, target) if every or setting is not None else summary_lines(shown)
         print("\n".join([title, *lines, "", measured.foot, *_answer(shown, target)]))

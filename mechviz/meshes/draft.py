@@ -17,23 +17,23 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class PlacedPart:
-    """A part of one link on the layer of its group."""
+    """A part of a link on the layer of its group."""
 
     link: str
     outline: Polygon
     group: str
     kind: str  # "plate", "wheel", "block", "rail", "belt", "barrel" or "rod"
-    mates: frozenset[str] = frozenset()  # joints in which it meshes: what is in the same joint does not clash with it
+    mates: frozenset[str] = frozenset()  # joints in which it meshes: parts with a common joint do not clash
     height: tuple[float, float] = (0.0, 1.0)  # from the bottom to the top of the layer's plates
     groove: float = 0.0  # depth of a groove for a belt around it
-    profile: Profile = ()  # a barrel or rod: (radius, distance along its line) instead of a flat part
+    profile: Profile = ()  # of a barrel or rod, which is not flat: (radius, distance along its line)
     line: tuple[Vec2, Vec2] = ((0.0, 0.0), (1.0, 0.0))  # of a barrel, rod or bore: a point and a unit direction
     bore: float = 0.0  # radius of the hole along the line through a nut
 
 
 @dataclass(frozen=True, eq=False)
 class Neck:
-    """Neck that joins a plate to its block (or jaw) on the layer of a rail."""
+    """A neck that joins a plate to a block or another part of the same link on another layer."""
 
     link: str
     outline: Polygon
@@ -47,13 +47,13 @@ class SolidsDraft:
     pieces: list[PlacedPart] = field(default_factory=list)
     necks: list[Neck] = field(default_factory=list)
     fixed_blocks: list[tuple[Vec2, str]] = field(default_factory=list)  # blocks that stand on the ground: centre, group
-    groups: dict[str, str] = field(default_factory=dict)  # moving link -> the group that its plate belongs to
-    wheels: list[str] = field(default_factory=list)  # of every wheel the group that it belongs to
-    cams: list[str] = field(default_factory=list)  # of every cam the group that it belongs to
-    through: dict[int, set[str]] = field(default_factory=dict)  # axle -> groups that its pin passes beside those of its links
+    groups: dict[str, str] = field(default_factory=dict)  # moving link -> group of its plate
+    wheels: list[str] = field(default_factory=list)  # group of every wheel
+    cams: list[str] = field(default_factory=list)  # group of every cam
+    through: dict[int, set[str]] = field(default_factory=dict)  # axle -> further groups that its pin passes
 
     def merge(self, old: str, new: str) -> None:
-        """All that was to lie on the layer of one group lies on that of another."""
+        """Move everything of group ``old`` to group ``new``, so that both lie on one layer."""
         self.groups.update({name: new for name, group in self.groups.items() if group == old})
         self.wheels[:] = [new if group == old else group for group in self.wheels]
         self.cams[:] = [new if group == old else group for group in self.cams]
@@ -71,7 +71,7 @@ class SolidsDraft:
 
 
 def share_a_pin(model: ScaledMechanism, draft: SolidsDraft, a: str, b: str) -> bool:
-    """Whether a pin goes through links of both groups, which therefore need layers of their own."""
+    """Whether a pin passes through links of both groups, which therefore need different layers."""
     ours = {name for name, group in draft.groups.items() if group == a}
     theirs = {name for name, group in draft.groups.items() if group == b}
     return any(ours & set(axle.centres) and theirs & set(axle.centres) for axle in model.axles)

@@ -20,7 +20,7 @@ from mechviz.meshes.shading import SolidColor
 
 Profile = tuple[tuple[float, float], ...]
 Ring = tuple[Real, Integers]
-"""A closed line of vertices: places (n, 2) and indices (n,)."""
+"""A closed line of vertices: positions (n, 2) and indices (n,)."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class Shell:
 
 
 def joined_shells(shells: Sequence[Shell]) -> Shell:
-    """Several as one, in their order."""
+    """Several shells as one, in their order."""
     starts = np.cumsum([0, *(len(shell.vertices) for shell in shells)])
     return Shell(
         np.vstack([shell.vertices for shell in shells]),
@@ -49,9 +49,9 @@ def joined_shells(shells: Sequence[Shell]) -> Shell:
 class Turned:
     """A round feature of a plate: profiles (radius, z) that start on the plate's top and bottom face.
 
-    An empty profile leaves that face alone. If both profiles end at the same radius > 0 they are joined by the wall of
-    a through hole. If a profile ends at radius 0 the feature is closed on that side (a stud). A ``bore`` is the outline of a hole
-    that is not round, in place of the last radius of both profiles.
+    An empty profile leaves that face unchanged. If both profiles end at the same radius > 0 they are joined by the wall of a
+    through hole. If a profile ends at radius 0 the feature is closed on that side (a stud). ``bore``: the outline of a hole that is
+    not round, which replaces the last radius of both profiles.
     """
 
     centre: tuple[float, float]
@@ -84,7 +84,7 @@ class _Builder:
         self._count = 0
 
     def ring(self, xy: Real, z: Real | float) -> Integers:
-        """Vertices xy (n, 2) at height z, one for all or (n,) -> their indices (n,)."""
+        """Add vertices xy (n, 2) at height z, one for all or (n,); return their indices (n,)."""
         out = np.empty((len(xy), 3))
         out[:, :2], out[:, 2] = xy, z
         self._vertices.append(out)
@@ -92,7 +92,8 @@ class _Builder:
         return np.arange(self._count - len(xy), self._count)
 
     def strips(self, rings: Sequence[Integers]) -> None:
-        """The surfaces from each ring to the next, as long; counter-clockwise rings, walked upwards, face outwards."""
+        """Add the surfaces from each ring to the next, equally long; for counter-clockwise rings in ascending order they face
+        outwards."""
         if len(rings) < 2:
             return
         own = np.array(rings)
@@ -105,7 +106,7 @@ class _Builder:
         self._faces.append(faces.reshape(-1, 3))
 
     def cap(self, ring: Integers, centre: tuple[float, float], z: float, *, up: bool) -> None:
-        """A fan that closes a circle."""
+        """Add a fan of triangles that closes a circle."""
         apex = self.ring(np.array([centre]), z)[0]
         faces = np.full((len(ring), 3), apex)
         own, following = (0, 1) if up else (1, 0)
@@ -113,7 +114,7 @@ class _Builder:
         self._faces.append(faces)
 
     def face(self, rings: Sequence[Ring], *, up: bool) -> None:
-        """The flat face inside the first ring and outside the others; a ring is its xy (n, 2) and its indices (n,)."""
+        """Add the flat face inside the first ring and outside the others."""
         triangles = _triangulate([xy for xy, _ in rings])
         index = np.concatenate([i for _, i in rings])
         self._faces.append(index[triangles if up else triangles[:, ::-1]])
@@ -130,9 +131,8 @@ def plate_mesh(
     segments: int = 40,
     groove: Groove | None = None,
 ) -> Shell:
-    """A plate between the heights z, its edges bevelled at 45 degrees, with turned features on its faces.
-
-    A groove runs around its outer edge.
+    """A plate between the heights z, with edges bevelled at 45 degrees, turned features on its faces, and a groove around its outer
+    edge. The bevel is left out if the outline is too fine for it. Raises `ShapeError` if the outline falls apart.
     """
     outline = clean(outline)
     if not isinstance(outline, Polygon) or outline.is_empty:
@@ -165,7 +165,7 @@ def plate_mesh(
 
 
 def revolve(profile: Profile, centre: tuple[float, float] = (0.0, 0.0), segments: int = 40) -> Shell:
-    """A solid of revolution about the z axis through `centre`.
+    """A solid of revolution about a line through ``centre`` parallel to the z axis.
 
     The profile (radius, z) starts and ends on the axis, lowest point first.
     """
@@ -179,10 +179,10 @@ def revolve(profile: Profile, centre: tuple[float, float] = (0.0, 0.0), segments
 
 
 def bored(rings: Sequence[tuple[Real, Real | float]], bore: Polygon) -> Shell:
-    """A solid around the z axis with a bore of any outline right through it.
+    """A solid around the z axis with a through bore of any outline.
 
-    rings: xy (n, 2), counter-clockwise, and z (n,) or one number, of as many points each, from the outer edge of its lower end face
-    to that of its upper one, both of which are flat.
+    rings: xy (n, 2), counter-clockwise, and z (n,) or one number, all with the same n, from the outer edge of the lower end face to
+    that of the upper one; both faces are flat.
     """
     build = _Builder()
     index = [build.ring(xy, z) for xy, z in rings]
@@ -196,7 +196,7 @@ def bored(rings: Sequence[tuple[Real, Real | float]], bore: Polygon) -> Shell:
 
 
 def _add_bored(build: _Builder, feature: Turned, top: list[Ring], bottom: list[Ring], segments: int) -> None:
-    """A boss, or none, around a hole that is not round."""
+    """Add a hole that is not round, with or without a boss around it."""
     assert feature.bore is not None
     circle, hole = _circle(segments), _coords(clean(feature.bore).exterior)
     ends = []
@@ -223,7 +223,7 @@ def _add_turned(build: _Builder, feature: Turned, top: list[Ring], bottom: list[
         closed = bool(profile) and profile[-1][0] == 0.0
         rings = [build.ring(feature.centre + r * circle, z) for r, z in (profile[:-1] if closed else profile)]
         if rings:
-            # A hole in a face is walked clockwise; triangulation only needs the points, so the order is free.
+            # The orientation of a hole does not matter: triangulation needs only its points.
             face.append((feature.centre + profile[0][0] * circle, rings[0]))
         sides.append((rings, closed))
     (up, up_closed), (down, down_closed) = sides
@@ -238,7 +238,7 @@ def _add_turned(build: _Builder, feature: Turned, top: list[Ring], bottom: list[
 
 
 def _insets(rings: list[Real], bevel: float, turned: Sequence[Turned]) -> list[Real] | None:
-    """The rings moved into the material by the bevel, vertex by vertex; None if that does not leave a valid face."""
+    """The rings offset into the material by the bevel, vertex by vertex; None if no valid face remains."""
     if bevel <= 0.0:
         return None
     insets = [_inset(ring, bevel) for ring in rings]
@@ -251,7 +251,7 @@ def _insets(rings: list[Real], bevel: float, turned: Sequence[Turned]) -> list[R
 
 
 def _inset(ring: Real, distance: float) -> Real:
-    """A ring (n, 2) with every vertex moved to the left of the walking direction, so that edges move by `distance`."""
+    """A ring (n, 2) with every vertex moved to the left of the direction of the ring, so that edges move by ``distance``."""
     edge = np.roll(ring, -1, axis=0) - ring
     edge = edge / np.linalg.norm(edge, axis=1, keepdims=True)
     normal = np.column_stack([-edge[:, 1], edge[:, 0]])
@@ -269,15 +269,15 @@ def _circle(segments: int) -> Real:
     """A unit circle, counter-clockwise (n, 2)."""
     angle = 2.0 * np.pi * np.arange(segments) / segments
     circle = np.column_stack([np.cos(angle), np.sin(angle)])
-    circle.flags.writeable = False  # the next who asks gets it too
+    circle.flags.writeable = False  # the cached array is shared
     return circle
 
 
 def _triangulate(rings: Sequence[Real]) -> Integers:
     """Triangles (N, 3), counter-clockwise, of the region inside the first ring and outside the others.
 
-    Ear clipping drops vertices where rings line up exactly, as the number of triangles shows. Turned by an odd angle
-    they do not: the next angle is tried.
+    Ear clipping drops vertices where rings are exactly aligned; the number of triangles is then too small. In that case the points
+    are rotated by an arbitrary angle and triangulated again. Raises `ShapeError` if no angle succeeds.
     """
     points = np.vstack(rings)
     ends = np.cumsum([len(ring) for ring in rings]).astype(np.uint32)
@@ -297,7 +297,7 @@ def _triangulate(rings: Sequence[Real]) -> Integers:
 
 @dataclass(frozen=True, eq=False)
 class Prism:
-    """A space that a part keeps for itself: an outline in its link's frame between two heights."""
+    """The space that a part occupies: an outline in its link's frame between two heights."""
 
     outline: Polygon
     low: float
@@ -313,4 +313,4 @@ class Part:
     shell: Shell
     color: SolidColor | None  # None: the colour of the link
     space: tuple[Prism, ...]
-    mates: frozenset[str] = frozenset()  # joints in which it meshes: it does not clash with what is in the same joint
+    mates: frozenset[str] = frozenset()  # joints in which it meshes: parts with a common joint do not clash

@@ -1,4 +1,4 @@
-"""At which height marks lie: on the front of the part that they belong to, or so far before it that nothing hides them."""
+"""Heights of marks: on the front of the part to which they belong, or as high above it as necessary to be visible."""
 
 from __future__ import annotations
 
@@ -15,34 +15,34 @@ from mechcore.spec.mechanism import Mechanism
 from mechviz.meshes.extrude import Part
 from mechviz.meshes.model import ScaledMechanism
 
-_NEAR_POINT = 0.25  # of half a plate's width: parts this near to a point carry it
-_FLAT_KINDS = ("plate", "wheel", "block")  # kinds of parts that a spring may act on in their own plane
-_MARK_LIFT = 0.002  # of the mechanism's size: how far marks lie before what they lie on
+_NEAR_POINT = 0.25  # of half a plate's width: parts this near to a point belong to it
+_FLAT_KINDS = ("plate", "wheel", "block")  # kinds of parts on which a spring may act in their own plane
+_MARK_LIFT = 0.002  # of the mechanism's size: distance of marks above the part below them
 
 
 @dataclass(frozen=True, eq=False)
 class Heights:
-    """Heights [m] of marks over a mechanism's solids. Seen at an angle, or in perspective, a mark that lay before all parts instead
-    would stand beside what it marks."""
+    """Heights [m] of marks over a mechanism's solids. If all marks were above all parts, they would appear displaced from their
+    points in oblique and perspective views."""
 
     size: float  # [m]
-    top: float  # before everything [m]
-    joints: Mapping[str, float]  # just before each joint's pin or block [m]
-    poses: Mapping[str, Real]  # link -> (F, 3) [m, m, rad]: the frames at which the solids were looked at
+    top: float  # above all parts [m]
+    joints: Mapping[str, float]  # just above each joint's pin or block [m]
+    poses: Mapping[str, Real]  # link -> (F, 3) [m, m, rad]: poses at the frames for which the solids were built
     _parts: tuple[Part, ...]
     _near: float  # in sizes
 
     def of_joint(self, joint: str) -> float:
-        """On the front of a joint's pin, or of what touches there; before everything if nothing is drawn of it. A ball lies there,
-        which needs no room between; from the side one would see that."""
+        """Height of the front of a joint's pin, or of the parts in contact; above all parts if nothing is drawn of it. It is
+        without `_MARK_LIFT`, because the ball drawn there needs no gap, which would be visible from the side."""
         return self.joints.get(joint, self.top) - _MARK_LIFT * self.size
 
     def of_point(self, link: str, xy: Vec2) -> float:
-        """Just before a link, at a point of its frame [m]; before the whole link where the point lies beside its plate."""
+        """Height just above a link at a point of its frame [m]; above the whole link if the point lies outside its parts."""
         return _front(self._parts, {link: (xy[0] / self.size, xy[1] / self.size)}, self._near, self.size, self.top)
 
     def middle(self, link: str, xy: Vec2) -> float | None:
-        """Half way through a moving link's part at a point of its frame [m]; None where it has none there."""
+        """Mid-height [m] of a moving link's part at a point of its frame [m]; None if it has none there."""
         point = shapely.Point(xy[0] / self.size, xy[1] / self.size)
         for part in self._parts:
             if part.link == link and part.kind in _FLAT_KINDS:
@@ -52,19 +52,19 @@ class Heights:
         return None
 
     def flat(self, link: str) -> Iterator[tuple[shapely.Polygon, float, float]]:
-        """Outlines [m] in the link's frame of its flat parts, each with the heights [m] between which it lies."""
+        """Outlines [m] of a link's flat parts in its frame, each with its lower and upper height [m]."""
         for part in self.parts(link, _FLAT_KINDS):
             yield from part
 
     def parts(self, link: str, kinds: Collection[str]) -> Iterator[list[tuple[shapely.Polygon, float, float]]]:
-        """Of each part of a link of some kinds the outlines [m] in the link's frame that it consists of, with their heights [m]."""
+        """For each part of a link of some kinds, its outlines [m] in the link's frame, with their lower and upper heights [m]."""
         for part in self._parts:
             if part.link == link and part.kind in kinds:
                 outlines = [shapely.transform(prism.outline, lambda xy: xy * self.size) for prism in part.space]
                 yield [(o, p.low * self.size, p.high * self.size) for o, p in zip(outlines, part.space, strict=True)]
 
     def crossed(self, between: tuple[float, float], lines: Real, frames: Integers, but: str = "") -> bool:
-        """Whether lines (K, n, 2) [m], see `cleared`, meet a part between two heights [m]; ``but``: not of this link."""
+        """Whether lines (K, n, 2) [m], see `cleared`, intersect a part between two heights [m]; ``but``: a link that is ignored."""
         lines = np.asarray(lines, float) / self.size
         known = np.isfinite(lines).all(axis=(1, 2))
         lines, frames = lines[known], np.asarray(frames)[known]
@@ -80,9 +80,9 @@ class Heights:
         return False
 
     def cleared(self, height: float, lines: Real, frames: Integers) -> float:
-        """The lowest height from ``height`` [m] on at which no part lies before lines in the plane.
+        """The lowest height [m], at least ``height``, at which no part covers lines in the plane.
 
-        ``lines``: (K, n, 2) [m], a line of n points at each of the ``frames`` (K,), which count the frames of `poses`.
+        ``lines``: (K, n, 2) [m], a line of n points at each of the ``frames`` (K,), which are indices into `poses`.
         """
         lines = np.asarray(lines, float) / self.size
         known = np.isfinite(lines).all(axis=(1, 2))
@@ -90,7 +90,7 @@ class Heights:
         if not len(lines):
             return height
         local: dict[str, shapely.Geometry] = {}
-        for front, part in self._fronts:  # from the foremost back: what is met first decides
+        for front, part in self._fronts:  # from the highest down: the first part that is hit decides
             if front <= height:
                 break
             if part.link not in local:
@@ -101,14 +101,14 @@ class Heights:
 
     @cached_property
     def _fronts(self) -> list[tuple[float, Part]]:
-        """Just before each part [m], the foremost first."""
+        """Heights just above each part [m], the highest first."""
         return sorted(((_height(part) * self.size + _MARK_LIFT * self.size, part) for part in self._parts), key=lambda f: -f[0])
 
 
 def find_heights(
     mechanism: Mechanism, model: ScaledMechanism, parts: Sequence[Part], poses: Mapping[str, Real] | None, top: float
 ) -> Heights:
-    """The heights of a mechanism's joints and parts; ``top`` [m] is before everything."""
+    """The heights of a mechanism's joints and parts; ``top`` [m] is above all parts."""
     near = _NEAR_POINT * model.proportions.r
     joints = {}
     for joint in build_joints(mechanism).joints:
@@ -119,7 +119,7 @@ def find_heights(
             if any(link in axle.centres and np.hypot(*np.subtract(axle.centres[link], xy)) < near for link, xy in points.items()):
                 points = {**axle.centres, **points}
         joints[joint.name] = _front(parts, points, near, model.size, top)
-    for contact in mechanism.joints:  # what touches without a pin: cams, gears, belts
+    for contact in mechanism.joints:  # contacts without a pin: cams, gears, belts
         first, second = (
             [p for p in parts if p.link == link and p.kind != "pin" and contact.name in p.mates] for link in contact.links[:2]
         )
@@ -133,7 +133,7 @@ def find_heights(
 
 
 def _front(parts: Iterable[Part], points: Mapping[str, Vec2], near: float, size: float, top: float) -> float:
-    """Just before the parts of some links near a point of each, else just before those links, else the top [m]."""
+    """Height [m] just above the parts of some links near a point of each, otherwise just above these links, otherwise ``top``."""
     mine = [(part, shapely.Point(points[part.link])) for part in parts if part.link in points]
     at = [prism.high for part, point in mine for prism in part.space if prism.outline.distance(point) < near]
     whole = [_height(part) for part, _ in mine if part.kind not in ("pin", "pedestal")]
@@ -146,7 +146,7 @@ def _height(part: Part) -> float:
 
 
 def _in_link(lines: Real, pose: Real | None, frames: Integers, size: float) -> shapely.Geometry:
-    """Lines of the world (K, n, 2) as a link sees them at its poses."""
+    """World lines (K, n, 2) in the frame of a link at its poses."""
     if pose is not None and len(pose):
         at = pose[frames] / (size, size, 1.0)
         c, s = np.cos(at[:, 2, None]), np.sin(at[:, 2, None])

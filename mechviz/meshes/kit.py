@@ -1,4 +1,4 @@
-"""A mechanism as a kit of flat parts: plates, pins and spacers, each a body of its own, from the same pieces as its solids."""
+"""A mechanism as a kit of flat parts: plates, pins and spacers, as separate bodies, from the same pieces as its solids."""
 
 from __future__ import annotations
 
@@ -24,17 +24,17 @@ from mechviz.meshes.outline import disc, largest, polygons
 from mechviz.meshes.shapes import draft_pieces
 from mechviz.meshes.solids import shaped
 
-PART_SIDES = 128  # of a full circle
-_BASE_EDGE = 1.8  # of the bosses: how far a base reaches beyond the axes that stand on it
-_SHAFT_FLAT = 0.3  # of its radius: how much is cut off a shaft that turns its cams
+PART_SIDES = 128  # sides of a full circle
+_BASE_EDGE = 1.8  # distance of a base's edge from the axes on it, in boss radii
+_SHAFT_FLAT = 0.3  # depth of the flat on a shaft that drives its cams, of its radius
 _SAME_PLACE = 1e-6  # in sizes of the mechanism
 _PART_SPACING = 4.0  # between parts that are laid out [mm]
 
 
 @dataclass(frozen=True, eq=False)
 class FlatPart:
-    """A part of a kit: its ``outline`` [mm] with all holes, of which those that are ``circles`` are (x, y, radius) [mm], and its
-    ``thickness`` [mm]: of a pin its length. ``kind``: "plate", "pin" or "spacer"; ``count``: how many of them there are."""
+    """A part of a kit: its ``outline`` [mm] with all holes, its round holes as ``circles`` (x, y, radius) [mm], and its
+    ``thickness`` [mm], of a pin its length. ``kind``: "plate", "pin" or "spacer"; ``count``: number of equal parts."""
 
     name: str
     kind: str
@@ -47,11 +47,11 @@ class FlatPart:
 def kit_of(
     mechanism: Mechanism, poses: Mapping[str, Real] | None, thickness: float, clearance: float, washer: float
 ) -> list[FlatPart]:
-    """The parts of a kit, plates first. Plates are ``thickness`` [mm] thick, ``washer`` [mm] apart; a pin turns in holes that are
-    wider by ``clearance`` [mm], and sits fast in the part that holds it. A shaft that turns its cams is flattened on one side.
+    """The parts of a kit, plates first. Plates are ``thickness`` [mm] thick and ``washer`` [mm] apart. A pin rotates in holes whose
+    diameters are larger by ``clearance`` [mm], and fits tightly in the part that owns it. A shaft that drives its cams has a flat.
 
-    ``poses`` as in `build_solids`. Belts, barrels and spatial cams are no flat parts and left out. Raises `MechanismError` where
-    links differ too much in size, or holes leave their plates.
+    ``poses`` as in `build_solids`. Belts, barrels and spatial cams are not flat and left out. Raises `MechanismError` if links
+    differ too much in size, or if holes break out of their plates.
     """
     with shaped(mechanism):
         model = scale_mechanism(mechanism, poses, PART_SIDES)
@@ -62,7 +62,7 @@ def kit_of(
 
 @dataclass(frozen=True, eq=False)
 class _Plate:
-    """A plate of a link before it is drilled: its ``outline``, its round holes (x, y, radius) and those with a flat side [mm]."""
+    """A plate of a link before drilling [mm]: ``outline``, round holes ``circles`` (x, y, radius), holes with a flat ``flats``."""
 
     name: str
     link: str
@@ -79,7 +79,7 @@ class _Plate:
 
 @dataclass(frozen=True)
 class _Roller:
-    """A roller of a follower in the axes of its ``link``: its centre, its radius and that of its pin, in sizes of the mechanism."""
+    """A roller of a follower in the frame of its ``link``: centre, radius, and radius of its pin, in sizes of the mechanism."""
 
     link: str
     centre: Vec2
@@ -87,7 +87,7 @@ class _Roller:
     pin: float
 
     def held_by(self, shape: Polygon) -> bool:
-        """Whether a piece of the link has room for the pin."""
+        """Whether a piece of the link has enough material around the pin."""
         return bool(shape.contains(Point(self.centre).buffer(1.2 * self.pin)))
 
 
@@ -103,7 +103,7 @@ class _Kit:
 
     @property
     def scale(self) -> float:
-        """Millimetres in a size."""
+        """Size of the mechanism [mm]."""
         return 1e3 * self.model.size
 
     def parts(self) -> list[FlatPart]:
@@ -114,7 +114,7 @@ class _Kit:
 
     # -- plates ---------------------------------------------------------------------------------------------------------
     def _check_holes(self, plates: Sequence[_Plate]) -> None:
-        """Raises `MechanismError` where the clearance makes a hole break out of its plate."""
+        """Raise `MechanismError` if the clearance makes a hole break out of its plate."""
         narrow = []
         for plate in plates:
             for x, y, radius in plate.circles:
@@ -147,7 +147,7 @@ class _Kit:
                 yield _Plate(label, link, outline, deep, circles, flats)
 
     def _holes(self, link: str, shape: Polygon) -> tuple[tuple[tuple[float, float, float], ...], list[Polygon]]:
-        """Round holes (x, y, radius) [mm] for the pins in a piece of a link, and those with a flat side [mm]."""
+        """Round holes (x, y, radius) [mm] for the pins in a piece of a link, and holes with a flat [mm]."""
         circles, flats = [], []
         for axle in self.model.axles:
             fast = self._fast(axle)
@@ -176,8 +176,8 @@ class _Kit:
         return [_Roller(link, tip, radius, min(widest, 0.3 * radius)) for link, tip, radius in rollers]
 
     def _fast(self, axle: Axle) -> dict[str, tuple[float, float, float]]:
-        """Links that a pin is fast in: its owner and what is welded to that there: the axis, and by how much they are turned back
-        against the owner [rad]."""
+        """Links in which a pin fits tightly, its owner and the links welded to it there, with x and y of the axis in their frames,
+        and the angle [rad] from the owner's frame to theirs, reversed."""
         at = axle.centres[axle.owner]
         places = {axle.owner: (*at, 0.0)}
         for weld in self.model.welds:
@@ -187,7 +187,7 @@ class _Kit:
         return places
 
     def _bases(self) -> Iterator[_Plate]:
-        """A plate behind all, and one in front of all where pins stand on that, about the axes that are fixed to the ground."""
+        """A base plate behind all layers, and one in front of them if pins stand on it, around the axes fixed to the ground."""
         frame, model = self.model.frame, self.model
         rails = [p.outline for p in self.draft.pieces if p.link == frame and not p.profile]
         for front in (False, True):
@@ -205,9 +205,9 @@ class _Kit:
             outline = affinity.scale(shape, self.scale, self.scale, origin=(0.0, 0.0))
             yield _Plate("front" if front else "base", frame, outline, self.thickness, tuple(circles))
 
-    # -- what goes through them -----------------------------------------------------------------------------------------
+    # -- pins and spacers -----------------------------------------------------------------------------------------------
     def _reach(self, number: int) -> list[int]:
-        """Layers that the pin of an axle has plates on, the bases among them."""
+        """Layers on which the pin of an axle has plates, including the bases."""
         axle = self.model.axles[number]
         layers = [
             *self.levels.axle_layers[number],
@@ -218,7 +218,8 @@ class _Kit:
         return sorted(set(layers))
 
     def _pins_of_rollers(self) -> Iterator[tuple[_Roller, list[tuple[int, float, float]]]]:
-        """Every roller with the layers of the pieces that its pin goes through, and the part of its layer that each takes up."""
+        """Every roller with the pieces through which its pin passes: their layers, and the fractions of the layer's height that
+        they occupy (from, to)."""
         for roller in self._rollers:
             held = [p for p in self.draft.pieces if p.link == roller.link and not p.profile and roller.held_by(p.outline)]
             yield roller, sorted((self.levels.layer[piece.group], *piece.height) for piece in held)
@@ -255,7 +256,7 @@ class _Kit:
 
 
 def _shaft(radius: float, key: tuple[float, float], turned: float) -> Polygon:
-    """A round shaft about the origin, flattened in the direction of its key, which is ``turned`` [rad]."""
+    """A round shaft about the origin with a flat in the direction of its ``key``, rotated by ``turned`` [rad]."""
     turn = math.degrees(math.atan2(key[1], key[0]) + turned)
     cut = box((1.0 - _SHAFT_FLAT) * radius, -2.0 * radius, 2.0 * radius, 2.0 * radius)
     whole = disc((0.0, 0.0), radius, PART_SIDES).difference(affinity.rotate(cut, turn, origin=(0.0, 0.0)))
@@ -263,7 +264,7 @@ def _shaft(radius: float, key: tuple[float, float], turned: float) -> Polygon:
 
 
 def _counted(parts: Sequence[FlatPart]) -> list[FlatPart]:
-    """Equal parts once, with their number."""
+    """Equal parts merged into one, with their count."""
     alike: dict[tuple[str, float, float], list[FlatPart]] = {}
     for part in parts:
         alike.setdefault((part.name, round(part.thickness, 6), round(part.outline.area, 6)), []).append(part)
@@ -271,7 +272,7 @@ def _counted(parts: Sequence[FlatPart]) -> list[FlatPart]:
 
 
 def laid_out(parts: Sequence[FlatPart], width: float) -> list[tuple[FlatPart, float, float]]:
-    """Every part, as often as it is there, and how far it is moved [mm]: in rows up to a width [mm], none over another one."""
+    """Every single part with its displacement x and y [mm], arranged without overlap in rows up to a width [mm]."""
     every = [part for part in parts for _ in range(part.count)]
     every.sort(key=lambda part: -np.ptp(part.outline.bounds[1::2]))
     placed, x, y, tall = [], 0.0, 0.0, 0.0

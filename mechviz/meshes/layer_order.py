@@ -1,8 +1,8 @@
-"""Which layer every group of parts lies on: graph colouring with pins that pass through.
+"""Assignment of groups of parts to layers: graph colouring with pins that pass through layers.
 
-Groups that meet during the motion need different layers. A pin (or any other part that reaches from one layer to
+Groups that meet during the motion need different layers. A pin (or any other part that extends from one layer to
 another) must not be hit by groups on the layers between. The search is deterministic: several greedy starts, each
-improved by local moves. All starts and all moves of a step are looked at in one array.
+improved by local moves. All starts and all moves of a step are evaluated in one array.
 """
 
 from __future__ import annotations
@@ -18,20 +18,20 @@ from mechcore.arrays import Flags, Integers, Real
 from mechcore.records import dataclass
 
 _CLASH_COST = 1000.0
-_FRONT_COST = 12.0  # a pedestal in front of everything hides the view: worth one more layer, but no clash
-_HEIGHT_COST = 8.0
-_SPAN_COST = 3.0  # a pin that is one layer longer than it needs to be
+_FRONT_COST = 12.0  # of a pedestal in front of all layers, which hides the view: more than one layer, less than a clash
+_HEIGHT_COST = 8.0  # of a layer
+_SPAN_COST = 3.0  # of each layer by which a pin is longer than necessary
 COST_WEIGHTS = (_CLASH_COST, _FRONT_COST, _HEIGHT_COST, _SPAN_COST)
 _MANY_GROUPS = 24  # groups above which the moves of a step are tried in portions
-_FEW_GROUPS = 12  # groups up to which each step is the best one there is, not the first one down
-_LEAST_GAIN = 1e-9  # what is not cheaper by this is not cheaper
+_FEW_GROUPS = 12  # groups up to which each step is the best move, not the first improvement
+_LEAST_GAIN = 1e-9  # least reduction of costs that counts as an improvement
 
 
 @dataclass(frozen=True)
 class Post:
-    """Something that reaches through layers: a pin of two or more groups, or of a group and the ground.
+    """A part that extends through layers: a pin of two or more groups, or of a group and the ground.
 
-    `hits` are the groups that would run into it, `near` the other posts that come too close to pass a layer beside it.
+    ``hits``: the groups that would run into it; ``near``: the other posts that come too close to pass through the same layer.
     """
 
     groups: tuple[int, ...]
@@ -42,7 +42,7 @@ class Post:
 
 @dataclass(frozen=True)
 class LayerOrder:
-    """Layer of every group, counted from the back; for every post whether it reaches to the front, not the back."""
+    """Layer of every group, counted from the back; for every post whether it extends to the front instead of the back."""
 
     layers: tuple[int, ...]
     front: tuple[bool, ...]
@@ -52,8 +52,8 @@ class LayerOrder:
 def order_layers(conflicts: Sequence[int], posts: Sequence[Post], behind: Mapping[int, float] = MappingProxyType({})) -> LayerOrder:
     """The best order found: fewest clashes first, then few pedestals in front, few layers and short pins.
 
-    `conflicts[i]` is the bit mask of the groups that must not share a layer with group i; `behind` names groups that would
-    rather lie at the back, where they hide less, and what each layer further to the front costs.
+    ``conflicts[i]``: bit mask of the groups that must not share a layer with group i; ``behind``: groups that should be at the
+    back, where they hide less, with their cost per layer from the back.
     """
     n = len(conflicts)
     if n == 0:
@@ -66,7 +66,7 @@ def order_layers(conflicts: Sequence[int], posts: Sequence[Post], behind: Mappin
 
 
 def _best_order(costs: Costs, conflicts: Sequence[int], posts: Sequence[Post]) -> Layers:
-    """The orders (S, n) that no move makes cheaper, from one or another start."""
+    """Locally optimal orders (S, n), from different starts."""
     n = len(conflicts)
     rng = random.Random(0)
     starts = 14 if n <= _FEW_GROUPS else 5 if n <= 20 else 3 if n <= _MANY_GROUPS else 2
@@ -76,7 +76,7 @@ def _best_order(costs: Costs, conflicts: Sequence[int], posts: Sequence[Post]) -
 
 
 def natural_ranks(conflicts: Sequence[int], posts: Sequence[Post]) -> list[int]:
-    """Groups outwards from the ground, as a person would stack them."""
+    """Groups in the order of their distance from the ground, as a person would stack them."""
     n = len(conflicts)
     distance = {g: 0 for post in posts if post.ground for g in post.groups}
     while True:
@@ -93,12 +93,13 @@ def natural_ranks(conflicts: Sequence[int], posts: Sequence[Post]) -> list[int]:
 
 
 def greedy(costs: Costs, ranks: Integers) -> Layers:
-    """Orders (S, n) in which groups came one by one, ranks (S, n), each to the layer that costs least so far."""
+    """Orders (S, n) in which groups are placed one by one, in sequences ``ranks`` (S, n), each on the layer of least cost so
+    far."""
     count, n = ranks.shape
     layers = np.full((count, n), -1, np.int16)
     row = np.arange(count)
     for group in ranks.T:
-        # for some more than one beyond their top: that costs more than the first of them
+        # common to all orders: for some, several layers above their top, of which the first costs least
         levels = np.arange(int(layers.max()) + 2, dtype=np.int16)
         trials = np.repeat(layers[:, None], len(levels), axis=1)
         trials[row, :, group] = levels
@@ -108,9 +109,9 @@ def greedy(costs: Costs, ranks: Integers) -> Layers:
 
 
 def improve(costs: Costs, layers: Layers) -> Layers:
-    """Packed orders (S, n) after moves that help, until none does: another layer, a new layer between two, a swap, upside down.
+    """Packed orders (S, n) after improving moves, until there is none: another layer, a new layer between two, a swap, reversal.
 
-    Orders that become the same stay one: fewer may come back, each at the place of its first start.
+    Orders that become equal are merged: the result may have fewer rows, each in the position of its first start.
     """
     n = layers.shape[1]
     current = _distinct(layers)
@@ -120,7 +121,7 @@ def improve(costs: Costs, layers: Layers) -> Layers:
         which = np.flatnonzero(open_)
         trials = without_empty_layers(_moved(current[which]).reshape(-1, n)).reshape(len(which), -1, n)
         prices = costs(trials.reshape(-1, n)).reshape(len(which), -1)
-        # few groups: the best step; many groups: the first step down will do
+        # few groups: the best move; many groups: the first improvement
         step = prices.argmin(axis=1) if n <= _FEW_GROUPS else (prices < cost[which, None] - _LEAST_GAIN).argmax(axis=1)
         row = np.arange(len(which))
         helps = prices[row, step] < cost[which] - _LEAST_GAIN
@@ -133,15 +134,15 @@ def improve(costs: Costs, layers: Layers) -> Layers:
 
 
 def _distinct(layers: Layers) -> Layers:
-    """Rows without those that came before."""
+    """Distinct rows, in the order of their first occurrence."""
     return layers[np.sort(np.unique(layers, axis=0, return_index=True)[1])]
 
 
 def _moved(layers: Layers) -> Layers:
-    """All orders one move away from each of some (S, n): (S, m, n), not packed."""
+    """All orders (S, m, n) one move away from each of the orders (S, n), not packed."""
     count, n = layers.shape
     tops = layers.max(axis=1)
-    levels = np.arange(int(tops.max()) + 2, dtype=np.int16)  # what lies beyond an order's own top is on it once packed
+    levels = np.arange(int(tops.max()) + 2, dtype=np.int16)  # layers far above an order's top are removed by packing
     placed = np.empty((count, n, len(levels), 2, n), np.int16)  # by group, level, and whether the level is new
     placed[:, :, :, 0] = layers[:, None, None]
     placed[:, :, :, 1] = (layers[:, None] + (layers[:, None] >= levels[:, None]))[:, None]
@@ -159,7 +160,7 @@ Layers = NDArray[np.int16]
 
 
 class Costs:
-    """Costs (T,) of orders (T, n): clashes, pedestals in front, height, spans of pins, each with its weight."""
+    """Computes the costs (T,) of orders (T, n): weighted sums of clashes, pedestals in front, height, and spans of pins."""
 
     def __init__(
         self,
@@ -181,7 +182,7 @@ class Costs:
         self._ground = np.array([post.ground for post in posts], bool)[:, None]
         hits = [(k, g) for k, post in enumerate(posts) for g in range(n) if post.hits >> g & 1]
         self._hits = np.array(hits, np.intp).reshape(-1, 2).T
-        # where the hits of each post begin, for sums over them
+        # index of the first hit of each post, for sums over its hits
         self._hit_posts, self._starts = np.unique(self._hits[0], return_index=True)
         self._near = np.array([(i, j) for i, post in enumerate(posts) for j in post.near if j < i], np.intp).reshape(-1, 2).T
         self._behind = np.array(list(behind), np.intp), np.array(list(behind.values()), float)
@@ -191,7 +192,7 @@ class Costs:
         return self.clash * clashes + extra
 
     def counted(self, layers: Layers, *, partial: bool = False) -> tuple[Integers, Real, Flags]:
-        """Clashes (T,), all other costs (T,), and which posts reach to the front (posts, T).
+        """Clashes (T,), all other costs (T,), and flags of posts that extend to the front (posts, T).
 
         ``partial``: groups on layer -1 are not placed yet and cost nothing.
         """
@@ -218,7 +219,7 @@ class Costs:
         ground, some = self._ground, high >= 0
         start = np.where(ground & ~front, np.int16(-1), low)
         end = np.where(front, top + np.int16(1), high)
-        between = high - low  # layers passed by a pin of the air, less those of its own groups
+        between = high - low  # layers passed by a pin without ground, less those of its own groups
         for k in range(1, len(members)):
             between -= (members[k] != members[:k]).all(axis=0)
         spans = np.where(ground, end - start - np.int16(1), np.maximum(between, 0))
@@ -236,10 +237,11 @@ class Costs:
         return clashes, extra, front
 
     def _hit(self, at: Layers, low: Layers, high: Layers, *, partial: bool) -> tuple[Integers, Flags]:
-        """How many groups run into posts (T,), and whether the posts that may be hit reach to the front to avoid more."""
+        """Number of groups that run into posts (T,), and flags of the posts (with any hits) that extend to the front, because fewer
+        groups hit them there."""
         post, group = self._hits
         layer, least, most = at[group], low[post], high[post]
-        if partial:  # what is not placed lies at the post's own end, where it is in nobody's way
+        if partial:  # groups that are not placed count as on the post's own end layer, where they do not hit
             layer = np.where(layer < 0, least, layer)
         behind, before = self._summed(layer < least), self._summed(layer > most)
         between = self._summed((layer > least) & (layer < most))
@@ -248,7 +250,7 @@ class Costs:
         return hits, ground & (before < behind)
 
     def _summed(self, flags: Flags) -> Integers:
-        """Numbers of true flags (hits, T) for each post that has any."""
+        """Numbers (posts, T) of true flags (hits, T) for each post with hits."""
         return np.add.reduceat(flags, self._starts, axis=0, dtype=np.int64)
 
 
@@ -261,23 +263,23 @@ def without_empty_layers(layers: Layers) -> Layers:
     return np.take_along_axis(np.cumsum(used, axis=1, dtype=np.int16) - np.int16(1), wide, axis=1)
 
 
-ORDERS_AT_ONCE = 512  # orders at once: small enough for the cache
+ORDERS_AT_ONCE = 512  # number of orders evaluated at once: small enough for the CPU cache
 
 
 def improve_many(costs: Costs, layers: Layers) -> Layers:
-    """Packed orders (S, n) after moves that help, until none does, the best of some hundred at a time."""
+    """Packed orders (S, n) after improving moves, until there is none; each move is the best of `ORDERS_AT_ONCE`."""
     return np.stack([_improved(costs, order) for order in layers])
 
 
 def _improved(costs: Costs, order: Layers) -> Layers:
-    """One order (n,): another layer, a new one between two, a swap, for as long as that helps."""
+    """One order (n,) after improving moves: reversal, another layer, a new layer between two, a swap, until there is none."""
     current = without_empty_layers(order[None])
     cost = float(costs(current)[0])
     start = 0
     while True:
         moved = False
         chunks = list(_chunks(current[0]))
-        for k in range(len(chunks)):  # on from where the last step was found: what is behind it has been tried
+        for k in range(len(chunks)):  # continue where the last improvement was found: earlier moves have been tried
             chunk = (start + k) % len(chunks)
             trials = without_empty_layers(_applied(current[0], chunks[chunk]))
             prices = costs(trials)
@@ -290,7 +292,7 @@ def _improved(costs: Costs, order: Layers) -> Layers:
 
 
 def _chunks(layers: Layers) -> Iterator[Integers]:
-    """Moves (m, 3), some hundred at a time: kind, group, and a layer or another group."""
+    """Moves (m, 3) in portions of `ORDERS_AT_ONCE`: kind, group, and a layer or another group."""
     n, top = len(layers), int(layers.max())
     groups, levels = (a.reshape(-1) for a in np.meshgrid(np.arange(n), np.arange(top + 2), indexing="ij"))
     first, second = np.tril_indices(n, -1)
@@ -301,11 +303,11 @@ def _chunks(layers: Layers) -> Iterator[Integers]:
 
 
 def _applied(layers: Layers, moves: Integers) -> Layers:
-    """The orders (m, n) that moves make."""
+    """The orders (m, n) that result from moves (m, 3)."""
     out = np.repeat(layers[None], len(moves), axis=0)
     row = np.arange(len(moves))
     kind, group, other = moves.T
-    out[kind == 0] = layers.max() - layers  # upside down
+    out[kind == 0] = layers.max() - layers  # reversal
     out[row[kind == 1], group[kind == 1]] = other[kind == 1]
     shift = kind == 2  # a new layer for the group alone
     out[shift] += out[shift] >= other[shift, None]

@@ -1,4 +1,4 @@
-"""From pieces to heights: which pieces and pins would meet, the order of the layers, and where everything lies in z."""
+"""From pieces to heights: pieces and pins that would meet, the order of the layers, and the heights z of everything."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ from mechviz.meshes.layer_order import Post, order_layers
 from mechviz.meshes.model import Proportions, ScaledMechanism
 from mechviz.meshes.outline import ShapeError, disc
 
-_FIRST_PLACES = 3  # places at which a question is tried before all others
-_FRAMES_TOGETHER = (48, 6)  # frames in a row that are looked at as one, in turn
-_PAIRS_AT_ONCE = 500_000  # pairs of outlines times frames, and vertices, in one array
+_FIRST_PLACES = 3  # number of the most likely cases per question that are tested before all others
+_FRAMES_TOGETHER = (48, 6)  # numbers of successive frames that are tested together, in successive passes
+_PAIRS_AT_ONCE = 500_000  # largest number of pairs of outlines times frames, and of vertices, in one array
 
 
 class Sweeps:
-    """Outlines fixed to links, and the poses (F, 3) of those links over the run, in units of the size. Raises `ShapeError` where an
-    outline is empty."""
+    """Tests outlines fixed to links for contact over the run; ``poses`` (F, 3) of the links in units of the size. Raises
+    `ShapeError` if an outline is empty."""
 
     def __init__(self, outlines: Sequence[Polygon], links: Sequence[str], poses: Mapping[str, Real]) -> None:
         self._shapes = np.array(outlines, object)
-        if shapely.is_empty(self._shapes).any():  # beside a link that is very much longer
+        if shapely.is_empty(self._shapes).any():  # if another link is very much longer
             raise ShapeError("the outline of a part is lost in rounding")
         names = list(dict.fromkeys(links))
         self._link = np.array([names.index(link) for link in links], np.int64)
@@ -39,8 +39,8 @@ class Sweeps:
         self._c, self._s = np.cos(angle), np.sin(angle)
 
     def meet(self, pairs: Integers, questions: Integers | None = None) -> Flags:
-        """Whether outlines (P, 2) touch or overlap at any frame: (P,); or for each question (P,) from 0 on whether any of its
-        pairs do: (questions,)."""
+        """Whether pairs of outlines (P, 2) touch or overlap in any frame: (P,). With ``questions`` (P,), numbers of questions from
+        0: for each question, whether any of its pairs does."""
         pairs = np.asarray(pairs, np.int64).reshape(-1, 2)
         questions = np.arange(len(pairs)) if questions is None else np.asarray(questions, np.int64)
         met = np.zeros(int(questions.max(initial=-1)) + 1, bool)
@@ -49,7 +49,7 @@ class Sweeps:
         pairs = self._larger_first(pairs)
         pair, frame, depth = self._places(pairs)
         asked = questions[pair]
-        # the deeper boxes lie in each other, the likelier the outlines meet
+        # the deeper the boxes overlap, the likelier the outlines meet
         order = np.lexsort((-depth, asked))
         rank = np.arange(len(order)) - np.searchsorted(asked[order], asked[order])
         nearest = order[rank < _FIRST_PLACES]
@@ -64,7 +64,7 @@ class Sweeps:
 
     @cached_property
     def _boxes(self) -> tuple[Real, Real, Real]:
-        """Boxes around the outlines in their links' frames, and circles about their middles: (N, 2), half sides (N, 2), (N,)."""
+        """Boxes around the outlines in their links' frames: centres (N, 2), half sides (N, 2), radii (N,) about the centres."""
         low_x, low_y, high_x, high_y = shapely.bounds(self._shapes).T
         middle = 0.5 * np.column_stack([low_x + high_x, low_y + high_y])
         half = 0.5 * np.column_stack([high_x - low_x, high_y - low_y])
@@ -74,14 +74,14 @@ class Sweeps:
 
     @cached_property
     def _paths(self) -> tuple[Real, Real]:
-        """The middles of the boxes in the world, x and y (N, F)."""
+        """World coordinates of the centres of the boxes, x and y (N, F)."""
         (x, y), of = self._boxes[0].T[:, :, None], self._link
         c, s = self._c[of], self._s[of]
         return self._x[of] + c * x - s * y, self._y[of] + s * x + c * y
 
     @cached_property
     def _rings(self) -> tuple[Real, Integers, Integers, Integers]:
-        """Vertices of all rings (V, 2), where each ring begins, how many it has, and where each outline's rings begin (N + 1)."""
+        """Vertices of all rings (V, 2), first vertex and vertex count of each ring, and first ring of each outline (N + 1,)."""
         count = shapely.get_num_interior_rings(self._shapes) + 1
         xy, number = shapely.get_coordinates(shapely.get_rings(self._shapes), return_index=True)
         length = np.bincount(number, minlength=int(count.sum()))
@@ -93,13 +93,14 @@ class Sweeps:
         return self._shapes
 
     def _larger_first(self, pairs: Integers) -> Integers:
-        """The pairs turned so that no outline can lie within the second one: then it is enough to look where its rings are."""
+        """The pairs with the outline of larger area first, so that the first cannot lie within the second: it then suffices to test
+        the rings of the second."""
         area = shapely.area(shapely.polygons(shapely.get_exterior_ring(self._shapes)))
         turned = area[pairs[:, 0]] < area[pairs[:, 1]]
         return np.where(turned[:, None], pairs[:, ::-1], pairs)
 
     def _places(self, pairs: Integers) -> tuple[Integers, Integers, Real]:
-        """Pairs (M,) and frames (M,) where boxes overlap, and how deep."""
+        """Pairs (M,) and frames (M,) in which boxes overlap, and the depths of overlap (M,)."""
         x, y = self._paths
         _, _, radius = self._boxes
         low = np.stack([x.min(axis=1), y.min(axis=1)]) - radius
@@ -122,7 +123,7 @@ class Sweeps:
         return pair, frame, depth
 
     def _depth(self, pairs: Integers, frame: Integers) -> Real:
-        """How far boxes (M, 2) reach into each other at frames, less than zero where an axis separates them: (M,)."""
+        """Depths of overlap (M,) of boxes (M, 2) at frames (M,), negative if an axis separates them."""
         middle, half, radius = self._boxes
         i, j = pairs.T
         dx, dy, c, s = self._relative(self._link[i], self._link[j], frame)
@@ -133,8 +134,9 @@ class Sweeps:
         return np.asarray(1e-12 * (radius[i] + radius[j]) - np.maximum(of_first, of_second))
 
     def _within_reach(self, pairs: Integers, pair: Integers, frame: Integers, count: int) -> Flags:
-        """Which places (M,), in the order of pairs and frames, remain when so many in a row are taken together: those where a
-        circle around all places of the second outline reaches the first one. A pin in its hole never does."""
+        """Flags (M,) of the cases, in the order of pairs and frames, that remain when ``count`` successive ones are tested
+        together: those in which a circle around all positions of the second outline reaches the first one. A pin in its hole never
+        does."""
         if not len(pair):
             return np.zeros(0, bool)
         middle, _, radius = self._boxes
@@ -150,19 +152,20 @@ class Sweeps:
         return np.repeat(near, np.diff(np.r_[start, len(pair)]))
 
     def _relative(self, base: Integers, other: Integers, frame: Integers) -> tuple[Real, Real, Real, Real]:
-        """Places x, y and cosines, sines of other links in the frames of base links, at frames: (M,) each."""
+        """Positions x, y and cosines, sines of other links in the frames of base links, at frames: (M,) each."""
         cb, sb, co, so = self._c[base, frame], self._s[base, frame], self._c[other, frame], self._s[other, frame]
         dx, dy = self._x[other, frame] - self._x[base, frame], self._y[other, frame] - self._y[base, frame]
         return cb * dx + sb * dy, cb * dy - sb * dx, cb * co + sb * so, cb * so - sb * co
 
     def _portions(self, places: Integers, moved: Integers) -> list[Integers]:
-        """Places in portions whose moved outlines have not too many vertices."""
+        """Cases in portions whose moved outlines have at most about `_PAIRS_AT_ONCE` vertices."""
         _, _, length, first = self._rings
         size = np.add.reduceat(length, first[:-1])[moved[places]]
         return np.split(places, np.flatnonzero(np.diff(np.cumsum(size) // _PAIRS_AT_ONCE)) + 1)
 
     def _touch(self, pairs: Integers, frame: Integers) -> Flags:
-        """Whether outlines (M, 2) meet, each pair at one frame: (M,). Of the second the rings are looked at, moved to the first."""
+        """Whether outlines (M, 2) meet, each pair in one frame: (M,). The rings of the second are moved to the frame of the
+        first."""
         if not len(pairs):
             return np.zeros(0, bool)
         xy, start, length, first = self._rings
@@ -180,13 +183,13 @@ class Sweeps:
 
 
 def _ranges(start: Integers, count: Integers) -> Integers:
-    """start[0], start[0] + 1, ..., count[0] of them, then those from start[1] on, and so forth."""
+    """Concatenated ranges: ``count[0]`` integers from ``start[0]``, then ``count[1]`` from ``start[1]``, and so on."""
     ends = np.cumsum(count)
     return np.arange(ends[-1] if len(ends) else 0) + np.repeat(start - ends + count, count)
 
 
-_RAIL_COST = 1.0  # what it costs to have rails one layer further from the back
-_CARRIER_COST = 9.0  # and the arm of a planetary gear or the web of a ring, which would hide the wheels
+_RAIL_COST = 1.0  # cost of rails per layer from the back
+_CARRIER_COST = 9.0  # the same for the carrier of a planetary gear or the web of a ring, which would hide the wheels
 
 
 @dataclass(frozen=True)
@@ -200,7 +203,7 @@ class Levels:
     axle_front: tuple[bool, ...]  # for every axle: whether its pedestal stands in front
     block_front: tuple[bool, ...]  # for every block that is fixed to the ground
     top: int  # the layer nearest to the viewer
-    clashes: int = 0  # pieces and pins that meet all the same
+    clashes: int = 0  # number of remaining clashes of pieces and pins
 
     def of(self, link: str) -> int:
         """Layer of a moving link's plate."""
@@ -211,14 +214,14 @@ class Levels:
         return layer * self.size.pitch, layer * self.size.pitch + self.size.t
 
     def slab(self, layer: int) -> tuple[float, float]:
-        """Heights between which everything of a layer lies, bosses included."""
+        """Lower and upper height of everything on a layer, including bosses."""
         low, high = self.plate(layer)
         return low - self.size.boss, high + self.size.boss
 
 
 @dataclass(frozen=True, eq=False)
 class _Reach:
-    """A pin or neck that reaches through layers: its outline, the groups that it joins and the links that own it."""
+    """A pin or neck that extends through layers: its outline, the groups that it joins, and the links to which it belongs."""
 
     outline: Polygon
     link: str
@@ -228,7 +231,7 @@ class _Reach:
 
 
 def stack_pieces(model: ScaledMechanism, draft: SolidsDraft) -> Levels:
-    """Find the order of layers in which the fewest pieces and pins meet during the motion."""
+    """The layers, in the order with the fewest clashes of pieces and pins during the motion."""
     names = draft.group_names
     number = {name: k for k, name in enumerate(names)}
     reaches = [_axle_reach(model, draft, k) for k in range(len(model.axles))]
@@ -255,7 +258,7 @@ def stack_pieces(model: ScaledMechanism, draft: SolidsDraft) -> Levels:
 
 
 def _in_planes(model: ScaledMechanism, draft: SolidsDraft, layer: dict[str, int]) -> dict[str, int]:
-    """Layers of groups so that links of a plane lie together, as far in front of the first plane as is stated at least."""
+    """Layers of groups such that links of one stated plane lie together, at least as far in front of the first plane as stated."""
     plane = dict.fromkeys(layer, 0.0)
     for piece in draft.pieces:
         plane[piece.group] = max(plane[piece.group], model.planes.get(piece.link, 0.0), key=abs)
@@ -285,8 +288,9 @@ def _neck_reach(neck: Neck) -> _Reach:
 def _meetings(
     model: ScaledMechanism, draft: SolidsDraft, reaches: list[_Reach], number: Mapping[str, int]
 ) -> tuple[list[int], list[int], list[tuple[int, ...]]]:
-    """Bit masks: for every group those that it meets at some frame (or is joined to by a joint), for every pin or neck those that
-    would run into it; and for every pin or neck the others that it meets: those of one link never move apart."""
+    """Bit masks: for every group, the groups that it meets in some frame (or to which a joint connects it); for every pin or neck,
+    the groups that would run into it. And for every pin or neck, the others that it meets, except for those of a common link, which
+    do not move relative to each other."""
     conflicts, hits = [0] * len(number), [0] * len(reaches)
     near: list[list[int]] = [[] for _ in reaches]
 
@@ -338,7 +342,7 @@ def _meetings(
 
 
 def _grown(model: ScaledMechanism, pieces: Sequence[PlacedPart]) -> list[Polygon]:
-    """Pieces without their holes, a little larger than they are: what crosses a hole would be in the way of its edge."""
+    """Outlines of pieces without their holes, slightly enlarged: a part within a hole would hit the edge of the hole."""
     r = model.proportions.r
     whole = shapely.polygons(shapely.get_exterior_ring([piece.outline for piece in pieces]))
     return list(shapely.simplify(shapely.buffer(whole, 0.08 * r, quad_segs=2), 0.01 * r))

@@ -1,4 +1,4 @@
-"""The mechanism as the part builder sees it: in units of its own size, with axles, guides, wheels and proportions of parts."""
+"""The mechanism for the part builder: in units of its own size, with axles, guides, wheels and proportions of parts."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ _DEFAULT_TRAVEL = 0.15  # half the travel of a guide whose motion is not known
 
 @dataclass(frozen=True)
 class Proportions:
-    """Sizes that all parts share."""
+    """Dimensions that all parts share."""
 
     r: float  # half the width of a plate
     t: float  # thickness of a plate
     bevel: float
-    boss: float  # how far a boss stands above the plate where it faces another link
+    boss: float  # height of a boss above the plate if it faces another link
     clearance: float  # between bosses that face each other, and between a pin and its hole
 
     def thinner(self, factor: float) -> Proportions:
@@ -71,14 +71,14 @@ class Proportions:
 class Axle:
     """Revolute joints that share one axis: a pin through all their links. Radii are in units of the size.
 
-    The pin of a slotted link is one too; then ``centres`` does not name the link with the slot.
+    The pin in a slot is an axle as well; ``centres`` then does not contain the link with the slot.
     """
 
     centres: Mapping[str, Vec2]  # link -> the axis in the link's frame
-    owner: str  # the link that the pin belongs to
+    owner: str  # the link to which the pin belongs
     pin: float
     boss: float
-    play: Mapping[str, float] = field(default_factory=dict)  # how far the pin goes from the axis in links with clearance
+    play: Mapping[str, float] = field(default_factory=dict)  # largest distance of the pin from the axis, in links with clearance
     key: Vec2 | None = None  # a camshaft: the pin turns with its owner, keyed to it in this direction of the owner's frame
 
     @property
@@ -86,12 +86,12 @@ class Axle:
         return 1.04 * self.pin
 
     def hole_in(self, link: str) -> float:
-        """Radius of the hole in a link: wider by the play of a joint with clearance, so that the pin stays inside."""
+        """Radius of the hole in a link: larger by the play of a joint with clearance, so that the pin stays inside."""
         return self.hole + self.play.get(link, 0.0)
 
     @property
     def sleeve(self) -> float:
-        """Radius of spacers, heads and columns: nothing else may come closer to the axis between two joined layers."""
+        """Radius of spacers, heads and columns: no other part may come closer to the axis between two joined layers."""
         return self.pin + 0.55 * (self.boss - self.pin)
 
 
@@ -106,7 +106,7 @@ class Guide:
     along: Vec2  # unit direction, in the rail's frame
     block_point: Vec2  # in the block's frame
     block_along: Vec2  # unit direction, in the block's frame
-    travel: tuple[float, float]  # of the block's point along the line, from `origin`
+    travel: tuple[float, float]  # range of the block's point along the line, from ``origin``
 
 
 @dataclass(frozen=True)
@@ -114,12 +114,12 @@ class Slot:
     """A pin in a slot."""
 
     joint: str
-    link: str  # with the slot
+    link: str  # the link with the slot
     pin: str  # the link with the pin
     origin: Vec2  # a point of the slot's middle line, in its link's frame
     along: Vec2  # unit direction, in that frame
     point: Vec2  # the pin, in the pin's frame
-    travel: tuple[float, float]  # of the pin along the slot, from `origin`
+    travel: tuple[float, float]  # range of the pin along the slot, from ``origin``
 
 
 @dataclass(frozen=True)
@@ -128,7 +128,7 @@ class Weldment:
 
     links: tuple[str, str]
     points: tuple[Vec2, Vec2]
-    angle: float  # of the second link's frame against the first's [rad]
+    angle: float  # of the second link's frame relative to the first's [rad]
 
 
 @dataclass(frozen=True)
@@ -152,14 +152,14 @@ class ScaledMechanism:
     cams: tuple[CamDrawing, ...] = ()
     inverse: tuple[InverseDrawing, ...] = ()
     spatial: tuple[SpatialDrawing, ...] = ()  # barrel, end and globoidal cams
-    guide_points: Mapping[str, Vec2] = field(default_factory=dict)  # prismatic joint -> its point on the ground, where there is one
-    figures: Mapping[str, Polygon] = field(default_factory=dict)  # link -> what its plate is drawn as, beside what its pins need
-    planes: Mapping[str, float] = field(default_factory=dict)  # link -> how far in front of the others it lies at least
-    spindle: bool = False  # the ground guides blocks by rods through them, not by rails beside them
-    leads: Mapping[str, float] = field(default_factory=dict)  # guide of a screw, whose spindle goes through the nut -> its lead
+    guide_points: Mapping[str, Vec2] = field(default_factory=dict)  # prismatic joint on the ground -> its point on it
+    figures: Mapping[str, Polygon] = field(default_factory=dict)  # link -> figure added to its plate
+    planes: Mapping[str, float] = field(default_factory=dict)  # link -> least height in front of the first plane
+    spindle: bool = False  # guides of the ground are rods through the blocks, not rails beside them
+    leads: Mapping[str, float] = field(default_factory=dict)  # guide of a screw, with a spindle through the nut -> lead
 
     def spindles(self, link: str) -> set[str]:
-        """Guides of the ground whose screws go through a link."""
+        """Guides of the ground whose screws pass through a link."""
         own = {guide.joint for guide in self.guides if (guide.rail, guide.block) == (self.frame, link)}
         return own & set(self.leads)
 
@@ -189,7 +189,7 @@ def scale_mechanism(
     spatial = find_spatial(mechanism, parts, size)
     spun = {drawing.cam for drawing in spatial}
     drawn = {name for cam in cams for name in cam.own_guides}
-    clusters = [c for c in _clusters(mechanism, joints) if spun.isdisjoint(c[0])]  # their shafts lie in the plane
+    clusters = [c for c in _clusters(mechanism, joints) if spun.isdisjoint(c[0])]  # shafts in the plane of motion
     marks = _marks(mechanism, points, clusters)
     proportions = _proportions(mechanism, links, clusters, wheels)
     others = [j for j in joints if j.kind == "prismatic" and j.name not in racks | drawn]
@@ -228,7 +228,7 @@ def scale_mechanism(
 
 
 def _figure(corners: Real, bevel: float) -> Polygon:
-    """A figure with its sharp corners rounded so far that its edges can be bevelled; as it is where it is too fine for that."""
+    """A figure with convex corners rounded such that its edges can be bevelled; unchanged if it is too fine for that."""
     whole = Polygon(corners)
     blunt = polygons(rounded(whole, 1.1 * bevel))
     return blunt[0] if len(blunt) == 1 and not blunt[0].interiors else whole
@@ -244,7 +244,7 @@ def largest_circle(model: ScaledMechanism) -> float:
 
 
 def _ground_points(frame: str, joints: Sequence[LoopJoint]) -> dict[str, Vec2]:
-    """Where the sliding joints on the ground have their points on it."""
+    """Points on the ground of the prismatic joints with the ground, by joint."""
     return {j.name: _xy(j.a if j.links[0] == frame else j.b) for j in joints if j.kind == "prismatic" and frame in j.links}
 
 
@@ -258,7 +258,7 @@ def _xy(z: complex) -> Vec2:
 
 
 def _usable_poses(frame: str, links: Sequence[Link], poses: Mapping[str, Real] | None) -> dict[str, Real]:
-    """Poses (F, 3) of every link at the frames where all links have finite ones; empty if there are none."""
+    """Poses (F, 3) of every link at the frames where the poses of all links are finite; empty if there are none."""
     names = [link.name for link in links if link.name != frame]
     if poses is None or any(name not in poses for name in names):
         return {}
@@ -301,7 +301,7 @@ def _size(mechanism: Mechanism, parts: Builder, poses: Mapping[str, Real]) -> fl
 
 
 def world_points(xy: Real, pose: Real) -> Real:
-    """Points (n, 2) of a link in the world at its poses (F, 3) -> (F, n, 2)."""
+    """World coordinates (F, n, 2) of points (n, 2) of a link at its poses (F, 3)."""
     c, s = np.cos(pose[:, 2, None]), np.sin(pose[:, 2, None])
     x = pose[:, 0, None] + c * xy[:, 0] - s * xy[:, 1]
     y = pose[:, 1, None] + s * xy[:, 0] + c * xy[:, 1]
@@ -314,7 +314,7 @@ Cluster = tuple[dict[str, Vec2], str]  # link -> centre, and the owner of the pi
 
 
 def _clusters(mechanism: Mechanism, joints: Sequence[LoopJoint]) -> list[Cluster]:
-    """Revolute joints gathered by their axis: joints at the same place of a common link share one pin."""
+    """Revolute joints grouped by their axis: joints at the same point of a common link share one pin."""
     groups: list[Cluster] = []
     for joint in joints:
         if joint.kind == "revolute":
@@ -337,7 +337,7 @@ def _clusters(mechanism: Mechanism, joints: Sequence[LoopJoint]) -> list[Cluster
 
 
 def _marks(mechanism: Mechanism, points: PointsByLink, clusters: list[Cluster]) -> Marks:
-    """Points that belong to a link's outline without a pin: all named points, except those that only place a guide."""
+    """Points of a link's outline without a pin: all named points, except those that only define a guide line."""
     lines = [joint for joint in mechanism.joints if isinstance(joint, Prismatic | PinSlot | Rolling)]
     guides = {(link, p) for joint in lines for link, p in zip(joint.links, joint.points, strict=True)}
     guides |= {(joint.links[1], joint.point) for joint in mechanism.joints if isinstance(joint, CamJoint) and joint.spatial is not
@@ -358,9 +358,9 @@ def _marks(mechanism: Mechanism, points: PointsByLink, clusters: list[Cluster]) 
 
 
 def _proportions(mechanism: Mechanism, links: Sequence[Link], clusters: list[Cluster], wheels: Wheels) -> Proportions:
-    """Plate sizes from the mechanism's size (1), narrower where short links need it, but never as thin as wire.
+    """Dimensions of plates from the mechanism's size (1), narrower if short links require it, but not below a least width.
 
-    How thin that is follows from the links where they are all much shorter than the mechanism, as in a long train.
+    The least width is reduced if all links are much shorter than the mechanism, as in a long train.
     """
     shortest = min([1.0, *(1.3 * wheel.radius for wheel in wheels.wheels)])
     lengths = []
@@ -378,19 +378,19 @@ def _proportions(mechanism: Mechanism, links: Sequence[Link], clusters: list[Clu
 
 
 def _axle(cluster: Cluster, clusters: list[Cluster], marks: Marks, size: Proportions) -> Axle:
-    """An axle whose pin and bosses leave room for the other pins of its links."""
+    """An axle whose pin and bosses are small enough for the other pins and marks of its links."""
     centres, owner = cluster
     room = 10.0
     for link, xy in centres.items():
         others = [c[link] for c, _ in clusters if link in c and c is not centres]
         room = min([room, *(_distance(xy, other) for other in others)])
-        room = min([room, *(1.3 * _distance(xy, mark) for mark in marks[link])])  # a mark needs less room than a pin
+        room = min([room, *(1.3 * _distance(xy, mark) for mark in marks[link])])  # a mark needs less space than a pin
     room = max(room, 10.0 * _SAME_AXLE)
     return Axle(centres, owner, pin=min(0.4 * size.r, 0.3 * room), boss=min(0.82 * size.r, 0.46 * room))
 
 
 def _play(axle: Axle, poses: Mapping[str, Real]) -> dict[str, float]:
-    """How far an axle's pin goes from the axis in links whose joints with it have clearance, over the run."""
+    """Largest distance over the run of an axle's pin from the axis, by link, for links whose joints have clearance."""
     if axle.owner not in poses:
         return {}
     pin = world_points(np.array([axle.centres[axle.owner]]), poses[axle.owner])[:, 0]
@@ -404,8 +404,8 @@ def _play(axle: Axle, poses: Mapping[str, Real]) -> dict[str, float]:
 
 
 def _keyed(axle: Axle, cams: Sequence[CamDrawing], welds: Sequence[Weldment], frame: str, r: float) -> Axle:
-    """The axle as a shaft that turns with the first plane cam on it, thicker than a pin where nothing else is on it; or with a link
-    to which another one is welded there, such as a hand crank."""
+    """The axle as a shaft keyed to the first plane cam on it, thicker than a pin if nothing else is on it; or keyed to a link to
+    which another one is welded there, such as a hand crank. Other axles are unchanged."""
     for cam in cams:
         at = axle.centres.get(cam.cam)
         if cam.placed.bed is not None or at is None or _distance(at, cam.bore) > _SAME_AXLE:
@@ -423,7 +423,7 @@ def _keyed(axle: Axle, cams: Sequence[CamDrawing], welds: Sequence[Weldment], fr
 
 
 def _travel(joint: LoopJoint, poses: Mapping[str, Real]) -> tuple[float, float]:
-    """Where the other link's point goes along the guide of a joint over the run, from the guide's point."""
+    """Range over the run of the other link's point along the guide of a joint, from the guide's point."""
     if not poses:
         return (-_DEFAULT_TRAVEL, _DEFAULT_TRAVEL)
     carrier, other = joint.links[joint.guide], joint.links[1 - joint.guide]
@@ -436,7 +436,7 @@ def _travel(joint: LoopJoint, poses: Mapping[str, Real]) -> tuple[float, float]:
 
 
 def _slot(joint: LoopJoint, poses: Mapping[str, Real], ends: Vec2 | None) -> Slot:
-    """A slot as long as it is stated (``ends``), else as the run needs it."""
+    """The slot of a pin-in-slot joint, with the stated ``ends``, otherwise with the travel over the run."""
     origin, point = (joint.b, joint.a) if joint.guide else (joint.a, joint.b)
     return Slot(
         joint=joint.name,
@@ -457,15 +457,15 @@ def _guide(
     marks: Marks,
     size: Proportions,
 ) -> Guide:
-    """Which link of a prismatic joint is drawn as the rail and which as the block, and how far the block travels.
+    """The guide of a prismatic joint: which link is drawn as the rail and which as the block, and the travel of the block.
 
-    The link that carries the guide line is the rail, unless it is only a block at a pin while the other one is long
-    (an oscillating cylinder: the guide turns about a fixed pin and a rod slides through it).
+    The link with the guide line is the rail, unless it is only a block at a pin while the other one is long (an oscillating
+    cylinder: the guide rotates about a fixed pin and a rod slides through it).
     """
     carrier, other = joint.links[joint.guide], joint.links[1 - joint.guide]
     origin, slider = (_xy(joint.b), _xy(joint.a)) if joint.guide else (_xy(joint.a), _xy(joint.b))
     along = _xy(joint.slide or 1.0 + 0j)
-    # The second link's frame is turned by `angle` against the first's.
+    # The second link's frame is rotated by ``angle`` relative to the first's.
     slider_along = _turn(along, -joint.angle if joint.guide == 0 else joint.angle)
     travel = _travel(joint, poses)
 

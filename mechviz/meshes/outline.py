@@ -26,7 +26,7 @@ def hull(discs: Iterable[Disc], segments: int) -> Polygon:
 
 
 def rectangle(centre: Vec2, along: Vec2, length: float, width: float, fillet: float = 0.0) -> Polygon:
-    """A rectangle whose length lies in the unit direction `along`, with rounded corners if `fillet` > 0."""
+    """A rectangle whose length is in the unit direction ``along``, with rounded corners if ``fillet`` > 0."""
     u = np.asarray(along)
     v = np.array([-u[1], u[0]])
     signs = ((-1, -1), (1, -1), (1, 1), (-1, 1))
@@ -40,9 +40,9 @@ def rounded(shape: Polygon, fillet: float) -> Polygon:
 
 
 def cutouts(plate: Polygon, keep: Sequence[Polygon], rim: float, fillet: float, least: float) -> list[Polygon]:
-    """Lightening cut-outs: what is left of a plate inside a rim and away from the regions to keep, with round corners.
+    """Lightening cut-outs: the area of a plate inside a rim and outside the regions to keep, with rounded corners.
 
-    `least` is the area below which a cut-out is not worth having.
+    ``least``: smallest area of a cut-out.
     """
     inner = plate.buffer(-rim)
     for region in keep:
@@ -61,7 +61,7 @@ def pedestal(pivot: Vec2, r: float, segments: int) -> Polygon:
     return unary_union([foot, hatched_bar((x - 2.2 * r, top), (x + 2.2 * r, top), r, thickness=0.4 * r)])
 
 
-MOST_RIBS = 1_000  # of a bar of the ground: more cannot be seen
+MOST_RIBS = 1_000  # hatching ribs of a bar of the ground: more could not be distinguished
 
 
 def hatched_bar(start: Vec2, end: Vec2, r: float, *, thickness: float) -> Polygon:
@@ -85,7 +85,7 @@ def guide_rails(origin: Vec2, along: Vec2, low: float, high: float, half_width: 
     """Two guide rails with ground hatching on their outer sides."""
     rails = []
     for side in (1.0, -1.0):
-        # The material lies to the right of the walking direction, which has to be the outer side.
+        # The material lies to the right of the direction from a to b, which must be the outer side.
         ends = (high, low) if side > 0.0 else (low, high)
         a, b = (_beside(origin, along, s, side * (half_width + 0.02 * r)) for s in ends)
         rails.append(hatched_bar(a, b, r, thickness=0.42 * r))
@@ -109,11 +109,11 @@ def polygons(shape: shapely.Geometry) -> list[Polygon]:
 
 
 class ShapeError(ValueError):
-    """A part that cannot be made: its proportions are beyond what its outline can be drawn with."""
+    """A part cannot be made: its proportions are too extreme for its outline."""
 
 
 def largest(shape: shapely.Geometry) -> Polygon:
-    """The largest polygon of any shapely geometry. Raises `ShapeError` where there is none."""
+    """The largest polygon of any shapely geometry. Raises `ShapeError` if there is none."""
     left = polygons(shape)
     if not left:
         raise ShapeError("nothing is left of the outline of a part")
@@ -121,16 +121,16 @@ def largest(shape: shapely.Geometry) -> Polygon:
 
 
 def clean(shape: Polygon) -> Polygon:
-    """The polygon with the material to the left of every ring, without needless vertices on straight edges."""
+    """The polygon with the material to the left of every ring, without superfluous vertices on straight edges."""
     simple = shapely.simplify(shape, 1e-7, preserve_topology=True)
     return orient(simple if isinstance(simple, Polygon) and not simple.is_empty else shape, 1.0)
 
 
-# A key by DIN 6885 (d = 22 to 30 mm: 8 x 7 mm, 3.3 mm of it in the hub), a little higher so that it is seen, in radii of its shaft.
+# A key to DIN 6885 (d = 22 to 30 mm: 8 x 7 mm, 3.3 mm of it in the hub), slightly higher to be visible, in radii of its shaft.
 _KEY_HALF_WIDTH = 0.27  # half its width
-_KEYWAY_REACH = 0.34  # how far its keyway in the hub reaches beyond the shaft
-_KEY_FIT = 0.97  # the key is so much narrower than its keyway
-_LEAST_HUB = 1.12  # of the keyway's reach: the least radius of a hub around it
+_KEYWAY_REACH = 0.34  # depth of the keyway in the hub beyond the shaft
+_KEY_FIT = 0.97  # width of the key over that of its keyway
+_LEAST_HUB = 1.12  # least radius of a hub over the outer radius of the keyway
 
 
 def keyway_reach(shaft: float) -> float:
@@ -139,7 +139,7 @@ def keyway_reach(shaft: float) -> float:
 
 
 def keyway_corner(shaft: float) -> float:
-    """The radius on which the outer corners of the keyway on a shaft of this radius lie."""
+    """The radius of the outer corners of the keyway on a shaft of this radius."""
     return float(np.hypot(1.0 + _KEYWAY_REACH, _KEY_HALF_WIDTH)) * shaft
 
 
@@ -150,7 +150,7 @@ def keyed_bore(centre: Vec2, shaft: float, hole: float, towards: Vec2, segments:
 
 
 def key_outline(centre: Vec2, shaft: float, towards: Vec2, segments: int) -> Polygon:
-    """The part of the key that stands out of its shaft, a hair apart from it: no two parts share a corner."""
+    """The part of the key outside its shaft, with a very small gap: no two parts may share a vertex."""
     half = _KEY_FIT * _KEY_HALF_WIDTH * shaft
     whole = _turned(box(0.0, -half, (1.0 + _KEY_FIT * _KEYWAY_REACH) * shaft, half), centre, towards)
     return largest(whole.difference(disc(centre, 1.004 * shaft, segments)))

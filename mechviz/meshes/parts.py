@@ -32,8 +32,8 @@ from mechviz.meshes.outline import (
 )
 from mechviz.meshes.shading import BELT_COLOR, PIN_COLOR
 
-_PIN_HEAD_HEIGHT = 0.3  # height of pin heads above everything else, in plate thicknesses
-_GROOVE_EXTENT = (0.2, 0.8)  # from where to where a groove reaches, from the bottom to the top of a plate
+_PIN_HEAD_HEIGHT = 0.3  # height of pin heads above all other parts, in plate thicknesses
+_GROOVE_EXTENT = (0.2, 0.8)  # lower and upper edge of a groove, from the bottom (0) to the top (1) of a plate
 _OUTER_BOSS = 0.33  # height of a boss that faces no other link, in heights of one that does
 
 
@@ -51,7 +51,7 @@ def make_parts(model: ScaledMechanism, draft: SolidsDraft, levels: Levels) -> li
     for k in range(len(model.axles)):
         parts += _pins(model, draft, levels, k)
     parts += _pedestals(model, draft, levels)
-    if not any(part.link == model.frame for part in parts):  # nothing stands on the ground: show at least where it is
+    if not any(part.link == model.frame for part in parts):  # no part is on the ground: show its origin
         low, high = levels.plate(-1)
         foot = pedestal((0.0, 0.0), model.proportions.r, model.segments)
         shell = plate_mesh(foot, (low, high), model.proportions.bevel)
@@ -60,7 +60,7 @@ def make_parts(model: ScaledMechanism, draft: SolidsDraft, levels: Levels) -> li
 
 
 def _flat_parts(model: ScaledMechanism, draft: SolidsDraft, levels: Levels, piece: PlacedPart) -> list[Part]:
-    """A plate, block or rail with its holes and bosses, and the keys in them."""
+    """A plate, block or rail with its holes and bosses, and the keys in its holes."""
     size = model.proportions
     layer = levels.layer[piece.group]
     low, high = levels.plate(layer)
@@ -76,7 +76,7 @@ def _flat_parts(model: ScaledMechanism, draft: SolidsDraft, levels: Levels, piec
         if piece.link not in axle.centres or piece.link == model.frame:
             continue
         centre, radius = axle.centres[piece.link], axle.hole_in(piece.link)
-        # Beside the bevel and a margin, what is left around the axis is there for the boss.
+        # The boss may fill the material around the axis, less the bevel and a margin.
         room = shape.exterior.distance(Point(centre)) if shape.contains(Point(centre)) else 0.0
         room = min([room, *(ring.distance(Point(centre)) for ring in shape.interiors)]) - 1.3 * size.bevel
         if room <= 1.02 * radius:
@@ -92,10 +92,10 @@ def _flat_parts(model: ScaledMechanism, draft: SolidsDraft, levels: Levels, piec
             keys += [_key(axle, (low, high), model)] if bore else []
             continue
         above, below = _boss_heights(model, levels, k, layer)
-        hubs = _hubs(draft, levels, piece, Point(centre))  # a hub takes the place of the boss on its side
+        hubs = _hubs(draft, levels, piece, Point(centre))  # a hub replaces the boss on its side
         above, below = 0.0 if 1 in hubs else above, 0.0 if -1 in hubs else below
         chamfer = size.bevel
-        if bore is not None:  # even the middles of the sides of a boss's end face stay clear of the corners of its keyway
+        if bore is not None:  # also the midpoints of the sides of a boss's end face must be clear of the corners of its keyway
             chamfer = min(chamfer, 0.4 * (boss * float(np.cos(np.pi / model.segments)) - keyway_corner(axle.pin)))
         upper = _boss(boss, radius, high, above, chamfer)
         lower = _boss(boss, radius, low, -below, chamfer)
@@ -126,13 +126,13 @@ def _key(axle: Axle, z: tuple[float, float], model: ScaledMechanism) -> Part:
 
 
 def _block_heights(levels: Levels, layer: int) -> tuple[float, float]:
-    """Heights of blocks and rails of a layer: they stand a little above the plate that they guide."""
+    """Heights of blocks and rails of a layer: they protrude slightly beyond the plate on both sides."""
     (low, high), over = levels.plate(layer), 0.3 * levels.size.boss
     return low - over, high + over
 
 
 def _round_part(levels: Levels, piece: PlacedPart, model: ScaledMechanism) -> Part:
-    """A barrel or rod along its line, in the middle of its layer."""
+    """A barrel or rod along its line, at the mid-height of its layer."""
     low, high = levels.plate(levels.layer[piece.group])
     middle, radius = 0.5 * (low + high), max(radius for radius, _ in piece.profile)
     shell = _laid(revolve(piece.profile, segments=model.segments), piece, middle)
@@ -141,7 +141,7 @@ def _round_part(levels: Levels, piece: PlacedPart, model: ScaledMechanism) -> Pa
 
 
 def _nut(levels: Levels, piece: PlacedPart, model: ScaledMechanism) -> Part:
-    """The block of a screw, with the bore for its spindle."""
+    """The nut of a screw, with the bore for its spindle."""
     low, high = _block_heights(levels, levels.layer[piece.group])
     (x, y), (c, s) = piece.line
     corners = np.asarray(piece.outline.exterior.coords) - (x, y)
@@ -155,15 +155,15 @@ def _nut(levels: Levels, piece: PlacedPart, model: ScaledMechanism) -> Part:
 
 
 def _laid(upright: Shell, piece: PlacedPart, middle: float) -> Shell:
-    """A solid that stands on the plane at the origin, laid along the line of a piece at a height."""
+    """A solid along the z axis, placed along the line of a piece at height ``middle``."""
     (x, y), (c, s) = piece.line
-    # z becomes the line's direction, x what is across it, y upright: a rotation, so that faces stay outside
+    # z is mapped to the direction of the line, x across it, y to z: a rotation, so that faces keep their orientation
     vertices = upright.vertices @ np.array([[-s, c, 0.0], [0.0, 0.0, 1.0], [c, s, 0.0]]) + (x, y, middle)
     return Shell(vertices, upright.faces)
 
 
 def _hubs(draft: SolidsDraft, levels: Levels, piece: PlacedPart, centre: Point) -> set[int]:
-    """On which sides, 1 above and -1 below, a hub about an axis joins a piece to another one of its link."""
+    """The sides (1: above, -1: below) on which a hub about an axis joins a piece to another one of its link."""
     sides = set()
     for neck in draft.necks:
         if neck.link == piece.link and piece.group in neck.groups and neck.outline.contains(centre):
@@ -180,13 +180,13 @@ def _boss_heights(model: ScaledMechanism, levels: Levels, axle_number: int, laye
     front = levels.axle_front[axle_number]
     on_above = max(reached) > layer or (ground and front)
     on_below = min(reached) < layer or (ground and not front)
-    if axle.key is not None:  # the shaft ends in the hub, without a head before it
+    if axle.key is not None:  # the shaft ends in the hub, without a head
         on_above, on_below = on_above or max(reached) == layer, on_below or min(reached) == layer
     return boss * (1.0 if on_above else _OUTER_BOSS), boss * (1.0 if on_below else _OUTER_BOSS)
 
 
 def _boss(radius: float, hole: float, face: float, height: float, bevel: float) -> Profile:
-    """Profile of a boss from the face of a plate to the edge of its hole; height < 0 on the underside."""
+    """Profile of a boss from the face of a plate to the edge of its hole; ``height`` < 0 on the underside."""
     if height == 0.0:
         return ((hole, face),)
     chamfer = min(bevel, 0.4 * (radius - hole), 0.5 * abs(height))
@@ -198,7 +198,7 @@ def _boss(radius: float, hole: float, face: float, height: float, bevel: float) 
 def _drilled_marks(
     model: ScaledMechanism, piece: PlacedPart, shape: Polygon, turned: Sequence[Turned], low: float, high: float
 ) -> list[Turned]:
-    """Small holes that show named points which carry no pin."""
+    """Small holes that mark named points without a pin."""
     if piece.kind != "plate" or piece.link == model.frame:
         return []
     radius = 0.2 * model.proportions.r
@@ -212,7 +212,7 @@ def _drilled_marks(
 
 
 def _necks(model: ScaledMechanism, draft: SolidsDraft, levels: Levels) -> list[Part]:
-    """Necks that join plates to blocks on other layers, from face to face; of necks within each other the longest."""
+    """Necks that join plates to blocks on other layers, from face to face; of equal necks within one another only the longest."""
     parts = []
     size = model.proportions
     spans: list[tuple[Neck, float, float]] = []
@@ -230,7 +230,7 @@ def _necks(model: ScaledMechanism, draft: SolidsDraft, levels: Levels) -> list[P
             kept.append((neck, low, high))
     for number, (neck, low, high) in enumerate(kept):
         wide = 1.03 + 0.002 * sum(other.link == neck.link for other, _, _ in kept[:number])
-        holes = [  # a little wider than those of the plates and of other necks: no two parts share a corner
+        holes = [  # slightly wider than those of the plates and of other necks: no two parts may share a vertex
             disc(axle.centres[neck.link], wide * axle.hole_in(neck.link), model.segments)
             for axle in model.axles
             if neck.link in axle.centres and neck.outline.distance(Point(axle.centres[neck.link])) < axle.hole_in(neck.link)
@@ -241,7 +241,7 @@ def _necks(model: ScaledMechanism, draft: SolidsDraft, levels: Levels) -> list[P
 
 
 def _pins(model: ScaledMechanism, draft: SolidsDraft, levels: Levels, axle_number: int) -> list[Part]:
-    """The pin of an axle; of a nut one on each side where other links are: it does not reach into the bore."""
+    """The pin of an axle; on a nut, one pin on each side with other links, which does not extend into the bore."""
     axle, reached = model.axles[axle_number], levels.axle_layers[axle_number] or (0,)
     nut = next((levels.of(link) for link in axle.centres if model.spindles(link)), None)
     if nut is None:
@@ -253,11 +253,11 @@ def _pins(model: ScaledMechanism, draft: SolidsDraft, levels: Levels, axle_numbe
 def _pin(
     model: ScaledMechanism, draft: SolidsDraft, levels: Levels, axle_number: int, reached: tuple[int, ...], nut: int | None = None
 ) -> Part:
-    """The pin of an axle: through all its links, with spacers over layers between them and heads at its free ends; on the first or
-    last layer, where a ``nut`` is, up to its face."""
+    """The pin of an axle through all its links, with spacers over the layers between them and heads at its free ends; if the first
+    or last layer is that of the ``nut``, the pin ends at its face."""
     axle, size = model.axles[axle_number], model.proportions
     ground, front = model.frame in axle.centres, levels.axle_front[axle_number]
-    steps: list[tuple[float, float, float]] = []  # radius, from, to
+    steps: list[tuple[float, float, float]] = []  # radius, lower and upper height
     bottom, top = levels.slab(reached[0])[0], levels.slab(reached[-1])[1]
     head = 0.65 * size.boss
     if reached[0] == nut:
@@ -276,7 +276,7 @@ def _pin(
         steps.append((axle.pin, levels.slab(nut)[0], _block_heights(levels, nut)[0]))
     elif ground and front:
         steps.append((axle.pin, top - size.boss, top + size.clearance))
-    elif axle.key is not None:  # the end of a shaft, so that bore and key are seen
+    elif axle.key is not None:  # the end of a shaft without a head, so that bore and key are visible
         steps.append((axle.pin, top - size.boss, top + 0.5 * tall))
     else:
         steps.append((axle.sleeve, top - head, top + tall))
@@ -288,7 +288,7 @@ def _pin(
 
 
 def _bushed(draft: SolidsDraft, levels: Levels, axle: Axle, low: int, high: int) -> bool:
-    """Whether a hub of a link on the axle reaches around its pin from one layer to another: there is no room for a spacer."""
+    """Whether a hub of a link on the axle surrounds its pin from layer ``low`` to ``high``: no space for a spacer."""
     for neck in draft.necks:
         at = axle.centres.get(neck.link)
         if at is not None and neck.outline.contains(Point(at)):
@@ -299,7 +299,7 @@ def _bushed(draft: SolidsDraft, levels: Levels, axle: Axle, low: int, high: int)
 
 
 def _stepped(axle: Axle, steps: Sequence[tuple[float, float, float]], bevel: float) -> Profile:
-    """Profile of a stepped shaft whose wide steps are joined by the pin's own radius; its ends are chamfered."""
+    """Profile of a stepped shaft, with the pin's radius between wider steps, and chamfered ends."""
     first, last = steps[0], steps[-1]
     chamfer = min(bevel, 0.3 * axle.pin, 0.45 * (first[2] - first[1]), 0.45 * (last[2] - last[1]))
     profile = [(0.0, first[1]), (first[0] - chamfer, first[1]), (first[0], first[1] + chamfer)]
@@ -321,7 +321,7 @@ class _Stand:
     front: bool
 
     def column(self, levels: Levels, low: float, high: float) -> Turned:
-        """The column on a pedestal between the heights low and high."""
+        """The column on a pedestal that extends between the heights ``low`` and ``high``."""
         chamfer, radius = levels.size.bevel, self.radius
         if self.front:
             end = levels.slab(max(self.layers))[1] + levels.size.clearance
@@ -342,14 +342,14 @@ def _stands(model: ScaledMechanism, draft: SolidsDraft, levels: Levels) -> list[
 
 
 def _pedestals(model: ScaledMechanism, draft: SolidsDraft, levels: Levels) -> list[Part]:
-    """Feet of the ground pivots with their columns: behind all layers, or in front where a column would be hit."""
+    """Feet of the ground pivots with their columns: behind all layers, or in front if a column from behind would be hit."""
     size = model.proportions
     stands = _stands(model, draft, levels)
     parts = []
     for front in (False, True):
         side = [stand for stand in stands if stand.front == front]
         low, high = levels.plate(levels.top + 1 if front else -1)
-        if not front:  # below the rollers that pass over the foot of their turret
+        if not front:  # lower than the rollers that pass over the foot of their turret
             sunk = max(0.0, high + levels.size.clearance - turrets_reach(model, levels))
             low, high = low - sunk, high - sunk
         feet = unary_union([pedestal(stand.centre, size.r, model.segments) for stand in side])
@@ -357,7 +357,7 @@ def _pedestals(model: ScaledMechanism, draft: SolidsDraft, levels: Levels) -> li
             columns: list[Turned] = []
             for stand in side:
                 column, point = stand.column(levels, low, high), Point(stand.centre)
-                # Stands that all but coincide share one column.
+                # Stands that nearly coincide share one column.
                 if foot.contains(point) and all(point.distance(Point(c.centre)) > column.rim + c.rim for c in columns):
                     columns.append(column)
             space = [Prism(foot, low, high)]

@@ -1,4 +1,4 @@
-"""Colours of parts: one calm colour per link, neutral greys for the frame and for pins."""
+"""Colours of parts: one muted colour per link, neutral greys for the frame and for pins; and normals of meshes."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ FRAME_COLOR: SolidColor = (112, 119, 128, 255)
 PIN_COLOR: SolidColor = (196, 200, 206, 255)
 BELT_COLOR: SolidColor = (62, 64, 69, 255)
 
-# Ten muted hues. Neighbours in the list differ in lightness as well as in hue, so that they stay apart for colour-blind
-# viewers and in print; none is a saturated red or green, which force arrows use.
+# Ten muted hues. Neighbours in the list differ in lightness as well as in hue, so that colour-blind viewers can distinguish them,
+# also in print; none is a saturated red or green, which force arrows use.
 _LINK_COLORS: tuple[SolidColor, ...] = (
     (68, 114, 166, 255),  # blue
     (232, 163, 82, 255),  # amber
@@ -31,7 +31,7 @@ _LINK_COLORS: tuple[SolidColor, ...] = (
 
 
 def link_colors(names: tuple[str, ...], frame: str, stated: Mapping[str, tuple[int, int, int]]) -> dict[str, SolidColor]:
-    """Colour of every link: the ``stated`` one, else by its place in the scene; the frame is grey and uses up no colour."""
+    """Colour of every link: the ``stated`` one, otherwise by its position in the scene; the frame is grey and does not count."""
     moving = [name for name in names if name != frame]
     colors = {name: _LINK_COLORS[k % len(_LINK_COLORS)] for k, name in enumerate(moving)}
     return {**colors, frame: FRAME_COLOR, **{name: (*color, 255) for name, color in stated.items()}}
@@ -43,21 +43,21 @@ _CREASE_COSINE = np.cos(np.radians(30.0))
 def crisp(vertices: Real, faces: Integers, normal: Real, area: Real) -> tuple[Real, Integers, Real, Integers]:
     """Split closed meshes along their creases.
 
-    vertices (V, 3), faces (N, 3) and what `face_normals` says of them -> vertices (W, 3), faces (N, 3) and unit normals (W, 3) of
-    the split mesh, and which of the vertices (W,) each of its own was. Faces around a vertex that are connected over smooth edges
-    form a fan; a vertex is repeated for every fan around it, in the order of the vertices.
+    Arguments: vertices (V, 3), faces (N, 3), and the result of `face_normals`. Returns vertices (W, 3), faces (N, 3) and unit
+    normals (W, 3) of the split mesh, and the index (W,) of the original vertex of each of its vertices. Faces around a vertex that
+    are connected by smooth edges form a fan; a vertex is repeated for every fan around it, in the order of the vertices.
     """
     fans = _fans(faces, normal)
     count = int(fans.max(initial=-1)) + 1
     vertex_of = np.empty(count, np.int64)
-    vertex_of[fans] = faces.ravel()  # a fan lies about one vertex
+    vertex_of[fans] = faces.ravel()  # a fan surrounds one vertex
     order = np.argsort(vertex_of, kind="stable")
     place = np.empty(count, np.int64)
     place[order] = np.arange(count)
     corner, shares = place[fans], normal * area[:, None]
     total = np.stack([np.bincount(corner, np.repeat(share, 3), count) for share in shares.T], axis=1)
     length = np.linalg.norm(total, axis=1, keepdims=True)
-    # A needle of a triangle may have no area of its own: such a corner takes the normal of one of its faces.
+    # A degenerate triangle may have no area: a corner without area takes the normal of one of its faces.
     fallback = np.zeros_like(total)
     fallback[corner] = np.repeat(normal, 3, axis=0)
     unit = np.where(length > 0.0, total / np.where(length > 0.0, length, 1.0), fallback)
@@ -77,14 +77,14 @@ def face_normals(vertices: Real, faces: Integers) -> tuple[Real, Real]:
 
 
 def _fans(faces: Integers, normal: Real) -> Index:
-    """The number of the smooth fan that each corner of each face belongs to (3 N,), corners in the order of the faces."""
-    start, end = faces.ravel(), faces[:, [1, 2, 0]].ravel()  # of the edge at each corner
+    """The number (3 N,) of the smooth fan to which each corner of each face belongs, corners in the order of the faces."""
+    start, end = faces.ravel(), faces[:, [1, 2, 0]].ravel()  # vertices of the edge at each corner
     corner = np.arange(faces.size)
     after = corner.reshape(-1, 3)[:, [1, 2, 0]].ravel()
     forward = start <= end
     low, high = np.where(forward, corner, after), np.where(forward, after, corner)  # corners of the face at the edge's two vertices
     vertices = int(faces.max(initial=0)) + 1
-    number = start[low].astype(np.int64) * vertices + start[high]  # of the edge, the same for both of its faces
+    number = start[low].astype(np.int64) * vertices + start[high]  # of the edge, equal for both of its faces
     order = np.argsort(number, kind="stable")
     same = np.flatnonzero(number[order[1:]] == number[order[:-1]])
     a, b = order[same], order[same + 1]
@@ -97,7 +97,7 @@ def _fans(faces: Integers, normal: Real) -> Index:
 def components(count: int, first: Index, second: Index) -> Index:
     """The connected component (count,) of each of ``count`` vertices of a graph with edges ``first`` - ``second`` (E,), numbered in
     the order in which they appear."""
-    least = np.arange(count)  # a vertex of its component, in the end the first one
+    least = np.arange(count)  # a vertex of the same component, finally the first one
     while (apart := least[first] != least[second]).any():
         first, second = first[apart], second[apart]
         a, b = least[first], least[second]

@@ -1,4 +1,4 @@
-"""The flat pieces that links are made of, before layers are known: plates, blocks, rails and necks between layers.
+"""The flat pieces of links, before layers are known: plates, blocks, rails and necks between layers.
 
 Pieces of one group lie on one layer. A small block that slides in a slot lies on the layer of the slotted link and
 belongs to its group; the rails of the frame belong to the group of the block between them. All outlines are in the
@@ -33,11 +33,11 @@ from mechviz.meshes.kinds.wheels_drawn import draw_wheels, group_wheels, rail_en
 from mechviz.meshes.model import Guide, ScaledMechanism
 
 _NUT_BORE = 1.06  # radius of a nut's bore, in radii of its spindle
-_LEAST_LEAD, _THREAD_ROOT = 0.3, 0.82  # of a thread, in radii of its spindle: the least lead that can be seen, its root
+_LEAST_LEAD, _THREAD_ROOT = 0.3, 0.82  # of a thread, in radii of its spindle: least lead that is drawn, root radius
 
 
 def draft_pieces(model: ScaledMechanism) -> SolidsDraft:
-    """Choose the form of every guide and draw all pieces."""
+    """The pieces of all links, with a form chosen for every guide."""
     model = replace(model, guides=tuple(_on_material(model, guide) for guide in model.guides))
     draft = SolidsDraft(groups={name: name for name in model.links if name != model.frame})
     plain = group_cams(model, draft, group_wheels(model, draft))
@@ -69,7 +69,7 @@ def draft_pieces(model: ScaledMechanism) -> SolidsDraft:
 
 
 def _draw_figure(draft: SolidsDraft, link: str, figure: Polygon) -> None:
-    """A figure as a part of the plate that a link has, else as one of its own."""
+    """Add a figure to the plate of a link, or as a plate of its own if it has none."""
     for k, piece in enumerate(draft.pieces):
         if piece.link == link and piece.kind == "plate":
             draft.pieces[k] = replace(piece, outline=outline.largest(unary_union([piece.outline, figure])))
@@ -78,7 +78,7 @@ def _draw_figure(draft: SolidsDraft, link: str, figure: Polygon) -> None:
 
 
 def _form(model: ScaledMechanism, guide: Guide) -> str:
-    """How a guide is drawn: "rails" beside a block, a "slot" in the rail's plate, or a "saddle" around a bar, or a spindle."""
+    """The form of a guide: "rails" beside a block, a "slot" in the rail's plate, or a "saddle" around a bar or a rod."""
     if guide.rail == model.frame:
         return "saddle" if model.spindle and guide.joint not in model.leads else "rails"
     if guide.block == model.frame and _straight(model, guide.rail, guide.origin, guide.along):
@@ -87,15 +87,16 @@ def _form(model: ScaledMechanism, guide: Guide) -> str:
     for axle in model.axles:
         margin = axle.boss + 0.15 * model.proportions.r
         if guide.rail in axle.centres and slot.distance(Point(axle.centres[guide.rail])) < margin:
-            return "saddle"  # the block passes over a pin of its rail
+            return "saddle"  # the block passes a pin of its rail
     return "slot"
 
 
 def _on_material(model: ScaledMechanism, guide: Guide) -> Guide:
-    """The guide with its block moved along the guide line, off the slots of its own link.
+    """The guide with its block moved along the guide line, away from the slots of its own link.
 
-    A block may sit anywhere along its line. The middle of a yoke's slot is a handy point for equations, but there is
-    nothing to hold on to: the nearest pin or mark on the line takes its place, else a spot just beside the slot.
+    A block may be at any position along its line. The middle of a yoke's slot is convenient for equations, but there is no material
+    to which a block could be attached: the block is moved to the nearest pin or mark on the line, otherwise to a point just beside
+    the slot.
     """
     r = model.proportions.r
     slots = [_slot(model, g) for g in model.guides if g.rail == guide.block and _form(model, g) == "slot"]
@@ -119,7 +120,8 @@ def _on_material(model: ScaledMechanism, guide: Guide) -> Guide:
 
 
 def _homes(model: ScaledMechanism, draft: SolidsDraft, forms: Mapping[str, str]) -> dict[str, str]:
-    """Blocks without a plate of their own -> the joint in whose rail they lie; merges their groups with the rail's."""
+    """The joint of the rail on whose layer a block lies, by block, for blocks without a plate; merges their groups with the
+    rail's."""
     homes: dict[str, str] = {}
     for guide in model.guides:
         block, rail = guide.block, guide.rail
@@ -136,7 +138,7 @@ def _homes(model: ScaledMechanism, draft: SolidsDraft, forms: Mapping[str, str])
 
 
 def _draw_guide(model: ScaledMechanism, draft: SolidsDraft, guide: Guide, form: str, *, at_home: bool) -> None:
-    """The block (or jaws) of a guide and, on the frame, its rails."""
+    """Add the block (or jaws) of a guide and, on the frame, its rails."""
     r = model.proportions.r
     if form == "rails":
         group = draft.groups[guide.block] if at_home else f"rails of {guide.joint}"
@@ -168,11 +170,11 @@ def _draw_guide(model: ScaledMechanism, draft: SolidsDraft, guide: Guide, form: 
         if guide.rail == model.frame:
             _draw_rod(model, draft, guide, group)
         elif not _straight(model, guide.rail, guide.origin, guide.along):
-            return  # jaws would run into the plate: the block only lies on it
+            return  # jaws would collide with the plate: the block only lies on it
         for side in (1.0, -1.0):
             jaw = _beside(guide.block_point, guide.block_along, side * 1.35 * r, 2.0 * model.proportions.block, 0.5 * r)
             draft.pieces.append(PlacedPart(guide.block, jaw, group, "block"))
-            # narrower than the jaw: no two parts share a corner, not even where the jaw is too fine for a bevel
+            # narrower than the jaw: no two parts may share a vertex, even if the jaw is too fine for a bevel
             neck = _beside(guide.block_point, guide.block_along, side * 1.35 * r, 1.96 * model.proportions.block, 0.46 * r)
             draft.necks.append(Neck(guide.block, neck, (draft.groups[guide.block], group)))
         return
@@ -182,7 +184,7 @@ def _draw_guide(model: ScaledMechanism, draft: SolidsDraft, guide: Guide, form: 
 
 
 def _draw_rod(model: ScaledMechanism, draft: SolidsDraft, guide: Guide, group: str) -> None:
-    """A spindle of the ground between the jaws of its block, from the guide's own point on."""
+    """Add a rod of the ground between the jaws of its block, which includes the guide's own point."""
     size = model.proportions
     low, high = _span(model, guide, whole=False)
     low, high = min(low, 1.3 * size.r), max(high, 1.3 * size.r)
@@ -193,7 +195,7 @@ def _draw_rod(model: ScaledMechanism, draft: SolidsDraft, guide: Guide, group: s
 
 
 def _draw_spindle(model: ScaledMechanism, draft: SolidsDraft, guide: Guide, group: str, span: tuple[float, float]) -> None:
-    """The threaded rod of a screw through its nut, from the guide's own point on, in its bearing."""
+    """Add the threaded spindle of a screw through its nut, which includes the guide's own point, and its bearing."""
     size = model.proportions
     low, high = min(span[0], -1.5 * size.r), max(span[1], 1.5 * size.r)
     radius = _spindle_radius(model)
@@ -206,30 +208,30 @@ def _draw_spindle(model: ScaledMechanism, draft: SolidsDraft, guide: Guide, grou
     shaft = outline.disc((0.0, 0.0), 0.3 * radius, model.segments)  # within the rod: the turning link itself
     draft.groups[_spindle_of(guide.joint)] = group
     draft.pieces.append(PlacedPart(_spindle_of(guide.joint), shaft, group, "block", mates))
-    if span[0] > 0.8 * size.r:  # room before the nut
+    if span[0] > 0.8 * size.r:  # if there is space beside the nut
         bearing = outline.rectangle(guide.origin, guide.along, 0.7 * size.r, 1.9 * size.r, 0.15 * size.r)
         draft.pieces.append(PlacedPart(model.frame, bearing, group, "block", mates))
 
 
 def _spindle_radius(model: ScaledMechanism) -> float:
-    """Radius of a screw's spindle: there is room for its nut around it, on its layer."""
+    """Radius of a screw's spindle, such that its nut fits on the layer."""
     return min(0.41 * model.proportions.t, 0.5 * model.proportions.r)
 
 
 def _spindle_of(guide: str) -> str:
-    """The link that turns in the guide of a screw."""
+    """Name of the link that rotates in the guide of a screw."""
     return f"{guide.removesuffix('.slide')}.spindle"
 
 
 def _threads(low: float, high: float, lead: float, radius: float) -> Profile:
-    """Profile of a thread with its lead, or as fine as can be seen."""
+    """Profile of a thread with its lead, but at least `_LEAST_LEAD`."""
     count = max(int((high - low) / max(lead, _LEAST_LEAD * radius)), 1)
     x = np.linspace(low, high, 2 * count + 1)
     return tuple((radius * (1.0 if k % 2 == 0 else _THREAD_ROOT), float(at)) for k, at in enumerate(x))
 
 
 def _plate(model: ScaledMechanism, link: str, forms: Mapping[str, str]) -> Polygon:
-    """The plate of a link: around its pins, marks and guides, with slots, and lightened where it is wide."""
+    """The plate of a link: around its pins, marks and guides, with slots, and with cut-outs where it is wide."""
     size = model.proportions
     discs: list[outline.Disc] = [(xy, size.r) for xy in model.pins(link)]
     discs += [(xy, 0.6 * size.r) for xy in model.marks[link]]
@@ -271,10 +273,8 @@ def _plate(model: ScaledMechanism, link: str, forms: Mapping[str, str]) -> Polyg
 
 
 def _compact(model: ScaledMechanism, guide: Guide) -> bool:
-    """Whether a block needs no plate.
-
-    It belongs to no other guide, and its pins and marks lie close together on its middle line.
-    """
+    """Whether a block needs no plate: it belongs to no other guide, and its pins and marks are close together on its centre
+    line."""
     if any(drawing.driven == guide.block for drawing in model.inverse):
         return False
     if any(guide.block in (other.rail, other.block) and other.joint != guide.joint for other in model.guides):
@@ -295,13 +295,13 @@ def _straight(model: ScaledMechanism, link: str, origin: Vec2, along: Vec2) -> b
 
 
 def _coordinates(points: list[Vec2], origin: Vec2, along: Vec2) -> tuple[Real, Real]:
-    """Distances along and across a line, of points in the same frame."""
+    """Coordinates along and across (to the left of) a line, of points in the same frame."""
     d = np.array(points, float).reshape(-1, 2) - origin
     return d @ np.array(along), d @ np.array([-along[1], along[0]])
 
 
 def _extent(model: ScaledMechanism, guide: Guide, *, whole: bool) -> tuple[float, float]:
-    """How far a block reaches along its guide, from its own point; `whole` if it carries all pins of its link."""
+    """Range of a block along its guide, from its own point; ``whole``: it carries all pins of its link."""
     half = model.proportions.block
     points = [*model.pins(guide.block), *model.marks[guide.block]] if whole and guide.block != model.frame else []
     s, _ = _coordinates(points, guide.block_point, guide.block_along)
@@ -311,7 +311,7 @@ def _extent(model: ScaledMechanism, guide: Guide, *, whole: bool) -> tuple[float
 
 
 def _span(model: ScaledMechanism, guide: Guide, *, whole: bool) -> tuple[float, float]:
-    """The part of the guide line that the block covers over the run, with a margin; from the guide's origin."""
+    """Range of the guide line that the block covers over the run, with a margin, from the guide's origin."""
     low, high = _extent(model, guide, whole=whole and _compact(model, guide))
     margin = 0.45 * model.proportions.r
     return guide.travel[0] + low - margin, guide.travel[1] + high + margin

@@ -38,13 +38,13 @@ if TYPE_CHECKING:
 
 CIRCLE_SIDES = 512  # sides of a full circle: 0.003 % of its area is missing
 FLAT_KINDS = ("plate", "wheel", "block", "rail")
-# All layers together, of the mechanism's size: deeper ones are drawn thinner, or perspective would shift them
+# Largest depth of all layers, of the mechanism's size: deeper stacks are drawn thinner, because perspective would displace layers
 GREATEST_DEPTH = 0.12
 
 
 @dataclass(frozen=True, eq=False)
 class Solid:
-    """The solid of one link, in the link's own frame [m]. Its layer is already in z: poses move it in the plane."""
+    """The solid of one link, in the link's own frame [m]. z contains the height of its layer: poses move it only in the plane."""
 
     name: str
     shells: tuple[Shell, ...]  # its watertight parts, vertices shared
@@ -55,11 +55,11 @@ class Solid:
     colors: NDArray[np.uint8]  # (V, 4): the link's colour, pins in steel
     color: SolidColor  # of the link
     layer: int | tuple[int, ...]  # from the back; the frame has several, its pedestals lie on -1 (or in front of all)
-    spin: Spin | None = None  # of a spatial cam: it turns about an axis in the plane
+    spin: Spin | None = None  # of a spatial cam: axis of rotation in the plane of motion
 
     @cached_property
     def parts(self) -> tuple[trimesh.Trimesh, ...]:
-        """The watertight parts that `mesh` consists of."""
+        """The watertight parts of `mesh`."""
         return tuple(_mesh(shell) for shell in self.shells)
 
     @cached_property
@@ -68,7 +68,7 @@ class Solid:
         return _mesh(joined_shells(self.shells))
 
 
-FARTHEST_POINT = 1e12  # [m] that points may lie away: beyond, outlines are lost in rounding in ways of their own
+FARTHEST_POINT = 1e12  # [m] largest distance of points: beyond it, round-off destroys outlines
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,12 +77,12 @@ class Solids:
 
     links: Mapping[str, Solid]  # every link, the frame included
     size: float  # the larger side of the box around the mechanism's points over the run [m]
-    z_top: float  # just above everything: force arrows are drawn here [m]
+    z_top: float  # just above all parts: force arrows are drawn here [m]
     bounds: Real  # (2, 3) lowest and highest corner over the run [m]
-    clashes: tuple[tuple[str, str], ...]  # links that run into each other at some frame, in the best order found
-    heights: Heights  # where marks lie in z
-    chord: float  # largest distance of a facet from the circle that it stands for [m]
-    loops: tuple[BeltLoop, ...] = ()  # where belts run
+    clashes: tuple[tuple[str, str], ...]  # links that collide in some frame, in the best order found
+    heights: Heights  # heights z of marks
+    chord: float  # largest distance of a facet from the circle that it approximates [m]
+    loops: tuple[BeltLoop, ...] = ()  # centre lines of belts
 
 
 def build_solids(
@@ -94,15 +94,15 @@ def build_solids(
     profile: int = 1080,
     spindle: bool = False,
 ) -> Solids:
-    """Solid parts for every link of a mechanism.
+    """The solids of all links of a mechanism.
 
-    poses: x, y, angle (F, 3) [m, m, rad] of every link over the run; layers are chosen so that nothing collides at
-    these frames. Without them layers follow from the joints alone. `tolerance` is the largest distance between a circle
-    and its chords, in radii of the circle; `chord` [m] is one that holds for all circles instead: as many sides as the largest
-    needs, at most 2048. `profile`: points of a cam's profile. `spindle`: the ground's guides are rods through their blocks. Raises
-    `MechanismError` where links differ too much in size.
+    ``poses``: x, y, angle (F, 3) [m, m, rad] of every link over the run; layers are chosen such that parts do not collide in these
+    frames, if possible. Without poses, layers follow from the joints alone. ``tolerance``: largest distance between a circle and
+    its chords, in radii of the circle. ``chord`` [m]: the same as an absolute limit for all circles, used instead; the largest
+    circle determines the number of sides, at most 2048. ``profile``: points of a cam's profile. ``spindle``: the ground's guides
+    are rods through their blocks. Raises `MechanismError` if links differ too much in size, or if points are too far away.
     """
-    with shaped(mechanism), np.errstate(divide="raise", over="raise", invalid="raise"):  # of numbers that make no solids
+    with shaped(mechanism), np.errstate(divide="raise", over="raise", invalid="raise"):  # values that give no solids
         for link in mechanism.links:
             far = float(np.abs([*link.points.values(), *link.outline, link.centre]).max())
             if far > FARTHEST_POINT:
@@ -113,7 +113,7 @@ def build_solids(
 
 @contextmanager
 def shaped(mechanism: Mechanism) -> Iterator[None]:
-    """Turn what cannot be drawn of a mechanism's parts into a `MechanismError`."""
+    """A context that turns errors of shapes and numbers into a `MechanismError` about the sizes of links."""
     try:
         yield
     except (ShapeError, GEOSException, FloatingPointError) as error:
@@ -143,7 +143,7 @@ def _build(
         stacked = stack_pieces(other, apart)
         if stacked.clashes < levels.clashes:
             model, draft, levels = other, apart, stacked
-    free = not model.telescopes and not model.planes  # thin barrels would look like wires; stated planes stay
+    free = not model.telescopes and not model.planes  # thin barrels would look like wires; stated planes are kept
     if free and (levels.top + 1) * model.proportions.pitch > GREATEST_DEPTH:
         model = replace(model, proportions=model.proportions.thinner(GREATEST_DEPTH / ((levels.top + 1) * model.proportions.pitch)))
         draft, levels = draft_pieces(model), replace(levels, size=model.proportions)
@@ -163,19 +163,20 @@ def _build(
 
 
 def _loops(model: ScaledMechanism, parts: list[Part]) -> tuple[BeltLoop, ...]:
-    """Where the belts run [m]: as high as the parts that they are drawn as, which stand in the same order."""
+    """Centre lines of the belts [m], at the heights of their parts, which are in the same order."""
     spaces = [part.space[0] for part in parts if part.kind == "belt"]
     bands = model.wheels.bands
     return tuple(find_loop(model, b).placed(model.size, s.low, s.high) for b, s in zip(bands, spaces, strict=True))
 
 
 def _sagitta(model: ScaledMechanism) -> float:
-    """Distance between the largest circle and the middles of its chords [m]."""
+    """Distance between the largest circle and the midpoints of its chords [m]."""
     return float(model.size * largest_circle(model) * (1.0 - np.cos(np.pi / model.segments)))
 
 
 def _sides(tolerance: float, most: int) -> int:
-    """Sides of a circle, a multiple of four up to four times ``most``, for a distance of chords in radii."""
+    """Number of sides of a circle, a multiple of four up to four times ``most``, for a distance ``tolerance`` of chords in
+    radii."""
     return 4 * int(
         np.clip(np.ceil(np.pi / np.arccos(1.0 - np.clip(tolerance, 1e-6, 0.5)) / 4.0), 3 if tolerance > 0.1 else 6, most)
     )
@@ -191,7 +192,7 @@ def stl_bytes(mesh: trimesh.Trimesh) -> bytes:
 
 
 def find_clashes(model: ScaledMechanism, parts: list[Part]) -> tuple[tuple[str, str], ...]:
-    """Pairs of links whose parts share a height and meet at some frame: exact outlines, holes included."""
+    """Pairs of links whose parts overlap in height and meet in some frame, by their exact outlines with holes."""
     if not model.frames:
         return ()
     owners = [(part, prism) for part in parts for prism in part.space]
@@ -217,12 +218,12 @@ def _solids(
     layers: Mapping[str, int | tuple[int, ...]],
     spins: Mapping[str, Spin],
 ) -> dict[str, Solid]:
-    """The parts of each link put together and scaled to metres; creases of all of them at once."""
+    """The parts of each link joined and scaled to metres; creases are split for all links at once."""
     own = {name: [part for part in parts if part.link == name] for name in model.links}
     ordered = [part for some in own.values() for part in some]
     whole = joined_shells([part.shell for part in ordered])
     vertices, faces, normals, source = crisp(whole.vertices, whole.faces, *face_normals(whole.vertices, whole.faces))
-    # where the parts begin: among vertices as they were, as they are now, and faces
+    # where the parts begin among the original vertices, the split vertices, and the faces
     first = np.cumsum([0, *(len(part.shell.vertices) for part in ordered)])
     begin = np.searchsorted(source, first)
     face = np.cumsum([0, *(len(part.shell.faces) for part in ordered)])
@@ -247,9 +248,9 @@ def _solids(
 
 
 def _mesh(shell: Shell) -> trimesh.Trimesh:
-    import trimesh  # here: it takes longer to load than the rest of a recording takes to make, which has no use for it
+    import trimesh  # imported late: slow to load, and not needed for recordings
 
-    # No processing: vertices are shared by construction, and merging by an absolute distance ruins tiny mechanisms.
+    # No processing: vertices are shared by construction, and merging by an absolute distance destroys tiny mechanisms.
     normals = face_normals(shell.vertices, shell.faces)[0]
     return trimesh.Trimesh(vertices=shell.vertices, faces=shell.faces, face_normals=normals, process=False)
 
@@ -279,15 +280,15 @@ def _bounds(model: ScaledMechanism, links: Mapping[str, Solid]) -> Real:
 
 
 def _rim(solid: Solid) -> Real:
-    """The corners of a solid's convex outline (n, 2): enough to bound it at any angle."""
+    """The vertices (n, 2) of a solid's convex hull in the plane, which determine its bounds at any angle."""
     xy = np.concatenate([shell.vertices[:, :2] for shell in solid.shells])
     return np.asarray(shapely.get_coordinates(shapely.convex_hull(shapely.linestrings(xy))))
 
 
 def drawn_outlines(mechanism: Mechanism, poses: Mapping[str, Real] | None, links: Collection[str]) -> dict[str, list[Polygon]]:
-    """Flat parts of ``links`` in the links' frames [m], with the holes for their pins and their cut-outs.
+    """Outlines of the flat parts of ``links`` in the links' frames [m], with pin holes and cut-outs.
 
-    poses: x, y, angle (F, 3) [m, m, rad] of every link over the run, as for `build_solids`: slots and guides follow from them.
+    ``poses``: x, y, angle (F, 3) [m, m, rad] of every link over the run, as for `build_solids`: slots and guides depend on them.
     """
     with shaped(mechanism):
         model = scale_mechanism(mechanism, poses, CIRCLE_SIDES)

@@ -1,1 +1,1 @@
-"""Where a picture and the catalogue go: recordings, the viewer, pages, images, files, notebooks."""
+"""Outputs of a picture and its catalogue: recordings, the viewer, pages, images, files, notebooks."""

@@ -1,4 +1,4 @@
-"""Drawings beside the mechanism: graphical constructions, and diagrams of one quantity against another."""
+"""Drawings beside the mechanism: graphical constructions, and diagrams of one quantity over another."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ if TYPE_CHECKING:
 
 # -- graphical constructions ------------------------------------------------------------------------------------------
 OVERLAY_GROUPS = tuple(f"polygons/{group}" for group in ("funicular", "polodes", "substitutes", "equivalent", *CENTRE_GROUPS))
-"""Entities that belong into the picture of the mechanism."""
+"""Entities that are drawn in the picture of the mechanism."""
 
 
 def polygon_streams(drawings: dict[str, Drawing], every: int) -> Iterator[Stream]:
-    """Rows of all constructions that move; labels and colours are static."""
+    """Streams of the constructions, which move; labels and colours are static."""
     import rerun as rr
 
     for name, drawing in drawings.items():
@@ -50,7 +50,7 @@ def polygon_streams(drawings: dict[str, Drawing], every: int) -> Iterator[Stream
 
 
 def polygon_shapes(drawings: dict[str, Drawing], size: float) -> Iterator[Static]:
-    """How the constructions look, and those that do not move."""
+    """Static archetypes of the constructions: their scales, colours, labels, and curves at rest."""
     import rerun as rr
 
     for name, drawing in drawings.items():
@@ -82,11 +82,11 @@ def polygon_shapes(drawings: dict[str, Drawing], size: float) -> Iterator[Static
 
 
 def polygon_views(drawings: dict[str, Drawing], enlarged: float, background: tuple[int, ...]) -> list[Any]:
-    """One view for every drawing, its scale in its name."""
+    """One view for every drawing, named by its title, which contains the scale."""
     import rerun.blueprint as rrb
 
     views = []
-    aspect = 0.93 if len(drawings) == 1 else 1.9 if len(drawings) == 2 else 1.2  # of the views in the blueprint, about
+    aspect = 0.93 if len(drawings) == 1 else 1.9 if len(drawings) == 2 else 1.2  # approximate aspect ratio of a view
     for name, drawing in drawings.items():
         low, high = enlarged * drawing.bounds
         middle, half = 0.5 * (low + high), 0.5 * (high - low)
@@ -111,7 +111,7 @@ def polygon_views(drawings: dict[str, Drawing], enlarged: float, background: tup
 
 
 def _space(z: Complex, height: float = 0.0) -> Single:
-    """Places of the plane, complex of any shape -> that shape with x, y, z; a coordinate that is not finite becomes 0."""
+    """Complex points x + iy (...) as (..., 3) with z = ``height``; coordinates that are not finite become 0."""
     out = np.full((*z.shape, 3), height, np.float32)
     for k, part in enumerate((z.real, z.imag)):
         out[..., k] = np.where(np.isfinite(part), part, 0.0)
@@ -119,7 +119,7 @@ def _space(z: Complex, height: float = 0.0) -> Single:
 
 
 def _arrows(items: list[tuple[Complex, Complex]], height: float = 0.0) -> Any:
-    """Columns of arrows, the same number in every row."""
+    """A function that makes the columns of arrows (start, vector) for a slice of frames, the same number in every row."""
     import rerun as rr
 
     starts = np.stack([a for a, _ in items], axis=1)
@@ -133,7 +133,7 @@ def _arrows(items: list[tuple[Complex, Complex]], height: float = 0.0) -> Any:
 
 
 def _strips(items: list[Complex], height: float = 0.0) -> Any:
-    """Columns of strips (F, points) of the plane, the same number in every row."""
+    """A function that makes the columns of plane strips (F, points) for a slice of frames, the same number in every row."""
     import rerun as rr
 
     def columns(frames: slice) -> Any:
@@ -144,10 +144,10 @@ def _strips(items: list[Complex], height: float = 0.0) -> Any:
 
 
 # -- diagrams ---------------------------------------------------------------------------------------------------------
-DRAWING_WIDTH, DRAWING_HEIGHT = 1.7, 1.0  # of the drawing; a view is about this wide
+DRAWING_WIDTH, DRAWING_HEIGHT = 1.7, 1.0  # of the axes; views have about this aspect ratio
 CURVE_MARGIN = 0.08  # around the curves, of their span
 MOST_CURVES = 3  # curves in one diagram
-MOST_CURVE_POINTS = 1500  # of a curve, at most
+MOST_CURVE_POINTS = 1500  # points of a curve
 TICK_COUNT = 5
 FRAME_COLOR, GRID_COLOR, ZERO_COLOR, TEXT_COLOR = (96, 104, 118), (48, 54, 66), (128, 136, 150), (206, 212, 222)
 
@@ -163,8 +163,8 @@ class Curve:
 
 @dataclass(frozen=True, eq=False)
 class Diagram:
-    """Curves in one pair of axes. ``equal``: a unit is as long across as upwards, and the origin is in the picture;
-    ``turn``: x starts again at zero after so much, which cuts the curves."""
+    """Curves in one pair of axes. ``equal``: both axes have the same scale, and the origin is in the picture; ``turn``: x is
+    periodic with this period, where curves are interrupted."""
 
     name: str
     title: str
@@ -176,7 +176,7 @@ class Diagram:
 
     @cached_property
     def ranges(self) -> tuple[float, float, float, float]:
-        """Least and greatest x and y of the axes."""
+        """Ranges of the axes: least and greatest x, least and greatest y."""
         x, y = (np.concatenate([getattr(c, k) for c in self.curves]) for k in ("x", "y"))
         known = np.isfinite(x) & np.isfinite(y)
         x, y = x[known], y[known]
@@ -192,13 +192,13 @@ class Diagram:
         return float(x0), float(x1), float(y0), float(y1)
 
     def place(self, x: Real, y: Real) -> Single:
-        """Points (n, 2) of the drawing: rerun's 2D views count downwards."""
+        """Points (n, 2) of the drawing, with y downwards as in rerun's 2D views."""
         x0, x1, y0, y1 = self.ranges
         across, up = (np.asarray(x, float) - x0) / (x1 - x0), (np.asarray(y, float) - y0) / (y1 - y0)
         return np.column_stack([DRAWING_WIDTH * across, -DRAWING_HEIGHT * up]).astype(np.float32)
 
     def pieces(self, curve: Curve) -> list[Single]:
-        """A curve as strips: cut where it is not known, and where x starts again."""
+        """A curve as strips, interrupted where it is not finite, and where a period of x ends."""
         stride = max(1, -(-len(curve.x) // MOST_CURVE_POINTS))
         x, y = curve.x[::stride], curve.y[::stride]
         if len(curve.x) % stride != 1 and stride > 1:
@@ -212,12 +212,13 @@ class Diagram:
 
 
 def find_diagrams(run: Run) -> list[Diagram]:
-    """The diagrams that a run calls for; none where nothing swings, no bearing is loaded and there is only one cycle."""
+    """The diagrams of a run: indicator diagram, phase diagram, polar diagram of bearing forces, torque of all revolutions overlaid,
+    as far as they apply."""
     return [d for d in (_indicator(run), _phase(run), _polar(run), _overlaid(run)) if d is not None]
 
 
 def _indicator(run: Run) -> Diagram | None:
-    """Absolute pressure of the gas in the cylinders against the displacement of their pistons from top dead centre."""
+    """Absolute gas pressure in cylinders over the displacement of their pistons from top dead centre; None without cylinders."""
     motion = run.motion
     loads = [load for load in motion.mechanism.loads if isinstance(load, GasPressure)][:MOST_CURVES]
     if not loads or run.forces is None or run.simulation is not None:
@@ -233,7 +234,7 @@ def _indicator(run: Run) -> Diagram | None:
 
 
 def _phase(run: Run) -> Diagram | None:
-    """Velocity against position of what swings: free coordinates where forces decide the motion, else what the mechanism moves."""
+    """Velocity over coordinate of joints that oscillate: of a motion under forces the free coordinates, otherwise outputs."""
     motion = run.motion
     made = made_joints(run.scene.mechanism)
     free = [] if run.simulation is None else [d.joint for d in run.scene.mechanism.drives if d.joint not in made]
@@ -251,7 +252,7 @@ def _phase(run: Run) -> Diagram | None:
 
 
 def _followers(run: Run) -> list[str]:
-    """Outputs of the mechanism: sliders at the frame that no drive moves, then rockers."""
+    """Outputs of the mechanism: sliding joints at the frame without a drive, then rotating ones."""
     mechanism = run.motion.mechanism
     driven = {d.joint for d in mechanism.drives}
     free = [j for j in joints_of(run.motion) if mechanism.frame in j.links and j.name not in driven]
@@ -259,14 +260,14 @@ def _followers(run: Run) -> list[str]:
 
 
 def _swings(values: Real) -> bool:
-    """Whether a coordinate goes to and fro."""
+    """Whether a coordinate both increases and decreases."""
     steps = np.diff(values[np.isfinite(values)])
     least = 1e-9 * float(np.abs(steps).max(initial=0.0))
     return bool(np.any(steps > least) and np.any(steps < -least))
 
 
 def _polar(run: Run) -> Diagram | None:
-    """The forces that the frame exerts in its bearings: x against y of the largest of them, over the run."""
+    """Polar diagram (y over x) of the largest forces that the frame exerts in its bearings; None without any."""
     if run.forces is None:
         return None
     frame = run.motion.mechanism.frame
@@ -287,7 +288,8 @@ def _polar(run: Run) -> Diagram | None:
 
 
 def _overlaid(run: Run) -> Diagram | None:
-    """Torque of the first drive against its angle within a turn, all turns over each other."""
+    """Torque of the first drive over its angle within a revolution, all revolutions overlaid. None without forces, for a sliding
+    drive or one that reverses, and for at most one revolution."""
     motion = run.motion
     if run.forces is None or not motion.mechanism.drives:
         return None
@@ -304,7 +306,7 @@ def _overlaid(run: Run) -> Diagram | None:
 
 
 def diagram_shapes(diagrams: Sequence[Diagram]) -> Iterator[Static]:
-    """Axes, ticks and curves, and how the moving points look."""
+    """Static archetypes of diagrams: axes, ticks, curves, and the look of the moving points."""
     import rerun as rr
 
     for d in diagrams:
@@ -351,7 +353,7 @@ def diagram_shapes(diagrams: Sequence[Diagram]) -> Iterator[Static]:
 
 
 def diagram_streams(diagrams: Sequence[Diagram], every: int) -> Iterator[Stream]:
-    """The points that move along the curves, and rays to them from the origin of polar plots."""
+    """Streams of the points that move along the curves, and in polar diagrams of rays from the origin to them."""
     import rerun as rr
 
     for d in diagrams:
@@ -376,7 +378,7 @@ def diagram_streams(diagrams: Sequence[Diagram], every: int) -> Iterator[Stream]
 
 
 def diagram_views(diagrams: Sequence[Diagram], background: tuple[int, ...]) -> list[Any]:
-    """A view for each diagram, its quantities and units in its name."""
+    """A view for each diagram, named by its title, which contains quantities and units."""
     import rerun.blueprint as rrb
 
     return [
@@ -404,7 +406,7 @@ def _ticks(d: Diagram, low: float, high: float) -> Real:
 
 
 def _words(value: float) -> str:
-    """A tick, with a true minus."""
+    """Text of a tick, with a true minus."""
     return f"{value:.4g}".replace("-", "−")
 
 

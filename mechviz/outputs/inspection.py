@@ -1,4 +1,4 @@
-"""Content of a recording, in words and numbers, read from the file alone."""
+"""Summary of a recording as text and numbers, read from the file alone."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ CLOSURE_UNITS = (
 Spans = tuple[tuple[float, float], ...]
 
 MOMENT_LOADS = ("torque", "drag torque", "viscous torque", "torsion spring", "torsion damper")
-"""Kinds of loads that are moments, even where they are zero."""
+"""Kinds of loads that are moments, even if they are zero."""
 
 GUIDE_ENDS = ("behind", "ahead")
-"""Of the bearing of a guide, in its direction."""
+"""Ends of the bearing of a guide, relative to its direction."""
 
 STUDY_TABLES = ("systems", "reduced", "shaking", "substitutes", "sections", "evolutes", "inflection", "percussion")
 
-LEAST_PEAK = 1e-9  # of the largest value of the same unit
+LEAST_PEAK = 1e-9  # of the largest value of the same unit: smaller peaks are shown as zero
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ class RecordedJoint:
 
 @dataclass(frozen=True)
 class Peak:
-    """The largest magnitude of something, when [s], and where the drive was then, in words."""
+    """The largest magnitude of a quantity, its time [s], and the position of the drives at that time, as text."""
 
     item: str
     value: float
@@ -62,13 +62,13 @@ class Peak:
 
 @dataclass(frozen=True)
 class Inspection:
-    """All that `inspect` finds out."""
+    """The result of `inspect`."""
 
     path: Path
     bytes: int
     version: str
     complete: bool
-    note: str  # what is missing of it
+    note: str  # the missing part of the recording
     scene: str
     title: str
     frame: str
@@ -84,12 +84,12 @@ class Inspection:
     skipped: tuple[str, ...]
     peaks: tuple[Peak, ...]
     motion: tuple[Peak, ...]  # of speeds and accelerations
-    studies: tuple[Peak, ...]  # of what the scene asks for beside motion and forces
-    losses: tuple[tuple[str, float], ...]  # mean power that friction takes in each joint [W]
-    losses_over: Spans  # start and end of the spans of time with forces, over which the losses are averaged [s]
+    studies: tuple[Peak, ...]  # of studies that the scene requests in addition to motion and forces
+    losses: tuple[tuple[str, float], ...]  # mean friction power in each joint [W]
+    losses_over: Spans  # start and end [s] of the intervals with forces, over which the losses are averaged
     health: tuple[Peak, ...]
     events: tuple[Event, ...]
-    units: Units  # in which it is stated
+    units: Units  # display units
 
 
 def inspect(path: Path | str) -> Inspection:
@@ -129,7 +129,7 @@ def inspect(path: Path | str) -> Inspection:
 
 
 def _peaks(recording: Recording, model: RecordedModel) -> list[Peak]:
-    """Largest drive efforts, then largest joint reactions and applied loads."""
+    """Peaks of drive efforts, joint reactions, friction and applied loads."""
     peaks = []
     for joint in model.drives:
         slides = model.joints[joint].type in ("prismatic", "pin_slot", "rolling")
@@ -160,7 +160,7 @@ def _peaks(recording: Recording, model: RecordedModel) -> list[Peak]:
 
 
 def _motion(recording: Recording, model: RecordedModel) -> list[Peak]:
-    """Largest speeds and accelerations of traced points and centres of mass, then of the links that turn."""
+    """Peaks of velocities and accelerations of traced points and centres of mass, then of the links that rotate."""
     peaks = []
     points = dict.fromkeys(parts[2] for parts in map(parts_of, recording.entities) if parts[:2] == ("data", "points"))
     for what, unit in (("velocity", "m/s"), ("acceleration", "m/s²")):
@@ -172,7 +172,7 @@ def _motion(recording: Recording, model: RecordedModel) -> list[Peak]:
 
 
 def _studies(recording: Recording) -> list[Peak]:
-    """Largest values of the results of studies, column by column; places are left out."""
+    """Peaks of the results of studies by column; positions are left out."""
     peaks = []
     for path in recording.entities:
         parts = parts_of(path)
@@ -190,9 +190,8 @@ def _studies(recording: Recording) -> list[Peak]:
 
 
 def _losses(recording: Recording, model: RecordedModel) -> list[tuple[str, float, Spans]]:
-    """Mean power that friction takes in each joint that has any [W], the largest first, over the frames that have forces.
-
-    With each the spans of time [s] that these frames take: where the mechanism jams there are no forces.
+    """Mean friction power [W] of each joint with friction, the largest first, averaged over the frames with forces; with it the
+    intervals [s] of these frames: where the mechanism jams there are no forces.
     """
     losses = []
     for joint in model.joints:
@@ -212,7 +211,7 @@ def _losses(recording: Recording, model: RecordedModel) -> list[tuple[str, float
 
 
 def _loss_lines(inspection: Inspection) -> list[str]:
-    """Losses and over which part of the run they are averaged."""
+    """Text of the losses, and of the part of the run over which they are averaged."""
     spans = inspection.losses_over
     if not spans:
         return ["Friction losses: it jams over the whole run, there are no forces"]
@@ -238,7 +237,7 @@ def _health(recording: Recording) -> list[Peak]:
 def _peak(
     recording: Recording, path: tuple[str, ...], item: str, unit: str, columns: list[int], *, signed: bool = False
 ) -> Peak | None:
-    """Where the norm of some components is largest; None if they are not recorded or not computed."""
+    """The peak of the norm of some columns, ``signed``: of a single one with its sign; None if they are not recorded or all NaN."""
     if not recording.has(*path):
         return None
     rows = recording.rows(*path, component="Scalars:scalars")
@@ -256,7 +255,7 @@ def _drive_at(rows: ComponentRows, k: int, units: Units) -> str:
 
 
 def _tick_words(timeline: str, tick: int | np.int64, units: Units) -> str:
-    """A position of a drive that its timeline counts in thousandths of a degree, or of a millimetre."""
+    """Text of a position of a drive, given as a tick of its timeline: millidegrees or micrometres."""
     si, more = {"drive_mdeg": ("rad", 2), "drive_um": ("m", 1)}[timeline]
     unit, factor = units.reads(si)
     value = 1e-3 * int(tick) * factor / MILLIMETRES.reads(si)[1]
@@ -264,7 +263,7 @@ def _tick_words(timeline: str, tick: int | np.int64, units: Units) -> str:
 
 
 def _drive_range(rows: ComponentRows, units: Units) -> str:
-    """Where each drive starts and ends, and between which positions it goes where these are not its ends."""
+    """Text of the first and last position of each drive, and of its least and greatest position if these are different."""
     spans = []
     for name, ticks in rows.drives.items():
         first, last, least, greatest = (_tick_words(name, tick, units) for tick in (ticks[0], ticks[-1], ticks.min(), ticks.max()))
@@ -310,7 +309,8 @@ def format_inspection(inspection: Inspection) -> str:
 
 
 def _without_noise(peaks: tuple[Peak, ...]) -> tuple[Peak, ...]:
-    """Peaks with zero for what is rounding beside the largest of its kind. Health figures, which are rounding, are not for this."""
+    """Peaks with zero for round-off relative to the largest value of the same unit. Not for health figures, which show
+    round-off."""
     largest: dict[str, float] = {}
     for peak in peaks:
         largest[peak.unit] = max(largest.get(peak.unit, 0.0), abs(peak.value))
@@ -318,7 +318,7 @@ def _without_noise(peaks: tuple[Peak, ...]) -> tuple[Peak, ...]:
 
 
 def _peak_lines(peaks: tuple[Peak, ...], reads: Callable[[str], tuple[str, float]]) -> list[str]:
-    """A line for each peak, in the unit in which people read it."""
+    """A line for each peak, in display units."""
     peaks = tuple(replace(p, value=p.value * factor, unit=unit) for p in peaks for unit, factor in (reads(p.unit),))
     width, units = max(len(p.item) for p in peaks), max(4, *(len(p.unit) for p in peaks))
     return [

@@ -1,5 +1,5 @@
-"""Presentation of a solved run or of a recording, which every output takes: the picture, the catalogue, events, states,
-constructions, words."""
+"""Presentation of a solved run or of a recording, the input of every output: the picture, the catalogue, events, states,
+constructions, texts."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from mechviz.studies.designs.sensitivity import Bands, bands_of, with_tolerances
 
 @dataclass(frozen=True)
 class Lane:
-    """States over time: of each change its time [s], the state from then on and its colour."""
+    """States over time; each change: its time [s], the new state and its colour."""
 
     name: str
     changes: tuple[tuple[float, str, Color], ...]
@@ -37,8 +37,8 @@ class Lane:
 
 @dataclass(frozen=True, eq=False)
 class Presentation:
-    """The source of all outputs. ``name``: the scene's; ``notes`` are markdown; ``chosen`` (F,) are the numbers of the frames that
-    are here, of ``total`` frames of the whole run; ``simulated``: forces decide the motion."""
+    """The input of all outputs. ``name``: of the scene; ``notes``: markdown; ``chosen`` (F,): numbers of the frames that are
+    present, of ``total`` frames of the whole run; ``simulated``: the motion is one under forces."""
 
     name: str
     title: str
@@ -49,15 +49,15 @@ class Presentation:
     catalogue: Catalogue
     events: tuple[Event, ...]
     lanes: tuple[Lane, ...]
-    drawings: Callable[[], Mapping[str, Drawing]]  # made when they are asked for
+    drawings: Callable[[], Mapping[str, Drawing]]  # made on request
     chosen: Integers
     total: int
     simulated: bool
-    bands: Callable[[], Bands] = Bands  # of tolerances; found when they are asked for, of a recording by a run of its scene
+    bands: Callable[[], Bands] = Bands  # tolerance bands, computed on request; for a recording by a new run of its scene
 
 
 def presentation_of(run: Run, begin: Callable[[str], None] = lambda _: None) -> Presentation:
-    """Presentation of a run. ``begin`` gets each stage when it begins."""
+    """Presentation of a run. ``begin`` is called with the name of each stage."""
     begin("solid meshes")
     solids = solids_of(run)
     begin("tables, arrows and events")
@@ -83,7 +83,7 @@ def presentation_of(run: Run, begin: Callable[[str], None] = lambda _: None) -> 
 
 
 def presentation_in(recording: Recording) -> Presentation:
-    """View model of a recording, complete or interrupted."""
+    """Presentation of a recording, complete or interrupted."""
     numbers = recorded_numbers(recording)
     ticks, _ = recording.scalars("data", "links", numbers.frame, "pose")
     every = ticks if recording.frame_times is None else recording.frame_times
@@ -93,7 +93,7 @@ def presentation_in(recording: Recording) -> Presentation:
     return Presentation(
         name=said.scene or recording.path.stem,
         title=said.title or said.scene or recording.path.stem,
-        # in the notes it stands between the title and what was computed
+        # in the notes it stands between the title and the first section
         learning_goal=" ".join(line.strip() for line in head.splitlines() if line.strip() and not line.startswith(("#", "**"))),
         notes=recording.notes,
         version=said.version,
@@ -110,8 +110,8 @@ def presentation_in(recording: Recording) -> Presentation:
 
 
 def _bands_in(recording: Recording, time: Real, chosen: Integers) -> Bands:
-    """Tolerance bands at frames of a recording at times (F,) [s]: those of its scene, which is run once more where it has
-    tolerances and a prescribed motion. None where the frames would not be the same."""
+    """Tolerance bands at the frames of a recording, at times (F,) [s], from a new run of its scene if that has tolerances and a
+    driven motion. No bands, with the reason, for a motion under forces, if the frames differ, or if the scene fails."""
     try:
         scene = recording.scene()
         if not with_tolerances(scene):

@@ -1,1 +1,1 @@
-"""Solids of the kinds of joints and of what they bring along."""
+"""Solids of the kinds of joints and of the parts that belong to them."""

@@ -1,4 +1,4 @@
-"""Drawing of cam joints: profiles and places, and of inverse cams the body with a slot, in which the crank's roller runs."""
+"""Drawing of cam joints: profiles and positions; for inverse cams the body with the slot in which the crank's roller runs."""
 
 from __future__ import annotations
 
@@ -26,15 +26,15 @@ _PROFILE_POINTS = 1080  # points of a profile
 
 @dataclass(frozen=True, eq=False)
 class CamDrawing:
-    """A cam joint as it is drawn. ``tip`` in the follower's axes; ``turn`` takes the theory's ground axes into them (for an
-    oscillating follower at the position ``theta``)."""
+    """Data for drawing a cam joint. ``tip``: in the follower's frame; ``turn``: rotation from the ground axes of the cam theory to
+    the follower's frame (for an oscillating follower at the cam angle ``theta``)."""
 
     joint: str
     cam: str
     follower: str
     placed: PlacedCam
     size: float
-    profile: Polygon  # in the axes of the cam's link; of a groove: what is inside of it
+    profile: Polygon  # in the frame of the cam's link; of a groove cam: the disc inside the groove
     bore: Vec2
     tip: Vec2
     turn: complex
@@ -46,17 +46,17 @@ class CamDrawing:
 
     @property
     def own_guides(self) -> tuple[str, ...]:
-        """Prismatic joints that are drawn here."""
+        """Prismatic joints that are drawn with the cam."""
         return (*((self.guide,) if self.grounded else ()), *((self.placed.bed,) if self.bed and self.placed.bed else ()))
 
 
 def profile_points(placed: PlacedCam, count: int = _PROFILE_POINTS) -> Complex:
-    """Points of the profile (n) in the theory's axes of the cam, complex [m], counter-clockwise; of a wedge from left to right."""
+    """Points (n,) of the profile in the cam axes of the theory, complex [m], counter-clockwise; of a wedge from left to right."""
     contour = placed.contour
     each = max(count // contour.count, 8)
     t = (np.arange(contour.count)[:, None] + np.arange(each) / each).ravel()
     t = t if contour.closed else np.append(t, contour.count)
-    if placed.bed is not None:  # the law goes on level for as long again on either side: a part of that is drawn
+    if placed.bed is not None:  # the law is extended by dwells of its own length on both sides: part of them is drawn
         t = t[(t >= 0.8) & (t <= contour.count - 0.8)]
     z = np.asarray(contour(t)[0])
     if placed.bed is not None:
@@ -65,7 +65,7 @@ def profile_points(placed: PlacedCam, count: int = _PROFILE_POINTS) -> Complex:
 
 
 def find_cams(mechanism: Mechanism, parts: Builder, size: float, samples: int = _PROFILE_POINTS) -> tuple[CamDrawing, ...]:
-    """All cams of a mechanism; ``samples``: points of each profile."""
+    """All plane cams of a mechanism except inverse ones; ``samples``: points of each profile."""
     by_name = {r.name: r.geometry for r in parts.relations}
     drawings: list[CamDrawing] = []
     for p in mechanism.joints:
@@ -116,7 +116,7 @@ def _drawing(
 
 
 def cam_extents(cams: Sequence[CamDrawing]) -> Mapping[str, list[Vec2]]:
-    """Corners of what is drawn of every cam's link, in units of the size."""
+    """Corners of the bounding boxes of the cam profiles by link, in units of the size."""
     extents: dict[str, list[Vec2]] = {}
     for cam in cams:
         x0, y0, x1, y1 = cam.profile.bounds
@@ -129,13 +129,14 @@ _ROLLER_SIDES = 256  # sides of the roller
 
 @dataclass(frozen=True, eq=False)
 class InverseDrawing:
-    """``groove``: what the roller sweeps out of the driven link, in its axes; ``tip`` in the crank's."""
+    """Data for drawing an inverse cam. ``groove``: region swept by the roller, in the driven link's frame; ``tip``: in the
+    crank's."""
 
     joint: str
     crank: str
     driven: str
     groove: Polygon
-    ends: tuple[Vec2, Vec2]  # places beyond the ends of the groove, on its body
+    ends: tuple[Vec2, Vec2]  # points beyond the ends of the groove, on its body
     tip: Vec2
     radius: float
 
@@ -166,7 +167,7 @@ def _group(drawing: InverseDrawing) -> str:
 
 
 def draw_inverse(model: ScaledMechanism, draft: SolidsDraft) -> None:
-    """Pieces of all inverse cams."""
+    """Add the pieces of all inverse cams."""
     r = model.proportions.r
     for drawing in model.inverse:
         group, mates = _group(drawing), frozenset([drawing.joint])

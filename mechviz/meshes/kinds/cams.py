@@ -1,7 +1,7 @@
-"""Cams and what touches them: profiles on their hubs, rollers in forks, knives, faces, mushrooms and yokes, stems in guides.
+"""Cams and their followers: profiles on hubs, rollers in forks, knife edges, flat faces, mushrooms and yokes, stems in guides.
 
-A cam, the head of its follower and, where the guide stands on the ground, the stem with its rails lie on one layer. Heads of other
-followers lie on the cam's layer and hang on the plate of their link. Lengths are in units of the mechanism's size.
+A cam, the head of its follower and, if the guide stands on the ground, the stem with its rails lie on one layer. Heads of other
+followers lie on the cam's layer and are attached to the plate of their link. Lengths are in units of the mechanism's size.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ from mechviz.meshes.kinds.cam_profiles import CamDrawing
 from mechviz.meshes.model import ScaledMechanism
 
 _PROFILE_POINTS = 1080  # points of a profile
-_ROLLER_SIDES = 256  # sides of a roller: it has to touch as exactly as the profile
-_ROLLER_CLEARANCE = 0.06  # of a roller above the floor of its groove, in thicknesses of a plate
+_ROLLER_SIDES = 256  # sides of a roller, which must be as accurate as the profile
+_ROLLER_CLEARANCE = 0.06  # between a roller and the floor of its groove, in thicknesses of a plate
 _CHEEK_HEIGHT = 0.2  # height of the cheeks of a fork, in thicknesses of a plate
 
 
@@ -33,9 +33,9 @@ _CHEEK_HEIGHT = 0.2  # height of the cheeks of a fork, in thicknesses of a plate
 
 
 def group_cams(model: ScaledMechanism, draft: SolidsDraft, taken: set[str]) -> set[str]:
-    """Put cams and what touches them onto common layers -> links that need no plate of their own, those ``taken`` included."""
+    """Merge the groups of cams and their followers; return the links that need no plate of their own, including those ``taken``."""
     plain = set(taken)
-    for drawing in model.spatial:  # its shaft lies in the plane: it has no layer of its own
+    for drawing in model.spatial:  # its shaft lies in the plane of motion: it has no layer of its own
         plain.add(drawing.cam)
         draft.merge(draft.groups[drawing.cam], draft.groups[drawing.follower])
     for cam in model.cams:
@@ -58,7 +58,7 @@ def group_cams(model: ScaledMechanism, draft: SolidsDraft, taken: set[str]) -> s
 
 
 def _before(cam: CamDrawing) -> bool:
-    """Whether the follower's stem lies before the cam, with only its roller beside it."""
+    """Whether the follower's stem lies in front of the cam, with only its roller on the cam's layer."""
     return cam.placed.groove or cam.placed.mate is not None
 
 
@@ -74,7 +74,7 @@ def _holds(model: ScaledMechanism, cam: CamDrawing) -> bool:
 
 
 def draw_cams(model: ScaledMechanism, draft: SolidsDraft) -> None:
-    """Pieces of all cams and followers."""
+    """Add the pieces of all cams and followers."""
     for k, cam in enumerate(model.cams):
         group = draft.cams[k]
         home = draft.groups.get(cam.cam) == group and not any(
@@ -99,12 +99,12 @@ def _draw_cam(model: ScaledMechanism, draft: SolidsDraft, cam: CamDrawing, group
         rim = outer.buffer(1.4 * r, quad_segs=32)
         rim = outline.disc(cam.bore, max(math.dist(cam.bore, xy) for xy in rim.exterior.coords), _ROLLER_SIDES)
         draft.pieces.append(PlacedPart(cam.cam, rim.difference(outer), group, "wheel", mates))
-        heads = [  # other pins through the cam need room for their heads
+        heads = [  # other pins through the cam need space for their heads
             outline.disc(a.centres[cam.cam], 1.06 * a.sleeve, model.segments)
             for a in model.axles
             if cam.cam in a.centres and math.dist(a.centres[cam.cam], cam.bore) > 1e-9
         ]
-        floor = rim.buffer(-0.06 * r, quad_segs=32)  # no edge of it coincides with one of the rim
+        floor = rim.buffer(-0.06 * r, quad_segs=32)  # so that its edges do not coincide with those of the rim
         floor = outline.largest(floor.difference(unary_union(heads))) if heads else floor
         draft.pieces.append(PlacedPart(cam.cam, floor, group, "disc", mates, height=(-_CHEEK_HEIGHT, 0.0)))
     if not home and cam.cam in draft.groups:
@@ -120,7 +120,7 @@ def _outer_flank(cam: CamDrawing) -> Polygon:
 
 
 def _draw_bed(model: ScaledMechanism, draft: SolidsDraft, cam: CamDrawing, group: str) -> None:
-    """The ground below a wedge, over its way."""
+    """Add the ground below a wedge, over its travel."""
     r, placed = model.proportions.r, cam.placed
     back = [(complex(x, y) - placed.own / cam.size) / placed.mount for x, y in cam.profile.exterior.coords]
     low, high, deep = min(z.real for z in back), max(z.real for z in back), min(z.imag for z in back)
@@ -139,7 +139,7 @@ def _draw_bed(model: ScaledMechanism, draft: SolidsDraft, cam: CamDrawing, group
 
 @dataclass(frozen=True, eq=False)
 class _Head:
-    """Head of a follower, about its point in the theory's ground axes; up to which height it reaches."""
+    """Head of a follower, relative to its point in the ground axes of the theory; ``top``: its height."""
 
     touching: Polygon
     top: float
@@ -154,7 +154,7 @@ def _cycle(cam: CamDrawing) -> Any:
 
 
 def _head(model: ScaledMechanism, cam: CamDrawing) -> _Head:
-    """The head of a follower; of an oscillating one as it stands at ``theta``."""
+    """The head of a follower; of an oscillating one in its position at ``theta``."""
     r, placed = model.proportions.r, cam.placed
     face, s = placed.cam.follower.face, _cycle(cam)
     if isinstance(face, Roller):
@@ -205,7 +205,7 @@ def _head(model: ScaledMechanism, cam: CamDrawing) -> _Head:
 
 
 def _finger(arc: Complex, half: float) -> Polygon:
-    """Web that joins an arc to its centre, the origin, without reaching beyond the arc."""
+    """A web that joins an arc to its centre, the origin, and does not extend beyond the arc."""
     return Polygon([(z.real, z.imag) for z in [*arc, 0j]]).union(
         Point(0.0, 0.0)
         .buffer(half)
@@ -215,7 +215,7 @@ def _finger(arc: Complex, half: float) -> Polygon:
 
 
 def _yoke(cam: CamDrawing, r: float) -> _Head:
-    """A frame around a cam of constant breadth."""
+    """A yoke around a cam of constant breadth."""
     b = breadth(cam.placed.cam.law).mean / cam.size
     e = cam.placed.offset / cam.size
     reach = max(math.dist(cam.bore, xy) for xy in cam.profile.exterior.coords) + 0.35 * r
@@ -225,7 +225,7 @@ def _yoke(cam: CamDrawing, r: float) -> _Head:
 
 
 def _draw_head(model: ScaledMechanism, draft: SolidsDraft, cam: CamDrawing, group: str) -> None:
-    """The head alone, on the cam's layer, held by the plate of the follower."""
+    """Add the head alone, on the cam's layer, with a neck to the plate of the follower."""
     r = model.proportions.r
     head = _head(model, cam)
     shape = _moved(head.touching, complex(*cam.tip), cam.turn)
@@ -239,7 +239,7 @@ def _draw_head(model: ScaledMechanism, draft: SolidsDraft, cam: CamDrawing, grou
 
 
 def _draw_stem(model: ScaledMechanism, draft: SolidsDraft, cam: CamDrawing, group: str) -> None:
-    """A translating follower on a guide of the ground: head, stem and rails."""
+    """Add a translating follower in a guide on the ground: head, stem and rails."""
     r, placed = model.proportions.r, cam.placed
     head, mates = _head(model, cam), frozenset([cam.joint])
     own = draft.groups[cam.follower]
@@ -260,13 +260,13 @@ def _draw_stem(model: ScaledMechanism, draft: SolidsDraft, cam: CamDrawing, grou
     low = highest + head.top + 0.7 * r
     if fork:
         cheek = outline.hull([((0.0, 0.0), 0.42 * head.top), ((0.0, bottom + 0.9 * r), 0.8 * half)], model.segments)
-        wide = cheek.difference(box(-half, -10.0, half, 10.0))  # what of it does not go between the rails
+        wide = cheek.difference(box(-half, -10.0, half, 10.0))  # the part that does not fit between the rails
         if not wide.is_empty:
             low = max(low, highest + wide.bounds[3] + 0.1 * r)
     at_guide = _guide_height(model, cam)
     if at_guide - 2.0 * r > low:
         low = at_guide - 2.0 * r
-    if _before(cam) and not cam.bed:  # before the disc
+    if _before(cam) and not cam.bed:  # in front of the disc
         low = max(low, highest + 2.2 * r)
     high = low + 4.0 * r
     top = max([high - lowest + 1.4 * r, *(z.imag + 0.6 * r for z in points)])
@@ -309,13 +309,13 @@ def _draw_stem(model: ScaledMechanism, draft: SolidsDraft, cam: CamDrawing, grou
 
 
 def _guide_height(model: ScaledMechanism, cam: CamDrawing) -> float:
-    """Height of the guide's own point on the ground above the cam's axis."""
+    """Height of the guide's point on the ground above the cam's axis; -inf if it has none."""
     at = model.guide_points.get(cam.guide)
     return -math.inf if at is None else float(((complex(*at) - cam.placed.centre / cam.size) * np.conj(cam.placed.axes)).imag)
 
 
 def _moved(shape: object, at: complex, turn: complex) -> Any:
-    """A shape of the theory's axes about a point, in the axes of a link."""
+    """A shape, given in the axes of the theory about the point ``at``, in the frame of a link."""
     from shapely import affinity
 
     c, s = turn.real, turn.imag

@@ -1,4 +1,4 @@
-"""Cylinders, pins in slots and welds: which joints are drawn so, on which layers their parts lie, and how they look."""
+"""Cylinders, pins in slots and welds: the joints that are drawn as such, the layers of their parts, and their shapes."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from mechviz.meshes.draft import Neck, PlacedPart, SolidsDraft, share_a_pin
 if TYPE_CHECKING:
     from mechviz.meshes.model import ScaledMechanism, Slot, Weldment
 
-_SEAM_WIDTH = 0.05  # width of the seam between plates that are welded, in half widths of a plate
+_SEAM_WIDTH = 0.05  # width of the seam between welded plates, in half widths of a plate
 
 
 # --- pins in slots ------------------------------------------------------------------------------------------------------
@@ -37,14 +37,14 @@ def _pin_axle(model: ScaledMechanism, slot: Slot) -> int:
 
 
 def group_slots(model: ScaledMechanism, draft: SolidsDraft) -> None:
-    """A pin reaches through the layer of the slot that it slides in."""
+    """Let the pin of every slot pass through the layer of the slot."""
     for slot in model.slots:
         group = f"rails of {slot.joint}" if slot.link == model.frame else draft.groups[slot.link]
         draft.through.setdefault(_pin_axle(model, slot), set()).add(group)
 
 
 def slot_of(model: ScaledMechanism, slot: Slot) -> Polygon:
-    """The opening in a slotted plate: the path of the pin with a little play."""
+    """The opening in a slotted plate: the path of the pin with a small clearance."""
     axle = model.axles[_pin_axle(model, slot)]
     low, high = slot.travel
     margin = 0.12 * model.proportions.r
@@ -53,7 +53,7 @@ def slot_of(model: ScaledMechanism, slot: Slot) -> Polygon:
 
 
 def draw_slots(model: ScaledMechanism, draft: SolidsDraft) -> None:
-    """Slots of the ground: two rails with a roller on the pin between them."""
+    """Add the slots of the ground: two rails, and between them a roller on the pin."""
     r = model.proportions.r
     for slot in model.slots:
         if slot.link != model.frame:
@@ -69,7 +69,7 @@ def draw_slots(model: ScaledMechanism, draft: SolidsDraft) -> None:
 
 
 def on_shafts(model: ScaledMechanism) -> ScaledMechanism:
-    """The mechanism with links that are welded at the axis of a pin put on that pin, as two cranks at both ends of a shaft."""
+    """The mechanism with links that are welded at the axis of a pin added to that pin, like two cranks at the ends of a shaft."""
     axles = list(model.axles)
     for weld in model.welds:
         for k, axle in enumerate(axles):
@@ -82,7 +82,8 @@ def on_shafts(model: ScaledMechanism) -> ScaledMechanism:
 
 
 def join_welds(model: ScaledMechanism, draft: SolidsDraft, plates: dict[str, Polygon]) -> None:
-    """Welded plates lie flush: on one layer, the second cut to the edge of the first; else on two, with a stud between them."""
+    """Join welded plates: on one layer, with the second cut along the edge of the first, if possible; otherwise on two layers with
+    a stud between them, unless a common pin joins them."""
     r = model.proportions.r
     for weld in model.welds:
         if model.frame in weld.links:
@@ -114,7 +115,7 @@ def _by_shaft(model: ScaledMechanism, weld: Weldment) -> bool:
 
 
 def _cut(model: ScaledMechanism, weld: Weldment, plates: dict[str, Polygon]) -> Polygon | None:
-    """The second plate without what the first one covers; None if that cuts away a place for one of its pins."""
+    """The second plate without the part covered by the first; None if less than 30 % of it or not enough around a pin is left."""
     first, second = weld.links
     (ax, ay), (bx, by) = weld.points
     moved = affinity.translate(plates[first], -ax, -ay)
@@ -134,13 +135,13 @@ def _cut(model: ScaledMechanism, weld: Weldment, plates: dict[str, Polygon]) -> 
 
 
 def group_telescopes(model: ScaledMechanism, draft: SolidsDraft) -> None:
-    """Barrel and rod lie on one layer."""
+    """Put barrel and rod on one layer."""
     for telescope in model.telescopes:
         draft.merge(draft.groups[telescope.rod], draft.groups[telescope.barrel])
 
 
 def lug(model: ScaledMechanism, link: str) -> list[outline.Disc]:
-    """Strap by which the plate of a barrel or rod holds on to the round part beside its pin."""
+    """The lug by which the plate of a barrel or rod is attached to the round part beside its pin; empty for other links."""
     r = model.proportions.r
     for telescope in model.telescopes:
         if link in (telescope.barrel, telescope.rod):
@@ -163,17 +164,17 @@ def draw_telescopes(model: ScaledMechanism, draft: SolidsDraft) -> None:
 
 
 def _profiles(model: ScaledMechanism, telescope: Telescope) -> tuple[tuple[Vec2, ...], tuple[Vec2, ...]]:
-    """Profiles (radius, x) of the barrel, a cup, and of the rod with its piston, x along their line from their pins.
+    """Profiles (radius, x) of the barrel, which is a cup, and of the rod with its piston; x along their line from their pins.
 
-    Barrel and rod are as long as the shortest length of the cylinder allows; where its stroke is longer than they can cover, the
-    rod is longer still and comes out at the other end.
+    Barrel and rod are as long as the shortest length of the cylinder allows. If its stroke is longer than they can cover, the rod
+    is longer and emerges at the other end.
     """
     size = model.proportions
     r = size.r
     outer = 0.5 * size.t + 0.85 * size.boss
     bore, rod, piston = 0.76 * outer, 0.45 * outer, 0.7 * outer
     low, high = telescope.travel
-    start = 0.85 * r  # of the barrel, from its pin: inside the lug
+    start = 0.85 * r  # of the barrel, from its pin: within the lug
     floor = start + 0.9 * r  # beyond the lug
     end = max(low - 1.7 * r, floor + 1.2 * r)
     length = max(low - floor - 0.15 * r, high - end + 0.9 * r, 1.5 * r)  # of the rod, from its pin
@@ -192,7 +193,8 @@ _SAME_PLACE = 1e-6  # of the mechanism's size
 
 @dataclass(frozen=True)
 class Telescope:
-    """Barrel and rod of a cylinder. A line is a pin and the direction from the barrel's pin to the rod's, in the link's frame."""
+    """Barrel and rod of a cylinder. A line: position of a pin, and direction from the barrel's pin to the rod's, in the link's
+    frame."""
 
     joint: str
     barrel: str
@@ -213,11 +215,11 @@ def find_telescopes(
     travels: Mapping[str, tuple[float, float]],
     r: float,
 ) -> tuple[Telescope, ...]:
-    """The cylinders of a mechanism, in units of its size, and the sliding joints that are one in all but name.
+    """The cylinders of a mechanism, in units of its size, including prismatic joints that are equivalent to a cylinder.
 
-    Such a joint joins two moving links that have nothing else than a pin each, on the line along which they slide, and whose pins
-    never come close to each other. Where nothing drives the joint and only one of the links is more than its pin, that one is a
-    lever with a block on it, and drawn as one.
+    Such a joint connects two moving links that have nothing else but one pin each, on the line of sliding, and whose pins never
+    come close to each other. If the joint is not driven and only one of the links is more than its pin, it is a lever with a block,
+    and drawn as such.
     """
     named = {joint.name for joint in mechanism.joints if isinstance(joint, Cylinder)}
     telescopes = []
@@ -244,7 +246,7 @@ def _in_all_but_name(
     along = joint.slide or 1 + 0j
     turn = cmath.exp(1j * (-joint.angle if joint.guide == 0 else joint.angle))
     lines = {guide: (joint.b if joint.guide else joint.a, along), other: (joint.a if joint.guide else joint.b, along * turn)}
-    places: dict[str, float] = {}  # of the pin along the line
+    places: dict[str, float] = {}  # positions of the pins along the line
     pins: dict[str, complex] = {}
     for link, (origin, direction) in lines.items():
         pin = _only_pin(mechanism, joints, joint.name, link)
@@ -278,7 +280,7 @@ def _in_all_but_name(
 
 
 def _only_pin(mechanism: Mechanism, joints: Sequence[LoopJoint], joint: str, link: str) -> complex | None:
-    """Where the pins of a link are, if it has nothing else beside a joint and all of them are at one place."""
+    """The position of the pins of a link if, apart from ``joint``, it has only revolute joints at one point; otherwise None."""
     if any(link in p.links and p.name != joint and not isinstance(p, Revolute) for p in mechanism.joints):
         return None
     at = [j.b if j.links[1] == link else j.a for j in joints if j.kind == "revolute" and link in j.links]

@@ -1,7 +1,7 @@
-"""Barrel, end and globoidal cams with their real flanks, on shafts that lie in the plane; their rollers, ribs and bearings.
+"""Barrel, end and globoidal cams with their true flanks, on shafts in the plane of motion; their rollers, ribs and bearings.
 
-A cam is a chain of rings around its axis: plain circles where it is turned, edges and floors of the groove where it is milled. In
-between the surface is ruled, as the flank of a cylindrical roller nearly is. Lengths are in units of the mechanism's size.
+A cam is a sequence of rings around its axis: circles on turned surfaces, edges and floors of the groove on milled ones. The surface
+between two rings is ruled, as is nearly the flank of a cylindrical roller. Lengths are in units of the mechanism's size.
 """
 
 from __future__ import annotations
@@ -28,12 +28,12 @@ if TYPE_CHECKING:
 
 _BORE_SIDES = 48  # sides of bore and shaft
 _SHAFT_FIT = 0.995  # radius of the shaft in its bore
-_ROLLER_CLEARANCE = 0.04  # of the groove's depth: the roller's end above its floor
+_ROLLER_CLEARANCE = 0.04  # between the roller's end and the floor of the groove, of the groove's depth
 
 
 @dataclass(frozen=True, eq=False)
 class SpatialDrawing:
-    """A spatial cam as it is drawn. ``tip`` in the follower's axes; ``turn`` takes the theory's plane axes into them at angle 0."""
+    """Data for drawing a spatial cam. ``tip``: the named roller in the follower's frame; ``placed``: its geometry [m]."""
 
     joint: str
     cam: str
@@ -42,18 +42,19 @@ class SpatialDrawing:
     size: float
     bore: Vec2
     tip: Vec2
-    hinge: Vec2 | None  # of an arm, in the follower's axes
-    up: complex  # of a sliding follower: the cam's axis in its own axes
+    hinge: Vec2 | None  # of an oscillating arm, in the follower's frame
+    up: complex  # of a translating follower: direction of the cam's axis in its own frame
 
     @property
     def flat(self) -> bool:
-        """Whether the roller lies in the plane (globoid), else it stands across it, before the cam."""
+        """Whether the roller's axis lies in the plane of motion (globoid); otherwise it is perpendicular, with the roller in front
+        of the cam."""
         return self.placed.blank.kind == "globoid"
 
 
 @dataclass(frozen=True)
 class Spin:
-    """A solid that turns about an axis in the plane, not across it: a point of it [m] and its direction, in the link's frame."""
+    """Axis of a solid that rotates about an axis in the plane of motion: point [m] and direction, in the link's frame."""
 
     origin: tuple[float, float, float]
     along: Vec2
@@ -61,11 +62,12 @@ class Spin:
 
 
 def spin_transforms(spin: Spin, turn: Real) -> tuple[Real, Real]:
-    """Relative angles of the link (F) [rad] -> translations (F, 3) and quaternions x, y, z, w (F, 4) of the solid in its link."""
+    """Translations (F, 3) and quaternions x, y, z, w (F, 4) of the solid in its link, for relative angles of the link (F,)
+    [rad]."""
     half = 0.5 * np.asarray(turn, float)
     c, s = np.cos(half), np.sin(half)
     ux, uy = spin.along
-    # back about z, then about the axis: q = (0, 0, -s; c) (ux s, uy s, 0; c)
+    # rotation back about z, times rotation about the axis: q = (0, 0, -s; c) (ux s, uy s, 0; c)
     q = np.stack([c * ux * s + s * uy * s, c * uy * s - s * ux * s, -s * c, c * c], axis=-1)
     o = np.array(spin.origin)
     v, w = q[:, :3], q[:, 3:]
@@ -103,7 +105,7 @@ def find_spatial(mechanism: Mechanism, parts: Builder, size: float) -> tuple[Spa
 
 
 def _rings(placed: PlacedSpatial) -> list[Real]:
-    """Rings (n, 3) [m] of a cam in its own axes at angle zero of its law, from the edge of one flat end to that of the other."""
+    """Rings (n, 3) [m] of a cam in its own frame at angle zero of its law, from the edge of one flat end to that of the other."""
     blank, r = placed.blank, placed.cam.radius
     if blank.rollers:
         return core_rings(placed)
@@ -152,7 +154,7 @@ def _globoid(placed: PlacedSpatial) -> list[Real]:
 
 
 def _solid(rings: list[Real], bore: Polygon) -> Shell:
-    """The solid around an axis through rings of as many points each, with a bore."""
+    """The solid around an axis through rings of equal numbers of points, with a bore."""
     x, y = rings[0][:, 0], rings[0][:, 1]
     clockwise = float(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1))) < 0.0
     turned = [ring[::-1] if clockwise else ring for ring in rings]
@@ -160,7 +162,7 @@ def _solid(rings: list[Real], bore: Polygon) -> Shell:
 
 
 def _space(drawing: SpatialDrawing, p: Real, height: float) -> Real:
-    """Points (n, 3) of the cam's axes [m] -> its link's axes, its shaft's axis at a height."""
+    """Points (n, 3) [m] of the cam's frame in the frame of its link, with the axis of its shaft at a height."""
     placed = drawing.placed
     angle = placed.sense * placed.phase
     c, s = np.cos(angle), np.sin(angle)
@@ -173,7 +175,7 @@ def _space(drawing: SpatialDrawing, p: Real, height: float) -> Real:
 
 
 def spatial_parts(model: ScaledMechanism, levels: Levels) -> tuple[list[Part], dict[str, Spin]]:
-    """Solids of all spatial cams with their shafts, bearings and rollers, and about what the cams' links turn."""
+    """Parts of all spatial cams with their shafts, bearings and rollers; and the axes of rotation by link."""
     parts: list[Part] = []
     spins: dict[str, Spin] = {}
     for drawing in model.spatial:
@@ -194,7 +196,7 @@ def _height(model: ScaledMechanism, levels: Levels, drawing: SpatialDrawing) -> 
 
 
 def turrets_reach(model: ScaledMechanism, levels: Levels) -> float:
-    """How far down rollers reach that lie all around their turret's pivot; infinite where there are none."""
+    """The lowest height reached by rollers in the plane around the pivot of a turret; infinite if there are none."""
     lying = [drawing for drawing in model.spatial if drawing.flat and drawing.placed.blank.rollers]
     return min((_height(model, levels, d) - d.placed.cam.radius / d.size for d in lying), default=np.inf)
 
@@ -222,7 +224,7 @@ def _cam_parts(model: ScaledMechanism, drawing: SpatialDrawing, height: float) -
     free = 1.1 * r * drawing.size  # of the shaft between cam and bearing
     long = 1.6 * r * drawing.size  # of a bearing
     low, high = z0 - free - long, z1 + free + long
-    over = 0.15 * long  # how far the shaft comes out of its bearings
+    over = 0.15 * long  # by which the shaft protrudes from its bearings
     bar = revolve(((0.0, low - over), (radius, low - over), (radius, high + over), (0.0, high + over)), segments=_BORE_SIDES)
     parts = [part(drawing.cam, "wheel", _solid(rings, bore)), part(drawing.cam, "pin", bar, PIN_COLOR)]
     if placed.blank.rollers:
@@ -237,8 +239,8 @@ def _cam_parts(model: ScaledMechanism, drawing: SpatialDrawing, height: float) -
 
 
 def _bearing(shaft: float, reach: float, out: complex) -> tuple[Polygon, Polygon]:
-    """Across the axis of a shaft [m] the outlines of a bearing block and of the bed that it stands on, a distance ``reach`` [m]
-    behind the axis; ``out``: the direction towards the viewer."""
+    """Outlines, perpendicular to the axis of a shaft of radius ``shaft`` [m], of a bearing block and of its bed, at a distance
+    ``reach`` [m] behind the axis; ``out``: the direction towards the viewer."""
     wide, foot, deep = 2.0 * shaft, 2.6 * shaft, 0.9 * shaft
 
     def turned(*corners: complex) -> Polygon:
@@ -251,7 +253,7 @@ def _bearing(shaft: float, reach: float, out: complex) -> tuple[Polygon, Polygon
 
 
 def _still(drawing: SpatialDrawing, p: Real, height: float) -> Real:
-    """Points of the cam's axes [m] -> the carrier's axes."""
+    """Points (n, 3) [m] of the cam's frame in the frame of the carrier."""
     placed = drawing.placed
     x, y, z = p.T
     if drawing.flat:
@@ -313,22 +315,22 @@ def _rollers(model: ScaledMechanism, levels: Levels, drawing: SpatialDrawing, he
 
 
 def _turret(model: ScaledMechanism, levels: Levels, drawing: SpatialDrawing, shape: Polygon) -> list[Part]:
-    """Carrier of the rollers of a turret: a disc, or a star where they stand on it."""
+    """Carrier of the rollers of a turret: a disc, or a star if they are perpendicular to it."""
     if not drawing.placed.blank.rollers or drawing.hinge is None:
         return []
     low, high = levels.plate(levels.of(drawing.follower))
-    low, high = low + 0.1 * (high - low), high - 0.1 * (high - low)  # the link itself shows on it
+    low, high = low + 0.1 * (high - low), high - 0.1 * (high - low)  # thinner than the link, which stays visible
     outline = shape.difference(disc(drawing.hinge, 1.02 * model.proportions.r, 48))
     shell = plate_mesh(outline, (low, high), 0.0)
     return [Part(drawing.follower, "wheel", shell, None, (Prism(outline, low, high),), frozenset([drawing.joint]))]
 
 
 _RING_POINTS = 360  # points of a ring
-_FLANK_NODES = 9  # places along the roller between which the flank is interpolated
+_FLANK_NODES = 9  # nodes along the roller of the interpolation of the flank
 
 
 def _depth(placed: PlacedSpatial, p: Real) -> Real:
-    """How deep points (..., 3) of the cam lie, as the roller's axis counts: from the axis, of a globoid from the pivot's circle."""
+    """Depths (...) [m] of points (..., 3) along the roller: distance from the cam's axis, of a globoid from the pivot's circle."""
     rho = np.hypot(p[..., 0], p[..., 1])
     if placed.blank.kind != "globoid":
         return rho
@@ -337,7 +339,8 @@ def _depth(placed: PlacedSpatial, p: Real) -> Real:
 
 
 def edge(placed: PlacedSpatial, side: int, at: float, shift: float = 0.0, theta: Real | None = None) -> Real:
-    """The line of a flank (n, 3) at a depth, over angles ``theta`` (n) or all around; ``shift``: of the follower's coordinate."""
+    """The curve (n, 3) [m] of a flank at depth ``at`` [m], over cam angles ``theta`` (n,), by default a full turn; ``shift``: of
+    the follower's coordinate."""
     cam = placed.cam if shift == 0.0 else replace(placed.cam, law=placed.cam.law.raised(shift))
     law = cam.law
     theta = law.start + law.length * np.arange(_RING_POINTS) / _RING_POINTS if theta is None else theta
@@ -356,21 +359,22 @@ def circle(azimuth: Real, radius: float | Real, z: float | Real) -> Real:
     return np.stack(np.broadcast_arrays(radius * np.cos(azimuth), radius * np.sin(azimuth), np.asarray(z, float)), axis=-1)
 
 
-_RIB_SECTIONS = 360  # sections of the rib in a turn of the cam
-_RIB_FOOT = 0.03  # of the groove's depth: the rib's foot below the floor
-_CORE_RINGS = 33  # of a hollow core
-_TURRET_ACROSS = 7  # lines on the top of a rib between its edges
+_RIB_SECTIONS = 360  # sections of the rib per turn of the cam
+_RIB_FOOT = 0.03  # depth of the rib's foot below the floor, of the groove's depth
+_CORE_RINGS = 33  # number of rings of a hollow core
+_TURRET_ACROSS = 7  # number of lines on the top of a rib between its edges
 
 
 def _floor_and_top(placed: PlacedSpatial, sunk: float = 0.0) -> tuple[float, float]:
-    """Depths, as `edge` counts them, of the floor between the ribs and of the ribs' tops."""
+    """Depths [m], as in `edge`, of the floor between the ribs and of the ribs' tops; ``sunk``: lowering of the floor, of the
+    depth."""
     if placed.blank.kind == "globoid":
         return placed.cam.outer + sunk * placed.blank.depth, placed.cam.inner
     return placed.cam.inner - sunk * placed.blank.depth, placed.blank.radius
 
 
 def _span(placed: PlacedSpatial) -> Real:
-    """Angles of the cam at which a rib stands between the ends of the cam: as far as a roller next to the middle needs it."""
+    """Cam angles (n,) over which the rib extends between the ends of the cam: as far as a roller next to the middle needs it."""
     law, step = placed.cam.law, 2.0 * np.pi / placed.blank.rollers
     theta = law.start + law.length * np.arange(-2 * _RIB_SECTIONS, 2 * _RIB_SECTIONS + 1) / _RIB_SECTIONS
     inside = np.flatnonzero(np.abs(law(theta, 0)[0] + 0.5 * step) < step * (1.0 - 1e-6))
@@ -378,7 +382,7 @@ def _span(placed: PlacedSpatial) -> Real:
 
 
 def rib(placed: PlacedSpatial) -> Shell:
-    """The rib in the cam's own axes [m]: a tube with flat ends, its top part of the surface that the cam is turned to."""
+    """The rib in the cam's own frame [m]: a tube with flat ends, whose top lies on the turned surface of the cam."""
     step, theta = 2.0 * np.pi / placed.blank.rollers, _span(placed)
     floor, top = _floor_and_top(placed, _RIB_FOOT)
     low = [edge(placed, -1, at, 0.0, theta) for at in (floor, top)]
@@ -395,7 +399,7 @@ def rib(placed: PlacedSpatial) -> Shell:
 
 
 def _between(placed: PlacedSpatial, low: Real, high: Real, top: float) -> list[Real]:
-    """Lines (n, 3) on the rib's top between its two edges."""
+    """Lines (n, 3) [m] on the rib's top between its two edges."""
     (a, b), (z, y) = (np.arctan2(p[:, 1], p[:, 0]) for p in (low, high)), (low[:, 2], high[:, 2])
     turn = np.mod(b - a + np.pi, 2.0 * np.pi) - np.pi
     shares = np.linspace(0.0, 1.0, _TURRET_ACROSS + 2)[1:-1]
@@ -408,7 +412,7 @@ def _between(placed: PlacedSpatial, low: Real, high: Real, top: float) -> list[R
 
 
 def core_rings(placed: PlacedSpatial) -> list[Real]:
-    """Rings (n, 3) [m] of the core that the ribs stand on: a cylinder, or the hollow that the rollers' ends sweep."""
+    """Rings (n, 3) [m] of the core below the ribs: a cylinder, or the hollow surface swept by the rollers' ends."""
     points = rib(placed).vertices
     azimuth = 2.0 * np.pi * np.arange(_RIB_SECTIONS) / _RIB_SECTIONS
     wall = 0.5 * placed.cam.radius
@@ -423,6 +427,6 @@ def core_rings(placed: PlacedSpatial) -> list[Real]:
 
 
 def around(placed: PlacedSpatial, tip: complex, hinge: complex) -> list[complex]:
-    """Places of all rollers of a turret, the named one first; of an arm its own."""
+    """Positions of all rollers of a turret, the named one first; of an arm only this one."""
     count = placed.blank.rollers or 1
     return [hinge + (tip - hinge) * complex(np.exp(2j * np.pi * k / count)) for k in range(count)]

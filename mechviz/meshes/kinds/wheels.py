@@ -1,4 +1,4 @@
-"""Round parts that roll, mesh or carry belts: which a mechanism has, how many teeth they get and how the teeth stand.
+"""Round parts that roll, mesh or carry belts: the wheels of a mechanism, their numbers of teeth and the phases of the teeth.
 
 Lengths are in units of the mechanism's size. Points of a link are in its own frame; plane vectors inside this module are
 complex numbers.
@@ -19,8 +19,8 @@ from mechcore.joints.base import Builder, point_of
 from mechcore.records import dataclass
 from mechcore.spec.mechanism import Belt, Gear, Mechanism, Prismatic, Rack, Rolling
 
-_FEWEST_TEETH, _MOST_TEETH = 6, 400  # sizes within these bounds that are whole numbers are numbers of teeth
-_USUAL_TEETH = range(16, 49)  # teeth of the smallest wheel where none are stated
+_FEWEST_TEETH, _MOST_TEETH = 6, 400  # integer sizes within these bounds are taken as numbers of teeth
+_USUAL_TEETH = range(16, 49)  # candidates for the teeth of the smallest wheel if none are stated
 _RACK_PINION = 20  # teeth of a pinion that meshes with racks only
 _SAME_SIZE = 1e-6
 
@@ -48,7 +48,7 @@ class Wheel:
 
 @dataclass(frozen=True)
 class RackBar:
-    """A toothed bar. Its pitch line passes ``origin`` in the direction ``along``; teeth point to the left of it."""
+    """A rack. Its pitch line passes through ``origin`` in the direction ``along``; teeth point to the left of it."""
 
     link: str
     joint: str
@@ -56,20 +56,20 @@ class RackBar:
     carrier: str
     origin: Vec2
     along: Vec2
-    contact: tuple[float, float]  # where the pinion touches the pitch line over the run, from ``origin``
-    wheel: int  # its pinion
-    phase: float = 0.0  # of a tooth along the line, from ``origin``
+    contact: tuple[float, float]  # range of the pitch point on the pitch line over the run, from ``origin``
+    wheel: int  # number of its pinion
+    phase: float = 0.0  # position of a tooth along the line, from ``origin``
 
 
 @dataclass(frozen=True)
 class Track:
-    """The straight edge that a wheel rolls on: through ``origin`` along ``along``, the wheel on its left."""
+    """The straight edge on which a wheel rolls: through ``origin`` along ``along``, with the wheel on its left."""
 
     link: str
     joint: str
     origin: Vec2
     along: Vec2
-    travel: tuple[float, float]  # of the contact, from ``origin``
+    travel: tuple[float, float]  # range of the contact, from ``origin``
     wheel: int
 
 
@@ -86,14 +86,14 @@ class Band:
 
 @dataclass(frozen=True)
 class Wheels:
-    """All round parts of a mechanism; ``meshes`` are the wheels that roll on each other."""
+    """All round parts of a mechanism; ``meshes``: pairs of wheels that mesh."""
 
     wheels: tuple[Wheel, ...] = ()
     meshes: tuple[tuple[int, int], ...] = ()
     racks: tuple[RackBar, ...] = ()
     tracks: tuple[Track, ...] = ()
     bands: tuple[Band, ...] = ()
-    carriers: frozenset[str] = frozenset()  # links that carry wheels which mesh
+    carriers: frozenset[str] = frozenset()  # links that carry meshing wheels
 
     def of(self, link: str) -> list[int]:
         """Numbers of the wheels of a link."""
@@ -108,7 +108,7 @@ class _Finder:
     poses: PosesByLink  # in units of the size
     wheels: list[Wheel] = field(default_factory=list)
     meshes: list[tuple[int, int, complex, complex]] = field(default_factory=list)  # wheels, world directions to the pitch point
-    racks: list[tuple[RackBar, complex, float]] = field(default_factory=list)  # bar; way to it and its angle in the world
+    racks: list[tuple[RackBar, complex, float]] = field(default_factory=list)  # bar; direction to it, angle (world)
     tracks: list[Track] = field(default_factory=list)
     bands: list[Band] = field(default_factory=list)
 
@@ -116,7 +116,7 @@ class _Finder:
         return point_of(self.parts.links[link], name) / self.size
 
     def pose(self, link: str) -> Real:
-        """Poses (F, 3) of a link; at rest at the origin where the motion is not known."""
+        """Poses (F, 3) of a link; at rest at the origin if the motion is not known."""
         return self.poses.get(link, np.zeros((1, 3)))
 
     def turn(self, link: str) -> float:
@@ -124,12 +124,12 @@ class _Finder:
         return float(self.pose(link)[0, 2])
 
     def axes(self, joint: Gear | Belt) -> tuple[list[complex], list[complex]]:
-        """Axes of both wheels, on the carrier and on the wheels' links."""
+        """Axes of both wheels, in the frame of the carrier, and in the frames of the wheels' links."""
         axes = [self.parts.axis_between(joint, link, joint.carrier) for link in joint.links]
         return [on_carrier / self.size for on_carrier, _ in axes], [own / self.size for _, own in axes]
 
     def add(self, wheel: Wheel) -> int:
-        """The number of a wheel; the same toothing in two joints is one wheel."""
+        """Add a wheel and return its number; equal wheels in two joints are one wheel."""
         for k, old in enumerate(self.wheels):
             same = (old.link, old.kind) == (wheel.link, wheel.kind) and abs(old.radius - wheel.radius) < _SAME_SIZE
             if (
@@ -190,7 +190,7 @@ class _Finder:
         self.tracks.append(Track(edge, joint.name, (origin.real, origin.imag), (along.real, along.imag), travel, number))
 
     def seen(self, link: str, point: complex, other: str) -> Real:
-        """Places (F,) of a point of a link in the frame of another one over the run."""
+        """Positions (F,) of a point of a link in the frame of another link over the run."""
         pose, base = self.pose(link), self.pose(other)
         world = pose[:, 0] + 1j * pose[:, 1] + point * np.exp(1j * pose[:, 2])
         return np.asarray((world - base[:, 0] - 1j * base[:, 1]) * np.exp(-1j * base[:, 2]))
@@ -228,7 +228,7 @@ class _Finder:
         self.racks.append((made, towards, cmath.phase(sign * guide * cmath.exp(1j * self.turn(carrier)))))
 
     def number_teeth(self) -> None:
-        """Teeth for every wheel that meshes: as stated, following from a neighbour's module, or chosen."""
+        """Set the teeth of every wheel that meshes: as stated, from a neighbour's module, or chosen."""
         toothed = [k for k, wheel in enumerate(self.wheels) if wheel.kind in ("gear", "ring")]
         while True:
             self._spread()
@@ -249,7 +249,7 @@ class _Finder:
                 self.wheels[j] = replace(self.wheels[j], pinion=self.wheels[i].teeth)
 
     def _train(self, start: int) -> list[int]:
-        """All wheels that mesh with one directly or through others."""
+        """All wheels that mesh with a wheel, directly or through others."""
         train, queue = [start], [start]
         while queue:
             k = queue.pop()
@@ -261,7 +261,7 @@ class _Finder:
         return train
 
     def _spread(self) -> None:
-        """Meshing wheels have the same module."""
+        """Set teeth of wheels that mesh with a wheel of known teeth, such that their modules are equal."""
         grew = True
         while grew:
             grew = False
@@ -274,10 +274,10 @@ class _Finder:
                         grew = True
 
     def set_phases(self) -> None:
-        """Teeth of one wheel stand in the gaps of the other at the start.
+        """Set the phases, so that teeth of one wheel are in the tooth spaces of the other at the start.
 
-        Where wheels mesh in a closed circle (sun, planets, ring) the last mesh comes out right by itself if the train can be
-        assembled with these numbers of teeth at all.
+        If wheels mesh in a closed circuit (sun, planets, ring), the last mesh fits automatically if the train can be assembled with
+        these numbers of teeth at all.
         """
         settled: set[int] = set()
         for start in range(len(self.wheels)):
@@ -292,7 +292,7 @@ class _Finder:
                         continue
                     other = j if known == i else i
                     here, there = (at_i, at_j) if known == i else (at_j, at_i)
-                    # both tooth positions count along the direction in which the first wheel's rim turns
+                    # both tooth positions are measured in the direction in which the rim of the first wheel moves
                     sense = {i: 1.0, j: 1.0 if self.wheels[j].kind == "ring" else -1.0}
                     offset = sense[known] * self._offset(known, here) + 0.5 * math.pi * self.wheels[i].module
                     wheel = self.wheels[other]
@@ -302,17 +302,17 @@ class _Finder:
                     queue.append(other)
 
     def _offset(self, k: int, towards: complex) -> float:
-        """How far along the pitch circle a tooth stands from the pitch point at the start, counter-clockwise."""
+        """Arc of the pitch circle from the pitch point to a tooth at the start, counter-clockwise."""
         wheel = self.wheels[k]
         turned = math.remainder(wheel.phase + self.turn(wheel.link) - cmath.phase(towards), 2.0 * math.pi / wheel.teeth)
         return wheel.radius * turned
 
     def bars(self) -> tuple[RackBar, ...]:
-        """Racks whose teeth stand in the gaps of their pinions at the start."""
+        """The racks, with phases such that their teeth are in the tooth spaces of their pinions at the start."""
         out = []
         for bar, towards, direction in self.racks:
             wheel = self.wheels[bar.wheel]
-            sign = (1j * towards * cmath.exp(-1j * direction)).real  # the rim's way at the contact, along the bar
+            sign = (1j * towards * cmath.exp(-1j * direction)).real  # direction of the rim at the pitch point, along the bar
             offset = sign * self._offset(bar.wheel, towards) + 0.5 * math.pi * wheel.module
             out.append(replace(bar, phase=math.remainder(offset, math.pi * wheel.module)))
         return tuple(out)

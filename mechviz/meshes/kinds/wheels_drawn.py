@@ -1,7 +1,7 @@
-"""Gear wheels, rings, racks, pulleys with their belts, and rolling wheels: on which layers they lie and how they are drawn.
+"""Gear wheels, ring gears, racks, pulleys with their belts, and rolling wheels: their layers and their shapes.
 
 Wheels that mesh share a layer. A wheel that is wide enough to hold all pins of its link is the link's plate; other wheels of
-the link lie on layers of their own and hang on its plate by a hub.
+the link lie on layers of their own, and a hub joins them to its plate.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ from mechviz.meshes.kinds.rims import ADDENDUM, DEDENDUM, BeltLoop, external_whe
 from mechviz.meshes.kinds.wheels import Band, RackBar, Track, Wheel
 from mechviz.meshes.model import ScaledMechanism, world_points
 
-_WHEEL_GAP = 0.02  # between a wheel and what it rolls on, a belt and its pulley; in half widths of a plate
+_WHEEL_GAP = 0.02  # between a wheel and its track, a belt and its pulley; in half widths of a plate
 _FLANGE_HEIGHT = 1.6  # height of a pulley's flanges above the floor of its groove, in thicknesses of its belt
-MOST_TEETH = 1_000  # of a rack: each takes part in every step of its outline
+MOST_TEETH = 1_000  # of a rack: each tooth is part of every operation on its outline
 _RIM_WIDTH = 2.2  # width of a ring's rim, in half widths of a plate
 
 
 def group_wheels(model: ScaledMechanism, draft: SolidsDraft) -> set[str]:
-    """Put wheels that mesh onto one layer -> links that need no plate beside their wheels."""
+    """Merge the groups of meshing wheels; return the links that need no plate in addition to their wheels."""
     wheels = model.wheels
     plain: set[str] = set()
     for link in dict.fromkeys(wheel.link for wheel in wheels.wheels):
@@ -51,7 +51,7 @@ def group_wheels(model: ScaledMechanism, draft: SolidsDraft) -> set[str]:
 
 
 def draw_wheels(model: ScaledMechanism, draft: SolidsDraft) -> None:
-    """Pieces of all wheels, racks, tracks and belts."""
+    """Add the pieces of all wheels, racks, tracks and belts."""
     for k, wheel in enumerate(model.wheels.wheels):
         group = draft.wheels[k]
         mates = frozenset(wheel.joints) if wheel.kind in ("gear", "ring") else frozenset()
@@ -68,14 +68,14 @@ def draw_wheels(model: ScaledMechanism, draft: SolidsDraft) -> None:
 
 
 def webs(model: ScaledMechanism, draft: SolidsDraft) -> list[str]:
-    """Groups of the spoked discs that carry turning rings."""
+    """Groups of the spoked discs that carry rotating ring gears."""
     rings = [(wheel, group) for wheel, group in zip(model.wheels.wheels, draft.wheels, strict=True) if wheel.kind == "ring"]
     own = [(draft.groups[wheel.link], group) for wheel, group in rings if wheel.link != model.frame]
     return [plate for plate, group in own if plate != group]
 
 
 def rail_ends(model: ScaledMechanism, link: str) -> list[outline.Disc]:
-    """Discs by which the plate of a moving link reaches the rails and racks that it carries on another layer."""
+    """Discs that extend the plate of a moving link to the tracks and racks that it carries on another layer."""
     r = model.proportions.r
     if link == model.frame:
         return []
@@ -105,13 +105,13 @@ def _root(model: ScaledMechanism, wheel: Wheel) -> float:
 
 
 def _belt(model: ScaledMechanism) -> float:
-    """Thickness of belts."""
+    """Thickness of all belts."""
     smallest = min((wheel.radius for wheel in model.wheels.wheels if wheel.kind == "pulley"), default=1.0)
     return min(0.4 * model.proportions.r, 0.2 * smallest)
 
 
 def _home(model: ScaledMechanism, link: str) -> int | None:
-    """The wheel that serves as a link's plate: the widest one, if it holds all pins and marks of the link."""
+    """The number of the wheel that is a link's plate: the widest one that holds all its pins and marks; None if none does."""
     r = model.proportions.r
     if link == model.frame or _guided(model, link):
         return None
@@ -120,7 +120,7 @@ def _home(model: ScaledMechanism, link: str) -> int | None:
         wheel = wheels[k]
         if wheel.kind == "ring":
             if _still(model, link) and all(_away(at, wheel) < 0.5 * r for at in model.pins(link)):
-                return k  # the ground holds its rim
+                return k  # its rim is fixed to the ground
             continue
         room = _root(model, wheel)
         if all(_away(at, wheel) < room - 0.75 * r or _away(at, wheel) < 0.1 * r for at in model.pins(link)) and all(
@@ -136,7 +136,7 @@ def _guided(model: ScaledMechanism, link: str) -> bool:
 
 
 def _has_web(model: ScaledMechanism, link: str) -> bool:
-    """Whether a link is a ring that turns: a spoked disc beside its teeth is its plate."""
+    """Whether a link has a rotating ring gear, so that its plate is a spoked disc beside the teeth."""
     rings = any(model.wheels.wheels[k].kind == "ring" for k in model.wheels.of(link))
     return rings and not _still(model, link) and not _guided(model, link)
 
@@ -146,7 +146,7 @@ def _away(at: Vec2, wheel: Wheel) -> float:
 
 
 def _still(model: ScaledMechanism, link: str) -> bool:
-    """Whether a weld holds a link to the ground."""
+    """Whether a link is the ground or welded to it."""
     return link == model.frame or any(set(weld.links) == {link, model.frame} for weld in model.welds)
 
 
@@ -166,14 +166,14 @@ def _body(model: ScaledMechanism, wheel: Wheel) -> Polygon:
 
 
 def _set_up(shape: Polygon, wheel: Wheel) -> Polygon:
-    """A toothed outline in modules about its axis -> in the link's frame, a tooth at the wheel's phase."""
+    """A toothed outline, given in modules about its axis, in the link's frame, with a tooth at the wheel's phase."""
     turned = affinity.rotate(shape, wheel.phase, origin=(0.0, 0.0), use_radians=True)
     m = wheel.module
     return affinity.affine_transform(turned, [m, 0.0, 0.0, m, *wheel.centre])
 
 
 def _windows(model: ScaledMechanism, wheel: Wheel) -> list[Polygon]:
-    """Round holes or openings between spokes, which also show that the wheel turns; clear of all pins."""
+    """Round holes, or openings between spokes, which make the rotation visible; clear of all pins."""
     size = model.proportions
     root = _root(model, wheel)
     outer = root - max(0.13 * root, 0.4 * size.r)
@@ -204,7 +204,7 @@ def _windows(model: ScaledMechanism, wheel: Wheel) -> list[Polygon]:
 
 
 def _hold(model: ScaledMechanism, draft: SolidsDraft, k: int) -> None:
-    """Fastening of a wheel: its link's plate, by a hub or a web, or the ground."""
+    """Fix a wheel to its link's plate, by a hub or a web, or to the ground."""
     wheel, size = model.wheels.wheels[k], model.proportions
     if wheel.kind == "ring" and _still(model, wheel.link):
         pose = model.poses[wheel.link][0] if model.frames and wheel.link != model.frame else np.zeros(3)
@@ -229,7 +229,7 @@ def _hold(model: ScaledMechanism, draft: SolidsDraft, k: int) -> None:
 
 
 def _web(model: ScaledMechanism, draft: SolidsDraft, wheel: Wheel, group: str) -> None:
-    """A spoked disc behind a ring that turns, joined to its rim."""
+    """Add a spoked disc beside a rotating ring gear, joined to its rim."""
     size = model.proportions
     low, high = _root(model, wheel), _root(model, wheel) + _RIM_WIDTH * size.r
     rim = Point(wheel.centre).buffer(high, quad_segs=24).difference(Point(wheel.centre).buffer(low + 0.2 * size.r, quad_segs=24))
@@ -262,7 +262,7 @@ def _in_bar(bar: RackBar, at: Vec2) -> tuple[float, float]:
 
 
 def _bar_extent(model: ScaledMechanism, bar: RackBar) -> tuple[float, float, float]:
-    """From where to where a rack reaches along its pitch line, and its depth below it."""
+    """Range of a rack along its pitch line (low, high), and its depth below the line."""
     r, module = model.proportions.r, model.wheels.wheels[bar.wheel].module
     margin = 2.0 * np.pi * module
     low, high = bar.contact[0] - margin, bar.contact[1] + margin
@@ -279,7 +279,7 @@ def _bar_extent(model: ScaledMechanism, bar: RackBar) -> tuple[float, float, flo
 
 
 def _is_plain(model: ScaledMechanism, bar: RackBar) -> bool:
-    """Whether a rack's bar holds all pins of its link, so that it is the plate."""
+    """Whether the body of a rack holds all pins of its link, so that it is the plate."""
     module, r = model.wheels.wheels[bar.wheel].module, model.proportions.r
     if _guided(model, bar.link):
         return False
@@ -293,7 +293,8 @@ def _bar_hold(model: ScaledMechanism, bar: RackBar) -> Vec2:
 
 
 def _draw_rack(model: ScaledMechanism, draft: SolidsDraft, bar: RackBar) -> None:
-    """The toothed bar and, on the ground, the rail on which its back slides."""
+    """Add the rack and, if its carrier is the ground, the rail on which its back slides. Raises `MechanismError` for more than
+    `MOST_TEETH` teeth."""
     wheel, r = model.wheels.wheels[bar.wheel], model.proportions.r
     m, group = wheel.module, draft.wheels[bar.wheel]
     low, high, depth = _bar_extent(model, bar)
@@ -329,7 +330,7 @@ def _track_span(model: ScaledMechanism, track: Track) -> tuple[float, float]:
 
 
 def _draw_track(model: ScaledMechanism, draft: SolidsDraft, track: Track) -> None:
-    """The rail that a wheel rolls on."""
+    """Add the rail on which a wheel rolls."""
     r, group = model.proportions.r, draft.wheels[track.wheel]
     low, high = _track_span(model, track)
     start, end = (_at(track.origin, track.along, s) for s in (low, high))
@@ -343,14 +344,14 @@ def _draw_track(model: ScaledMechanism, draft: SolidsDraft, track: Track) -> Non
 
 
 def find_loop(model: ScaledMechanism, band: Band) -> BeltLoop:
-    """Where a belt runs, in sizes of the mechanism."""
+    """The centre line of a belt, in sizes of the mechanism."""
     first, second = (model.wheels.wheels[k] for k in band.wheels)
     c1, c2 = (complex(*c) for c in band.centres)
     return BeltLoop(band.joint, band.carrier, first.link, (c1, c2), (first.radius, second.radius), band.crossed, _belt(model))
 
 
 def _draw_band(model: ScaledMechanism, draft: SolidsDraft, band: Band) -> None:
-    """A closed belt around two pulleys, fixed to their carrier."""
+    """Add a closed belt around two pulleys, fixed to their carrier."""
     loop = find_loop(model, band)
     first, span, second = loop.pieces
     around, _ = loop.at(np.concatenate([np.linspace(0.0, first, 97), first + span + np.linspace(0.0, second, 97)]))

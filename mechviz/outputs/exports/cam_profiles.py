@@ -1,4 +1,4 @@
-"""Profiles of cams for the workshop: DXF and SVG with arcs, CSV with normals and curvature; millimetres, axes of the cam's link."""
+"""Cam profiles for manufacturing: DXF and SVG with arcs, CSV with normals and curvature; millimetres, frame of the cam's link."""
 
 from __future__ import annotations
 
@@ -28,16 +28,16 @@ if TYPE_CHECKING:
     from mechcore.cams.spatial import SpatialCam
     from mechviz.runs import Run
 
-POINT_SPACING = 1.0  # degrees of the cam between points, through which arcs pass
+POINT_SPACING = 1.0  # degrees of cam rotation between the points through which arcs pass
 FEWEST_STEPS, MOST_STEPS = 8, 2048  # of a piece of a given profile
-ON_CENTRE = 1e-6  # mm
-_NO_LAYER = re.compile(r'[<>/\\":;?*|=`,]')  # what names of layers must not hold
+ON_CENTRE = 1e-6  # [mm] distance up to which two centres coincide
+_NO_LAYER = re.compile(r'[<>/\\":;?*|=`,]')  # characters that names of layers must not contain
 
 
 def cam_outlines(run: Run) -> list[Outline]:
-    """Profiles of all cams of a run, of a groove both flanks, of barrel, rib and end cams their developments.
+    """Profiles of all cams of a run: of groove cams both flanks, of barrel, rib and end cams their developments.
 
-    Raises `OutputError` where a profile crosses itself.
+    Raises `OutputError` if a profile intersects itself.
     """
     outlines: list[Outline] = []
     for cam in placed_cams(run.motion):
@@ -68,7 +68,7 @@ def _profile(cam: PlacedCam) -> Outline:
             law = (cam.intended or cam.cam).law
             length = law.pieces[piece.piece].length
             if cam.bed is not None and piece.piece in (0, len(law.pieces) - 1):
-                continue  # the level before and after the law
+                continue  # the dwells before and after the law
             n = max(int(np.ceil(np.degrees(length) / POINT_SPACING)) if cam.bed is None else 120, 8)
         else:
             n, length = _steps(piece), 0.0
@@ -86,7 +86,8 @@ def _profile(cam: PlacedCam) -> Outline:
 
 
 def _steps(piece: SmoothPiece) -> int:
-    """Even steps of a piece of a given profile, none of which turns or goes on about the cam's axis by more than the spacing."""
+    """Number of equal steps of a piece of a given profile, such that neither the tangent nor the polar angle about the cam's axis
+    changes by more than `POINT_SPACING` per step."""
     n = FEWEST_STEPS
     while n < MOST_STEPS:
         z, tangent = piece(np.linspace(0.0, 1.0, n + 1), 1)
@@ -125,7 +126,7 @@ def _check(outline: Outline) -> None:
 
 
 def _chain(outline: Outline) -> tuple[Complex, Real]:
-    """Vertices and bulges of the whole curve; a closed one ends where it starts, which is left out."""
+    """Vertices and bulges of the whole curve; the last vertex of a closed curve, which equals the first, is left out."""
     vertices, bulges = [], []
     for points, tangents, _, _ in outline.runs:
         z, b = biarcs(points, tangents)
@@ -140,12 +141,12 @@ def _chain(outline: Outline) -> tuple[Complex, Real]:
 def dxf_text(outlines: Iterable[Outline]) -> str:
     """A drawing (DXF, release 2004) in millimetres: polylines of arcs on the layer PROFILE, the axis as a point on CENTRE.
 
-    Of several cams, which may lie on each other, each has a layer of its own: PROFILE with the cam's name. A profile that is
-    unrolled from a cylinder has its radius among the properties of the drawing.
+    Several cams, which may overlap, have layers of their own: PROFILE with the cam's name. The radius of a cylinder from which a
+    profile is developed is among the properties of the drawing.
     """
     import ezdxf
 
-    ezdxf.options.write_fixed_meta_data_for_testing = True  # no date and no random number: the same cam gives the same file
+    ezdxf.options.write_fixed_meta_data_for_testing = True  # without date and random number: equal cams give equal files
     drawing = ezdxf.new("R2004", units=4)
     outlines = list(outlines)
     cams = list(dict.fromkeys(outline.cam for outline in outlines))
@@ -176,7 +177,7 @@ def _text(value: float) -> str:
 
 
 def svg_text(outlines: Iterable[Outline]) -> str:
-    """A drawing (SVG) true to scale in millimetres, y upwards, of arcs."""
+    """A drawing (SVG) of arcs, to scale in millimetres, y upwards."""
     outlines = list(outlines)
     z = np.concatenate([o.points for o in outlines] + [np.array([o.centre for o in outlines if o.cylinder is None])])
     x0, x1, y0, y1 = z.real.min() - 5.0, z.real.max() + 5.0, z.imag.min() - 5.0, z.imag.max() + 5.0
@@ -206,7 +207,8 @@ def svg_text(outlines: Iterable[Outline]) -> str:
 
 
 def profile_csv(outlines: Iterable[Outline]) -> str:
-    """A table: curve, coordinate of the cam, place, outward unit normal, radius of curvature (positive convex, inf straight)."""
+    """A table: curve, coordinate of the cam, position, outward unit normal, radius of curvature (inf: straight, positive:
+    convex)."""
     lines = ["curve,cam [rad or m],x [mm],y [mm],nx,ny,radius of curvature [mm]"]
     for o in outlines:
         name = '"' + o.name.replace('"', '""') + '"' if re.search(r'[",\r\n]', o.name) else o.name
@@ -224,9 +226,9 @@ PROFILE_FORMATS: dict[str, Callable[[Iterable[Outline]], str]] = {"dxf": dxf_tex
 
 
 def export_profiles(run: Run, path: Path | str, kind: str, report: Callable[[str], None] = lambda _: None) -> Path:
-    """Write the profiles of all cams of a run as "dxf", "svg" or "csv". Raises `OutputError` where there is none.
+    """Write the profiles of all cams of a run as "dxf", "svg" or "csv". Raises `OutputError` if there are none.
 
-    ``report`` hears where a profile is not the one that was asked for, but what the cutter leaves of it.
+    ``report`` is called with a line of text for each undercut range, where the profile differs from that of the law.
     """
     outlines = cam_outlines(run)
     if not outlines and any(r.geometry is not None for r in run.motion.model.relations):
@@ -248,7 +250,7 @@ def export_profiles(run: Run, path: Path | str, kind: str, report: Callable[[str
 
 
 def _differences(run: Run) -> list[str]:
-    """In words, where profiles differ from what their laws ask for."""
+    """Lines of text on the undercut ranges in which profiles differ from those of their laws."""
     lines: list[str] = []
     for cam in placed_cams(run.motion):
         for first, last, at, deviation in lost_ranges(cam):
@@ -262,9 +264,9 @@ def _differences(run: Run) -> list[str]:
     return lines
 
 
-FLANK_DEPTHS = 14  # places along the roller through which a flank is interpolated
-LINE_NODES = 48  # angles of each piece of the law through which a line is interpolated for its derivatives
-NEWTON_STEPS = 8  # of Newton's method
+FLANK_DEPTHS = 14  # nodes along the roller of the interpolation of a flank
+LINE_NODES = 48  # nodes (cam angles) in each piece of the law of the interpolation of a line, for its derivatives
+NEWTON_STEPS = 8  # iterations of Newton's method
 
 
 # -- outlines and developments ----------------------------------------------------------------------------------------
@@ -277,22 +279,23 @@ class Outline:
     closed: bool
     runs: tuple[tuple[Complex, Complex, Real, Real], ...]
     centre: complex  # the cam's axis [mm]
-    outside: int  # 1: the material lies to the left of the way, -1: to its right (outer flank of a groove)
-    cylinder: float | None = None  # radius [mm] of the cylinder that it is unrolled from: it has no centre
-    centre_line: bool = False  # the roller's path, not an edge
-    cam: str = ""  # the joint
+    outside: int  # 1: the material lies to the left of the direction of the curve, -1: to its right (outer flank of a groove)
+    cylinder: float | None = None  # radius [mm] of the cylinder of a development, which has no centre
+    centre_line: bool = False  # the path of the roller's axis, not an edge
+    cam: str = ""  # name of the cam joint
 
     @property
     def points(self) -> Complex:
-        """All points, joints once."""
+        """All points (n,) [mm], the common ends of runs once."""
         parts = [run[0][:-1] for run in self.runs]
         return np.concatenate(parts if self.closed else [*parts, self.runs[-1][0][-1:]])
 
 
 def developed(cam: PlacedSpatial) -> Iterator[Outline]:
-    """The lines of a cam, unrolled: x is the arc [mm] on the cylinder of the stated radius from the cam's zero azimuth, which
-    counts counter-clockwise about the axis, y the height along the axis from the cam's pin; seen from outside. Material lies to the
-    left. Nothing of a globoid, whose hollow has no development, nor of an indexing cam, whose ribs are shared by several rollers.
+    """The developed curves of a spatial cam: x is the arc [mm] on the cylinder of the stated radius from the cam's zero azimuth,
+    counter-clockwise about the axis, y the height [mm] along the axis from the cam's pin; seen from outside. Material lies to the
+    left. Nothing for a globoid cam, whose surface cannot be developed, and for an indexing cam, whose ribs are shared by several
+    rollers.
     """
     blank = cam.blank
     hollow = blank.radius - blank.depth
@@ -315,7 +318,7 @@ def developed(cam: PlacedSpatial) -> Iterator[Outline]:
 
 
 def _runs(cam: SpatialCam, side: int, radius: float) -> tuple[tuple[Complex, Complex, Real, Real], ...]:
-    """Smooth parts of a line end to end: points [mm], unit tangents, radii of curvature [mm], angles of the cam [rad]."""
+    """Smooth runs of a curve end to end: points [mm], unit tangents, radii of curvature [mm], cam angles [rad]."""
     law, runs, start = cam.law, [], None
     for piece, knot in zip(law.pieces, law.knots, strict=False):
         count = max(int(np.ceil(np.degrees(piece.length) / POINT_SPACING)), 8)
@@ -324,7 +327,7 @@ def _runs(cam: SpatialCam, side: int, radius: float) -> tuple[tuple[Complex, Com
         theta = knot + 0.5 * piece.length * (1.0 + np.concatenate([t, nodes]))
         inside = np.clip(theta, knot + 1e-12, knot + piece.length - 1e-12)  # one-sided at the knots
         w = 1e3 * _line(cam, side, radius, inside, start)
-        start = float(w[count].real) / 1e3 / radius  # the next part goes on at this azimuth
+        start = float(w[count].real) / 1e3 / radius  # the next run starts at this azimuth
         points, fit = (
             w[: count + 1],
             chebyshev.chebfit(nodes, np.column_stack([w[count + 1 :].real, w[count + 1 :].imag]), LINE_NODES - 1),
@@ -335,15 +338,15 @@ def _runs(cam: SpatialCam, side: int, radius: float) -> tuple[tuple[Complex, Com
             bend = np.abs(first) ** 3 / np.imag(np.conj(first) * second)
         runs.append((points, first / np.abs(first), bend, theta[: count + 1]))
     leftwards = runs[-1][0][-1].real < runs[0][0][0].real
-    if leftwards == (side >= 0):  # material below a line that goes to the left lies to its left
+    if leftwards == (side >= 0):  # material below a curve that runs to the left lies to its left
         return tuple(runs)
     return tuple((p[::-1], -t[::-1], -bend[::-1], a[::-1]) for p, t, bend, a in reversed(runs))
 
 
 def _line(cam: SpatialCam, side: int, radius: float, theta: Real, start: float | None) -> Complex:
-    """Arc on a cylinder and height (n) [m] of a flank, with ``side`` 0 of the roller's axis, at angles of the cam.
+    """Arc on a cylinder and height (n,) [m], as a complex number, of a flank (``side`` 0: of the roller's axis) at cam angles (n,).
 
-    The flank crosses the cylinder at one place along the roller for each angle: Newton's method on a polynomial through places.
+    For each angle the flank intersects the cylinder at one position along the roller, found by Newton's method on a polynomial.
     """
     wide = cam.radius + float(np.abs(_across(cam, theta)).max())
     low = np.sqrt(max(radius**2 - (1.05 * wide) ** 2, (0.2 * radius) ** 2))
@@ -368,5 +371,5 @@ def _line(cam: SpatialCam, side: int, radius: float, theta: Real, start: float |
 
 
 def _across(cam: SpatialCam, theta: Real) -> Real:
-    """How far the roller's axis lies beside the cam's [m]."""
+    """Offset [m] of the roller's axis from the cam's, at cam angles (n,)."""
     return np.asarray(cam.mount.axis(cam.law(theta, 2))[0][0][:, 1])

@@ -1,4 +1,4 @@
-"""A mechanism as a program in C of its own: poses of its links with their rates, efforts of its drives; it needs nothing else."""
+"""A mechanism as a self-contained C program: poses of its links with their derivatives, efforts of its drives."""
 
 from __future__ import annotations
 
@@ -75,9 +75,10 @@ int main(int argc, char **argv) {{
 
 
 def export_code(scene: Scene, path: Path | str) -> tuple[Path, str | None]:
-    """Write the program of a scene's mechanism; also why the efforts of its drives are not in it, None where they are.
+    """Write the program of a scene's mechanism; return its path, and why it does not contain the efforts of the drives, None if it
+    contains them.
 
-    Raises `MechanismError` where C does not have the mechanism.
+    Raises `MechanismError` if the mechanism cannot be written in C.
     """
     path = Path(path)
     text, missing = code_of(scene, path.stem)
@@ -87,7 +88,7 @@ def export_code(scene: Scene, path: Path | str) -> tuple[Path, str | None]:
 
 
 def code_of(scene: Scene, name: str) -> tuple[str, str | None]:
-    """The program in C that `export_code` writes."""
+    """The C program that `export_code` writes, and why efforts are missing."""
     compiled = compile_mechanism(scene.mechanism, scene.accuracy)
     drives = compiled.mechanism.drives
     try:
@@ -133,17 +134,17 @@ def _row(cells: Sequence[str]) -> str:
 
 
 def _comment(text: str) -> str:
-    """A text in a comment in C: on one line, as a backslash at the end of one joins what is around it."""
+    """A text for a comment in C: on one line, because a backslash at the end of a line joins the next one."""
     return " ".join(text.split()).replace("*/", "* /").replace("/*", "/ *")
 
 
 def _number(x: float) -> str:
-    """A number in C."""
+    """A number in C notation."""
     return repr(x) if math.isfinite(x) else "NAN" if math.isnan(x) else "INFINITY" if x > 0.0 else "-INFINITY"
 
 
 class _Written:
-    """The mechanism on symbols: its ``columns`` by name, and why efforts are ``missing``."""
+    """The mechanism evaluated with symbols: its ``columns`` by name, and why efforts are ``missing``."""
 
     def __init__(self, compiled: Compiled):
         check_traceable(compiled.model)
@@ -204,13 +205,13 @@ class _Written:
         return motion
 
     def lines(self, parameters: list[float]) -> list[str]:
-        """Lines of the program's results, its numbers among the ``parameters``."""
+        """Lines of the program that compute its results; their constants are appended to ``parameters``."""
         targets = [(f"out[{k}]", x) for k, x in enumerate(self.columns.values())]
         return self.code.written([(target, x.re if isinstance(x, Symbol) else float(x)) for target, x in targets], parameters)
 
 
 class _NoAngles(GivenLinkAngles):
-    """Angles that would have to be followed."""
+    """Link angles counted over turns, which a function of the drives cannot give: `link` raises `Untraceable`."""
 
     def __init__(self, compiled: Compiled):
         super().__init__(compiled.model, compiled.angles.start, compiled.angles.exact)

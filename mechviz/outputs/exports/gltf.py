@@ -1,7 +1,7 @@
 """The moving mechanism as a binary glTF 2.0 file (GLB): solids, springs, arrows of forces, traced paths and an animation.
 
-Any viewer of glTF plays it. Not in it: names and plots, of which glTF knows nothing, and constructions such as polygons and
-centrodes. Belts are solids that stand still, with marks that run along them.
+Any glTF viewer plays it. It does not contain names and plots, which glTF does not support, nor constructions such as polygons and
+centrodes. Belts are solids at rest, with marks that run along them.
 """
 
 from __future__ import annotations
@@ -24,15 +24,15 @@ from mechviz.picture.proportions import about_z
 Array = NDArray[Any]
 
 FLOAT_TYPE, SHORT_TYPE, INT_TYPE = 5126, 5123, 5125  # component types
-VERTEX_BUFFER, INDEX_BUFFER = 34962, 34963  # what a buffer view is for
+VERTEX_BUFFER, INDEX_BUFFER = 34962, 34963  # targets of buffer views
 LINE_STRIP = 3
 ACCESSOR_TYPES = {1: "SCALAR", 3: "VEC3", 4: "VEC4"}
 METALLIC_FACTOR, ROUGHNESS_FACTOR = 0.25, 0.55
 
 
 def export_glb(shown: Presentation, path: Path | str, *, arrows: Iterable[str] = ARROW_FAMILIES) -> Path:
-    """Write what is shown of a run or of a recording as GLB: metres, y up, one node a link, one animation over the whole run in its
-    own time. ``arrows``: families."""
+    """Write the presentation of a run or a recording as GLB: metres, y up, one node per link, one animation over the whole run in
+    real time. ``arrows``: families."""
     data = glb_bytes(shown, arrows=arrows)
     with replacing(Path(path)) as temporary:
         temporary.write_bytes(data)
@@ -40,7 +40,7 @@ def export_glb(shown: Presentation, path: Path | str, *, arrows: Iterable[str] =
 
 
 def glb_bytes(shown: Presentation, *, arrows: Iterable[str] = ARROW_FAMILIES) -> bytes:
-    """The GLB file of what is shown (glTF 2.0 specification, sections 3 and 4)."""
+    """The GLB file of a presentation (glTF 2.0 specification, sections 3 and 4)."""
     picture = shown.picture
     out = _Writer()
     tree = _Tree(out, out.accessor(_rising(picture.time), bounds=True), shown.name)
@@ -52,9 +52,9 @@ def glb_bytes(shown: Presentation, *, arrows: Iterable[str] = ARROW_FAMILIES) ->
         moves = {"translation": _translations(pose), "rotation": about_z(pose[:, 2])}
         spins = None if body is None else body.poses
         numbers[name] = tree.add(name, 0, mesh if spins is None else None, **moves)
-        if spins is not None:  # below its link the solid turns about an axis in the plane
+        if spins is not None:  # a child node for the solid, which turns about an axis in the plane of motion
             tree.add(f"{name} solid", numbers[name], mesh, translation=spins.places, rotation=spins.turns)
-    shapes: dict[Any, int] = {}  # marks of a belt are all alike
+    shapes: dict[Any, int] = {}  # marks of a belt have the same mesh
     for body in picture.of(Body, "roller", "belt", "springs", "sheet"):
         name, poses = body.key.replace(".", " ", 1), body.poses
         key = (body.group, body.mesh.vertices.tobytes())
@@ -65,7 +65,7 @@ def glb_bytes(shown: Presentation, *, arrows: Iterable[str] = ARROW_FAMILIES) ->
         tree.add(name, numbers[body.parent] if body.parent else 0, shapes[key], **placed, **scaled)
     for mark in find_marks(shown, arrows):
         _add_mark(tree, mark, 0)
-    for path in picture.of(Lines, "paths", "ink"):  # of ink what is drawn in the end
+    for path in picture.of(Lines, "paths", "ink"):  # of ink the final drawing
         stroke = out.material(path.colors[0], line=True)
         lines = [
             {
@@ -91,7 +91,7 @@ def glb_bytes(shown: Presentation, *, arrows: Iterable[str] = ARROW_FAMILIES) ->
 
 
 def _add_mark(tree: _Tree, mark: MarkNode, parent: int) -> None:
-    """A node with what moves it, and those below it."""
+    """Add a node with its animation, and its children."""
     mesh = None
     if mark.shape is not None:
         mesh = tree.out.mesh(mark.name, [_shown(tree.out, mark.shape)])
@@ -105,7 +105,7 @@ def _add_mark(tree: _Tree, mark: MarkNode, parent: int) -> None:
 
 
 class _Tree:
-    """The nodes of a file, the first of them their root, and what moves them."""
+    """The nodes of a file, the first of which is the root, and their animation."""
 
     def __init__(self, out: _Writer, times: int, name: str) -> None:
         self.out = out
@@ -115,8 +115,8 @@ class _Tree:
         self._times = times
 
     def add(self, name: str, parent: int, mesh: int | None = None, **moves: Array) -> int:
-        """The number of a new node. ``moves``: its translation, rotation and scale (F, 3 or 4) and the weights (F, T) of its mesh's
-        targets; at rest where they do not change."""
+        """Add a node and return its number. ``moves``: its translation, rotation and scale (F, 3 or 4), and the weights (F, T) of
+        the morph targets of its mesh; only those that change are animated."""
         number = len(self.nodes)
         node: dict[str, Any] = {"name": name} | ({} if mesh is None else {"mesh": mesh})
         self.nodes[parent].setdefault("children", []).append(number)
@@ -132,7 +132,7 @@ class _Tree:
 
 
 class _Writer:
-    """Collects the binary data of a file with what describes them."""
+    """Collects the binary data of a file and their descriptions."""
 
     def __init__(self) -> None:
         self._binary = bytearray()
@@ -142,7 +142,8 @@ class _Writer:
         self._materials: list[dict[str, Any]] = []
 
     def accessor(self, values: Array, *, target: int | None = None, bounds: bool = False) -> int:
-        """Values (n,) or (n, width) as float32, or as indices where they are integers; ``bounds``: with least and greatest."""
+        """The number of a new accessor of values (n,) or (n, width), stored as float32, or as indices if they are integers;
+        ``bounds``: with minimum and maximum."""
         values = np.asarray(values)
         if values.dtype.kind in "ui":
             kind = SHORT_TYPE if values.max(initial=0) < 65535 else INT_TYPE  # 65535 itself would restart a strip
@@ -161,7 +162,7 @@ class _Writer:
             "count": len(data),
             "type": ACCESSOR_TYPES[width],
         }
-        if bounds:  # of the values as they are stored
+        if bounds:  # of the stored values
             flat = data.reshape(-1, width)
             entry |= {"min": flat.min(axis=0).tolist(), "max": flat.max(axis=0).tolist()}
         self._views.append(view)
@@ -169,7 +170,7 @@ class _Writer:
         return len(self._accessors) - 1
 
     def weigh(self, mesh: int, weights: list[float]) -> None:
-        """How much of its targets a mesh shows at first."""
+        """Set the initial weights of the morph targets of a mesh."""
         self._meshes[mesh]["weights"] = weights
 
     def mesh(self, name: str, primitives: list[dict[str, Any]]) -> int:
@@ -177,7 +178,7 @@ class _Writer:
         return len(self._meshes) - 1
 
     def material(self, color: tuple[int, ...], *, line: bool = False, both: bool = False) -> int:
-        """A material of a colour (0-255); a line shines by itself, for it has no normals; ``both``: seen from both sides."""
+        """The number of a material of a colour (0-255); a ``line`` is emissive, for it has no normals; ``both``: double-sided."""
         linear = [round(_linear(c / 255.0), 6) for c in color[:3]]
         look: dict[str, Any] = {
             "pbrMetallicRoughness": {
@@ -206,7 +207,7 @@ class _Writer:
 
 
 def _primitives(out: _Writer, solid: Mesh) -> Iterator[dict[str, Any]]:
-    """A solid in pieces of one colour each, which are of one material each."""
+    """The primitives of a solid, one for each colour."""
     for color, chosen, faces in solid.pieces():
         yield _primitive(out, solid.vertices[chosen], solid.normals[chosen], faces, out.material(color))
 
@@ -223,7 +224,7 @@ def _primitive(out: _Writer, vertices: Array, normals: Array, faces: Array, mate
 
 
 def _shown(out: _Writer, shape: MarkShape) -> dict[str, Any]:
-    """Material of a mark; flat ones are seen from both sides."""
+    """The primitive of a mark; flat marks are double-sided."""
     material = out.material(shape.color, both=bool(np.ptp(shape.vertices[:, 2]) == 0.0))
     primitive = _primitive(out, shape.vertices, shape.normals, shape.faces, material)
     if shape.targets is not None:
@@ -232,7 +233,7 @@ def _shown(out: _Writer, shape: MarkShape) -> dict[str, Any]:
 
 
 def _rising(time: Real) -> Real:
-    """Times of key frames: from zero, as animations are."""
+    """Times of key frames [s], starting at zero as in animations."""
     return np.asarray(time, float) - float(time[0])
 
 
@@ -241,5 +242,5 @@ def _translations(pose: Real) -> Real:
 
 
 def _linear(value: float) -> float:
-    """A channel of sRGB (0 to 1) as light (IEC 61966-2-1)."""
+    """A channel of sRGB (0 to 1) as linear light (IEC 61966-2-1)."""
     return value / 12.92 if value <= 0.04045 else ((value + 0.055) / 1.055) ** 2.4

@@ -1,8 +1,8 @@
-"""Arrows of forces, moments, dampers, gas springs and torsion springs in a GLB file: nodes that are moved, turned and stretched.
+"""Arrows of forces, moments, dampers, gas springs and torsion springs in a GLB file, as animated nodes.
 
-glTF animates nodes by translation, rotation and scale, and meshes by weights of morph targets; nothing else. So an arrow is a shaft
-that is stretched and a head that goes along; a moment is an arc that grows, and is mirrored where it turns clockwise; a torsion
-spring is a ribbon between a few windings of it.
+glTF animates nodes only by translation, rotation and scale, and meshes by weights of morph targets. So an arrow is a shaft that is
+stretched and a head that moves with its end; a moment is an arc that grows, mirrored if it is clockwise; a torsion spring is a
+ribbon interpolated between a few shapes with different angles of winding.
 """
 
 from __future__ import annotations
@@ -37,19 +37,19 @@ from mechviz.picture.surface_marks import held
 from mechviz.quantities.vectors import VECTOR_FAMILIES
 
 ARROW_FAMILIES = ("reaction", "applied", "inertia", "friction", "drive")
-"""Families of arrows that are written unless others are asked for."""
+"""Families of arrows that are written by default."""
 
 RIBBON_WIDTH = 0.008  # width of the ribbon of a torsion spring, in sizes of the mechanism
-ROUND_SIDES = 16  # sides of what is round
+ROUND_SIDES = 16  # sides of solids of revolution
 ARC_TURN = 1.5 * np.pi  # of a moment's arc [rad]
 ARC_STEPS = 48
-LEAST_SCALE = 1e-4  # scale of what is too small to be seen: glTF has no nodes that come and go
-MOST_TARGETS = 8  # of a morph: so many any viewer can do
+LEAST_SCALE = 1e-4  # scale of hidden nodes: glTF cannot hide nodes over time
+MOST_TARGETS = 8  # number of morph targets, which any viewer supports
 
 
 @dataclass(frozen=True, eq=False)
 class MarkShape:
-    """A mesh: ``vertices`` and unit ``normals`` (V, 3), ``faces`` (N, 3); ``targets`` (T, V, 3): what is added to the vertices."""
+    """A mesh: ``vertices`` and unit ``normals`` (V, 3), ``faces`` (N, 3); ``targets`` (T, V, 3): displacements of morph targets."""
 
     vertices: Real
     normals: Real
@@ -60,8 +60,8 @@ class MarkShape:
 
 @dataclass(frozen=True, eq=False)
 class MarkNode:
-    """A node: how it is moved at every frame (F, 3), turned about z (F,) [rad], scaled (F, 3), what it shows, and nodes below it.
-    ``weights`` (F, T) of the targets of its shape. None: not at all."""
+    """A node: positions ``places`` (F, 3) [m], rotations ``turns`` (F,) about z [rad], ``scales`` (F, 3), its ``shape``, the
+    ``weights`` (F, T) of its morph targets, and its children ``below``. None: without."""
 
     name: str
     places: Real | None = None
@@ -73,7 +73,7 @@ class MarkNode:
 
 
 def find_marks(shown: Presentation, families: Iterable[str] = ARROW_FAMILIES) -> list[MarkNode]:
-    """The arrows and moments of some families, the struts, bushings and torsion springs of what is shown."""
+    """The arrows and moments of some families, and the struts, bushings and torsion springs of a presentation."""
     wanted, picture = set(families), shown.picture
     marks = []
     for arrow in (a for a in picture.of(Arrow) if a.group in wanted):
@@ -94,7 +94,7 @@ def _largest(values: Real) -> float:
 
 # -- arrows and moments -----------------------------------------------------------------------------------------------
 def _arrow(name: str, origin: Real, vector: Real, height: float, size: float, color: Color) -> MarkNode:
-    """An arrow along ``vector`` (F, 2) [m]; one that is shorter than its head is a smaller one."""
+    """An arrow along ``vector`` (F, 2) [m]; one shorter than `LEAST_ARROW` is scaled down as a whole."""
     known = np.asarray(np.isfinite(np.column_stack([origin, vector])).all(axis=1), bool)
     length = np.where(known, np.hypot(vector[:, 0], vector[:, 1]), 0.0)
     whole = LEAST_ARROW * size
@@ -119,7 +119,7 @@ def _arrow(name: str, origin: Real, vector: Real, height: float, size: float, co
 
 
 def _moment(name: str, arc: MomentArc, part: Real, size: float, color: Color) -> MarkNode:
-    """An arc, as large as the ``part`` (F,) of the largest moment, mirrored where it is negative."""
+    """An arc scaled by ``part`` (F,), the ratio to the largest moment, mirrored where it is negative."""
     origin = arc.moment.origin
     known = np.logical_and(np.isfinite(origin).all(axis=1), np.isfinite(part))
     size_of = np.where(known, part, 0.0)
@@ -131,7 +131,7 @@ def _moment(name: str, arc: MomentArc, part: Real, size: float, color: Color) ->
 
 # -- springs and dampers ----------------------------------------------------------------------------------------------
 def _strut_glyphs(shown: Presentation) -> list[MarkNode]:
-    """The loads that the picture draws as lines between links: what moves as a whole is a solid here."""
+    """The loads that the picture draws as lines between links, as solids: struts, bushings and torsion springs."""
     picture, loads = shown.picture, shown.catalogue.numbers.loads
     size, top = picture.size, picture.top
     marks: list[MarkNode] = []
@@ -154,7 +154,7 @@ def _strut_glyphs(shown: Presentation) -> list[MarkNode]:
 
 
 def _bushing(name: str, centre: Real, place: Real, angle: Real, size: float, height: float) -> list[MarkNode]:
-    """A ring about ``centre`` and a cross at ``place`` (F, 2), turned by ``angle`` (F,)."""
+    """A ring about ``centre`` (F, 2) and a cross at ``place`` (F, 2) [m], rotated by ``angle`` (F,) [rad]."""
     half, around = 0.5 * RIBBON_WIDTH * size, np.exp(1j * np.linspace(0.0, 2.0 * np.pi, RING_POINTS))
     radius = BUSHING_RADIUS * size
     ring = np.stack([(radius + half) * around, (radius - half) * around], axis=1).ravel()
@@ -172,7 +172,7 @@ def _bushing(name: str, centre: Real, place: Real, angle: Real, size: float, hei
 
 
 def _strut(name: str, a: Real, b: Real, size: float, height: float) -> list[MarkNode]:
-    """A cylinder that hangs at ``a`` (F, 2) and a rod at ``b``, which keep their lengths: the rod goes into the cylinder."""
+    """A cylinder at ``a`` (F, 2) and a rod at ``b`` (F, 2) [m], of constant lengths: the rod moves into the cylinder."""
     d = b - a
     length = np.hypot(*d.T)
     least, most = float(np.nanmin(length)), float(np.nanmax(length))
@@ -190,7 +190,8 @@ def _strut(name: str, a: Real, b: Real, size: float, height: float) -> list[Mark
 
 
 def _spiral(name: str, centre: Real, start: Real, angle: Real, size: float, top: float) -> MarkNode:
-    """A ribbon that begins at the angle ``start`` (F,) inside and is ``angle`` (F,) [rad]: morph targets between its windings."""
+    """A spiral ribbon whose inner end is at the angle ``start`` (F,) and that subtends ``angle`` (F,) [rad], interpolated between
+    morph targets."""
     low, high = float(angle.min()), float(angle.max())
     grid = np.linspace(low, high, 1 + MOST_TARGETS) if high - low > 1e-6 else np.array([low])
     part = np.linspace(0.0, 1.0, ARC_STEPS * 3)
@@ -202,7 +203,7 @@ def _spiral(name: str, centre: Real, start: Real, angle: Real, size: float, top:
     if len(grid) == 1:
         return MarkNode(name, places, start, shape=shape)
     targets = np.stack([np.column_stack([(w - edges[0]).real, (w - edges[0]).imag, np.zeros(len(w))]) for w in edges[1:]])
-    at = (angle - low) / (high - low) * MOST_TARGETS  # between which two windings, and how far: a hat over each target
+    at = (angle - low) / (high - low) * MOST_TARGETS  # position among the targets; weights are hat functions
     weights = np.clip(1.0 - np.abs(at[:, None] - np.arange(1, MOST_TARGETS + 1)), 0.0, 1.0)
     shape = MarkShape(shape.vertices, shape.normals, shape.faces, shape.color, targets)
     return MarkNode(name, places, start, shape=shape, weights=weights)
@@ -210,7 +211,7 @@ def _spiral(name: str, centre: Real, start: Real, angle: Real, size: float, top:
 
 # -- meshes -----------------------------------------------------------------------------------------------------------
 def _turned(profile: list[tuple[float, float]], color: Color) -> MarkShape:
-    """A solid of revolution about the x axis through (radius, x), with an edge at every corner; open at its ends."""
+    """A surface of revolution about the x axis with a profile (radius, x), with a sharp edge at every corner; open at its ends."""
     vertices: list[Real] = []
     normals: list[Real] = []
     faces: list[Any] = []
@@ -219,7 +220,7 @@ def _turned(profile: list[tuple[float, float]], color: Color) -> MarkShape:
     k, after = np.arange(ROUND_SIDES), np.roll(np.arange(ROUND_SIDES), -1)
     for (r0, x0), (r1, x1) in pairwise(profile):
         start = sum(len(v) for v in vertices)
-        lean = np.array([r0 - r1, x1 - x0]) / np.hypot(r0 - r1, x1 - x0)  # along x, outward
+        lean = np.array([r0 - r1, x1 - x0]) / np.hypot(r0 - r1, x1 - x0)  # the normal: its axial and radial component
         for r, x in ((r0, x0), (r1, x1)):
             vertices.append(r * ring + [x, 0.0, 0.0])
             normals.append(lean[1] * ring + [lean[0], 0.0, 0.0])
@@ -229,6 +230,6 @@ def _turned(profile: list[tuple[float, float]], color: Color) -> MarkShape:
 
 
 def _flat(z: Complex, faces: object, color: Color) -> MarkShape:
-    """Something flat, seen from the front."""
+    """A flat shape of points (V,) x + iy, facing z."""
     vertices = np.column_stack([z.real, z.imag, np.zeros(len(z))])
     return MarkShape(vertices, np.tile([0.0, 0.0, 1.0], (len(z), 1)), np.asarray(faces, np.uint32), color)

@@ -1,5 +1,5 @@
-"""The solids of a mechanism and what is fixed to them as files to print: one STL a link, or one 3MF; and a kit of it: plates for a
-laser (DXF, SVG), all bodies laid flat to print (3MF), and the list of parts."""
+"""The solids of a mechanism, with fixtures, as files for 3D printing: one STL per link, or one 3MF; and a kit: plates for laser
+cutting (DXF, SVG), all bodies laid flat for printing (3MF), and the list of parts."""
 
 from __future__ import annotations
 
@@ -36,11 +36,11 @@ _PACKAGE_RELATIONS = """<?xml version="1.0" encoding="UTF-8"?>
 <Relationship Target="/3D/3dmodel.model" Id="rel0" Type="http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel"/>
 </Relationships>
 """
-_ENTRY_DATE = (1980, 1, 1, 0, 0, 0)  # of the entries of the archive: the same run gives the same file
+_ENTRY_DATE = (1980, 1, 1, 0, 0, 0)  # of the entries of the archive: equal runs give equal files
 
 
 def model_xml(run: Run, solids: Solids) -> str:
-    """The model part of the file."""
+    """The model part of the 3MF file, with all links in their poses at the start. Raises `OutputError` if a pose is not finite."""
     title = quoteattr(run.scene.title or run.scene.name)[1:-1]
     lines = [
         '<?xml version="1.0" encoding="UTF-8"?>',
@@ -64,7 +64,7 @@ def model_xml(run: Run, solids: Solids) -> str:
         c, s = np.cos(angle), np.sin(angle)
         if not np.isfinite([x, y, angle]).all():
             raise OutputError(f"'{name}' has no place at the start of the run.", "Let the run start where the mechanism can stand.")
-        if solid.spin is not None:  # it stands at angle zero of its own axis
+        if solid.spin is not None:  # drawn at angle zero about its own axis
             c, s = 1.0, 0.0
         numbers = (c, s, 0.0, -s, c, 0.0, 0.0, 0.0, 1.0, 1e3 * x, 1e3 * y, 0.0)
         items.append(f'<item objectid="{k + 2}" transform="{" ".join(f"{v:.9g}" for v in numbers)}"/>')
@@ -72,8 +72,8 @@ def model_xml(run: Run, solids: Solids) -> str:
 
 
 def _printed(run: Run, solids: Solids) -> Iterator[tuple[str, Solid, trimesh.Trimesh]]:
-    """Every link that is drawn, with its solid and the watertight mesh [m] of that and of what is fixed to it: bars and
-    posts of the ground, seats, anvils, wheels."""
+    """Every link that is drawn, with its solid and the watertight mesh [m] of the solid and its fixtures: bars and posts of the
+    ground, seats, anvils, wheels."""
     import trimesh
 
     fixtures = find_fixtures(run, solids, find_coils(run, solids))
@@ -109,7 +109,7 @@ def write_3mf(path: Path, text: str) -> None:
 
 
 def export_stl(run: Run, folder: Path | str, *, solids: Solids | None = None) -> list[Path]:
-    """Write one binary STL per link, in millimetres and in the link's own frame, into a folder that is made if need be."""
+    """Write one binary STL per link, in millimetres and in the link's own frame, into a folder, which is created if necessary."""
     written: list[Path] = []
     with replacing_in(Path(folder)) as temporary:
         for name, _, mesh in _printed(run, solids or solids_of(run)):
@@ -119,7 +119,7 @@ def export_stl(run: Run, folder: Path | str, *, solids: Solids | None = None) ->
 
 
 def _free_name(folder: Path, link: str, taken: list[Path]) -> Path:
-    """A file name for a link: without characters that file systems object to, and not used for another link already."""
+    """A file name for a link: without characters that file systems reject, and not used for another link."""
     stem = re.sub(r"[^\w.\-]+", "_", link).strip(".") or "link"
     path, n = folder / f"{stem}.stl", 2
     while any(path.name.lower() == t.name.lower() for t in taken):
@@ -128,13 +128,13 @@ def _free_name(folder: Path, link: str, taken: list[Path]) -> Path:
 
 
 SHEET_WIDTH = 220.0  # of a sheet or a print bed [mm]
-_SAME_LENGTH = 1e-3  # [mm]
+_SAME_LENGTH = 1e-3  # [mm] distance up to which two points coincide
 
 PlacedParts = Sequence[tuple[FlatPart, float, float]]
 
 
 def export_kit(run: Run, folder: Path | str, thickness: float, clearance: float, washer: float) -> list[Path]:
-    """Write ``plates.dxf``, ``plates.svg``, ``kit.3mf`` and ``parts.csv`` into a folder that is made if need be.
+    """Write ``plates.dxf``, ``plates.svg``, ``kit.3mf`` and ``parts.csv`` into a folder, which is created if necessary.
 
     Lengths in mm, see `kit_of`.
     """
@@ -151,7 +151,7 @@ def export_kit(run: Run, folder: Path | str, thickness: float, clearance: float,
 
 
 def list_text(parts: Sequence[FlatPart]) -> str:
-    """The list of parts as a table: name, kind, number, thickness or length [mm], size [mm]."""
+    """The list of parts as a table: name, kind, count, thickness or length [mm], width and height [mm]."""
     rows = ["name,kind,count,thickness [mm],width [mm],height [mm]"]
     for part in parts:
         x0, y0, x1, y1 = part.outline.bounds
@@ -164,7 +164,7 @@ def parts_dxf(placed: PlacedParts) -> str:
     """Outlines and holes of parts (DXF, millimetres) on the layer CUT, round holes as circles; names on the layer NAME."""
     import ezdxf
 
-    ezdxf.options.write_fixed_meta_data_for_testing = True  # the same kit gives the same file
+    ezdxf.options.write_fixed_meta_data_for_testing = True  # equal kits give equal files
     drawing = ezdxf.new("R2004", units=4)
     drawing.layers.add("CUT", color=1)
     drawing.layers.add("NAME", color=5)
@@ -182,7 +182,7 @@ def parts_dxf(placed: PlacedParts) -> str:
 
 
 def parts_svg(placed: PlacedParts) -> str:
-    """The same as a drawing true to scale (SVG, millimetres): cuts in red, names in blue."""
+    """Outlines and holes of parts as a drawing to scale (SVG, millimetres): cuts in red, names in blue."""
     bounds = np.array([[v + (dx, dy)[k % 2] for k, v in enumerate(part.outline.bounds)] for part, dx, dy in placed])
     wide, tall = float(bounds[:, 2].max()), float(bounds[:, 3].max())
     lines = []
@@ -202,7 +202,7 @@ def parts_svg(placed: PlacedParts) -> str:
 
 
 def model_text(title: str, placed: PlacedParts) -> str:
-    """All parts as bodies of their own that lie flat, pins upright: the model part of a 3MF file."""
+    """The model part of a 3MF file with all parts as separate bodies, lying flat, pins upright."""
     import trimesh
 
     lines = [
@@ -227,7 +227,7 @@ def model_text(title: str, placed: PlacedParts) -> str:
 
 
 def _rings(part: FlatPart) -> list[Any]:
-    """The outline and the holes (n, 2) [mm] that are no circles."""
+    """The outline and the holes other than circles, as rings (n, 2) [mm]."""
     rings = [part.outline.exterior]
     for ring in part.outline.interiors:
         centre = ring.centroid

@@ -27,21 +27,21 @@ from mechviz.runs import Run, package_version
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-ROWS_AT_ONCE = 2000  # written at once
+ROWS_AT_ONCE = 2000  # rows written at once
 MOST_ROWS = 10_000_000
 
 
 def wide_table(run: Run, times: Real | None = None) -> dict[str, Real]:
     """All results of a run as columns (F,) under names with units, such as ``crank.x [m]``; ``time [s]`` comes first.
 
-    With ``times`` (n,) [s] the columns (n,) are read between the frames, by the interpolation that the run's accuracy states; next
-    to impacts and whatever else jumps, through which no polynomial goes, they are solved for. What was not computed is left out.
+    With ``times`` (n,) [s] the columns (n,) are interpolated between the frames by the method of the run's accuracy; near impacts
+    and other jumps, across which polynomials are not valid, they are solved for. Quantities that were not computed are left out.
     """
     at_frames = np.asarray(run.motion.time, float)
     beside, solved = _beside_jumps(run, times)
     columns: dict[str, Real] = {"time [s]": at_frames if times is None else np.asarray(times, float)}
     tables = run.numbers.tables.values()
-    for table in sorted(tables, key=lambda t: t.path[:2] != ("data", "drive")):  # drives first, the rest as it comes
+    for table in sorted(tables, key=lambda t: t.path[:2] != ("data", "drive")):  # drives first, the others in their order
         rows = table.values
         if times is not None:
             rows = read_between(table.path, at_frames, lambda path: run.numbers.values(*path), times, run.accuracy.interpolation)
@@ -49,7 +49,7 @@ def wide_table(run: Run, times: Real | None = None) -> dict[str, Real]:
                 rows = rows.copy()
                 rows[beside] = solved[table.path].values
         for name, values in zip(table.headers(), rows.T, strict=True):
-            while name in columns:  # a link may be named so that its columns look like a joint's
+            while name in columns:  # a link may have a name that gives its columns the name of a joint's
                 name += "'"
             if not np.isnan(values).all():
                 columns[name] = values
@@ -57,14 +57,14 @@ def wide_table(run: Run, times: Real | None = None) -> dict[str, Real]:
 
 
 def _beside_jumps(run: Run, times: Real | None) -> tuple[Index, Mapping[tuple[str, ...], ItemTable]]:
-    """Which of some times (n,) [s] a polynomial through frames would read across a jump, and the tables of the run there. Works
-    so far and health are known at frames only."""
+    """Indices of the times (n,) [s] at which a polynomial through frames would extend across a jump, and the tables of the run
+    solved at these times. Accumulated work and health are known at frames only."""
     order, motion, forces = run.accuracy.interpolation, run.motion, run.forces
     nothing: tuple[Index, Mapping[tuple[str, ...], ItemTable]] = np.zeros(0, int), {}
     if times is None or motion.again is None or order == 0 or run.accuracy.differentiation != "exact":
         return nothing
     pairs = sides_of_jumps(motion, None if run.simulation is None else run.simulation.jumps)
-    time, count = np.asarray(motion.time, float), min(order + 1, motion.frames)  # frames that decide a value
+    time, count = np.asarray(motion.time, float), min(order + 1, motion.frames)  # number of frames that determine a value
     first = np.clip(np.searchsorted(time, times, side="right") - count // 2, 0, motion.frames - count)
     low, high = time[first], time[first + count - 1]
     beside = np.flatnonzero(np.searchsorted(pairs[:, 1], low) < np.searchsorted(pairs[:, 0], high, side="right"))
@@ -78,8 +78,8 @@ def _beside_jumps(run: Run, times: Real | None) -> tuple[Index, Mapping[tuple[st
 
 
 def even_times(run: Run, step: float) -> Real:
-    """Times (n,) [s] in steps from the start of a run to its end; raises `MechanismError` for a step that is none, or longer than
-    the run."""
+    """Times (n,) [s] in equal steps from the start of a run to its end. Raises `MechanismError` for a step that is not positive,
+    too short, or longer than the run."""
     start, end = float(run.motion.time[0]), float(run.motion.time[-1])
     takes = end - start
     if not (np.isfinite(step) and step > 0.0 and (takes == 0.0 or 1.0 - 1e-12 <= takes / step <= MOST_ROWS)):
@@ -89,7 +89,7 @@ def even_times(run: Run, step: float) -> Real:
 
 
 def export_csv(run: Run, path: Path | str, times: Real | None = None) -> Path:
-    """Write all results as one table; every number in the shortest form that reads back bit for bit; ``times`` as there."""
+    """Write all results as one table, with numbers in the shortest form that reads back exactly; ``times`` as in `wide_table`."""
     columns = wide_table(run, times)
     values = np.column_stack(list(columns.values()))
     with replacing(Path(path)) as temporary, open(temporary, "w", encoding="utf-8", newline="") as file:
@@ -100,7 +100,7 @@ def export_csv(run: Run, path: Path | str, times: Real | None = None) -> Path:
 
 
 def export_parquet(run: Run, path: Path | str, times: Real | None = None) -> Path:
-    """Write the same table as Parquet, with the scene, the connectivity and mechviz' version in the file's metadata."""
+    """Write the same table as Parquet, with the scene, the connectivity and the version of mechviz in the file's metadata."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
@@ -117,13 +117,13 @@ def export_parquet(run: Run, path: Path | str, times: Real | None = None) -> Pat
 
 
 def _quoted(name: str) -> str:
-    """A CSV field, quoted where it has to be."""
+    """A CSV field, quoted if necessary."""
     return '"' + name.replace('"', '""') + '"' if re.search(r'[",\r\n]', name) else name
 
 
 PANEL_SIZE = 7.0, 2.4  # width and height of a plot [in]
 PLOT_FORMATS = ("CSV", "SVG", "PNG")
-DESIGN_DASHES = ("--", ":", "-.")  # of other designs, and again
+DESIGN_DASHES = ("--", ":", "-.")  # of other designs, repeated cyclically
 
 
 ANGLE_TICK_STEPS = (1.0, 1.5, 3.0, 4.5, 6.0, 9.0, 10.0)  # steps between ticks, times a power of ten
@@ -136,8 +136,8 @@ def plot_figure(
     others: Mapping[str, Real] | None = None,
     half: Real | None = None,
 ) -> Figure:
-    """A figure of matplotlib with a panel for each quantity; in the first one, dashed, ``others``: the same curves (F, k) of other
-    designs by their names, and pale bands of ``half`` widths (F, k)."""
+    """A matplotlib figure with a panel for each quantity; in the first one also ``others``, the same curves (F, k) of other designs
+    by name, dashed, and pale bands of half width ``half`` (F, k)."""
     width, height = PANEL_SIZE
     beside = others or {}
     with chart(width, height * len(quantities) + 0.8) as figure:
@@ -170,8 +170,8 @@ def plot_file(
     others: Mapping[str, Real] | None = None,
     half: Real | None = None,
 ) -> bytes:
-    """A plot as a file of one of ``PLOT_FORMATS``; a table has the axis first, in the units that the plot shows, and last
-    ``others``: the same curves (F, k) of other designs by their names, and ``half`` the widths (F, k) of tolerance bands."""
+    """A plot as a file of one of ``PLOT_FORMATS``. A table has the axis first, in the units of the plot, then the curves, then
+    ``others``, the same curves (F, k) of other designs by name, and ``half``, half the widths (F, k) of tolerance bands."""
     if kind == "CSV":
         text = StringIO()
         rows = csv.writer(text)
@@ -189,4 +189,4 @@ def plot_file(
         figure.savefig(stream, format="png", dpi=DOTS_AN_INCH)
         return stream.getvalue()
     finally:
-        figure.clear()  # else all of it stays until the next collection of what refers to itself
+        figure.clear()  # otherwise it stays in memory until the next garbage collection of reference cycles

@@ -1,4 +1,4 @@
-"""Chromium without a window, driven through a pipe (Chrome DevTools Protocol): no port, no driver, no other package."""
+"""Headless Chromium, controlled through a pipe (Chrome DevTools Protocol): no port, no driver, no other package."""
 
 from __future__ import annotations
 
@@ -34,22 +34,22 @@ CHROMIUM_ARGUMENTS = (
     "--disable-sync",
     "--hide-scrollbars",
     "--mute-audio",
-    "--use-gl=angle",  # draws in software, the same on every machine
+    "--use-gl=angle",  # software rendering, the same on every machine
     "--use-angle=swiftshader",
     "--enable-unsafe-swiftshader",
-    "--disable-gpu-compositing",  # the page around the picture would be drawn by that emulated card, too: a quarter more work
+    "--disable-gpu-compositing",  # otherwise the software renderer also draws the page around the picture: a quarter more work
     "--disable-gpu-rasterization",
 )
 
 
 class ChromiumError(OutputError):
-    """Chromium is not there, or does not do what it is asked."""
+    """Chromium is not installed, or has failed."""
 
     code = 1
 
 
 def find_chromium() -> str:
-    """The path of Chromium or Chrome; the environment variable MECHVIZ_CHROMIUM goes first. Raises `ChromiumError`."""
+    """The path of Chromium or Chrome; the environment variable MECHVIZ_CHROMIUM has priority. Raises `ChromiumError`."""
     wanted = os.environ.get(CHROMIUM_VARIABLE)
     program = shutil.which(wanted) if wanted else next((path for name in CHROMIUM_NAMES if (path := shutil.which(name))), None)
     if program is None:
@@ -67,7 +67,7 @@ def find_chromium() -> str:
 
 
 class Chromium:
-    """A headless browser with one page. Use it as a context manager: leaving ends the browser and removes its profile."""
+    """A headless browser with one page, as a context manager: the exit ends the browser and removes its profile."""
 
     def __init__(self, width: int, height: int, *, dark: bool = False):
         self._size, self._dark = (width, height), dark
@@ -103,10 +103,10 @@ class Chromium:
         shutil.rmtree(self._profile, ignore_errors=True)
 
     def _start(self, executable: str) -> None:
-        """Chromium reads from its descriptor 3 and writes to 4. As root, as in most containers, it has no sandbox."""
+        """Start Chromium, which reads from its descriptor 3 and writes to 4; without a sandbox for root, as in most containers."""
         theirs, self._to = os.pipe()
         self._from, reply = os.pipe()
-        high = [fcntl.fcntl(end, fcntl.F_DUPFD_CLOEXEC, 10) for end in (theirs, reply)]  # out of the way of 3 and 4
+        high = [fcntl.fcntl(end, fcntl.F_DUPFD_CLOEXEC, 10) for end in (theirs, reply)]  # not 3 or 4
 
         def connect() -> None:
             os.dup2(high[0], 3)
@@ -121,7 +121,7 @@ class Chromium:
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.DEVNULL,
                 stderr=subprocess.DEVNULL,
-                start_new_session=True,  # Ctrl-C is ours: the browser is ended in order
+                start_new_session=True,  # Ctrl-C does not reach the browser: `__exit__` ends it
             )
         finally:
             for end in (theirs, reply, *high):
@@ -137,7 +137,7 @@ class Chromium:
         self.call("Page.enable")
 
     def go(self, page: Path) -> None:
-        """Open a file and wait until it has loaded."""
+        """Open a file and wait until the page has loaded."""
         self.call("Page.navigate", url=page.resolve().as_uri())
         self._await(lambda message: message.get("method") == "Page.loadEventFired")
 
@@ -155,7 +155,7 @@ class Chromium:
         return base64.b64decode(self.call("Page.captureScreenshot", format="png")["data"])
 
     def call(self, method: str, **parameters: object) -> dict[str, Any]:
-        """Ask for something and wait for the answer."""
+        """The result of a method of the protocol. Raises `ChromiumError`."""
         self._number += 1
         message: dict[str, Any] = {"id": self._number, "method": method, "params": parameters}
         if self._session is not None:

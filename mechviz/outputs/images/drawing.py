@@ -1,4 +1,4 @@
-"""A drawing (SVG) of the mechanism seen from the front at a moment, without a browser: parts, paths, arrows and names."""
+"""A front view of the mechanism at an instant as a drawing (SVG), without a browser: parts, paths, arrows and names."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from mechviz.outputs.page.pack import MOST_FRAMES, PackProgress, quiet, unpack
 from mechviz.outputs.page.page import show_text
 from mechviz.outputs.presentation import Presentation
 
-LEAST_FACING = 0.2  # least z of a face's normal that is drawn: what looks towards the eye
+LEAST_FACING = 0.2  # least z of the normal of a face that is drawn: it faces the viewer
 LIGHT_DIRECTION = np.array([-0.30, 0.50, 0.81])
-LIGHT_INK = "#e8ecf2"  # on a dark ground
-SHADE_ON_LIGHT = 0.62  # colours of constructions, made for a dark ground, on a light one: as on the page
-ARROW_HEAD = 9.0  # length of an arrow's head in hundredths of the picture's height
+LIGHT_INK = "#e8ecf2"  # on a dark background
+SHADE_ON_LIGHT = 0.62  # brightness of colours, chosen for a dark background, on a light one: as on the page
+ARROW_HEAD = 9.0  # size of an arrowhead; its length is 0.3 times this, in hundredths of the picture's height
 
 
 def write_svg(
@@ -33,7 +33,7 @@ def write_svg(
     dark: bool = False,
     progress: PackProgress = quiet,
 ) -> Path:
-    """Write the drawing at a time [s]; None: where a page opens. ``progress`` gets the share that is read."""
+    """Write the drawing at a time [s], by default that at which a page opens. ``progress`` is called while nodes are packed."""
     text = svg_of(shown, time=time, width=width, height=height, dark=dark, progress=progress)
     with replacing(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
@@ -77,7 +77,7 @@ def svg_of(
 
 
 def _solids(header: dict[str, Any], arrays: list[Any], frame: float, shown: Any) -> Iterator[tuple[float, str, str, Any]]:
-    """Height, colours inside and along the edge, and outline of what is seen of the solids from the front, at a frame."""
+    """Height [m], fill colour, edge colour and outline of the visible faces of the solids in the front view at a frame."""
     for link in [*header["links"], *header["bodies"]]:
         mesh = link["mesh"]
         if mesh is None or link.get("group", "surface_marks") not in {*shown, "surface_marks"}:
@@ -95,7 +95,7 @@ def _solids(header: dict[str, Any], arrays: list[Any], frame: float, shown: Any)
         c, s = np.cos(angle), np.sin(angle)
         turn = np.array([[c, -s], [s, c]])
         normal = normals[faces].mean(axis=1)
-        least, steps = (0.0, 24.0) if "spin" in link else (LEAST_FACING, 4.0)  # of spatial cams all is round
+        least, steps = (0.0, 24.0) if "spin" in link else (LEAST_FACING, 4.0)  # spatial cams have curved faces
         facing = normal[:, 2] > least
         flat = vertices[:, :2] @ turn.T + [x, y]
         heights = vertices[faces, 2].max(axis=1)
@@ -112,7 +112,7 @@ def _solids(header: dict[str, Any], arrays: list[Any], frame: float, shown: Any)
 
 
 def turned(points: Real, quaternion: list[float]) -> Any:
-    """Points (n, 3) turned by a quaternion (x, y, z, w), which need not be of unit length."""
+    """Points (n, 3) rotated by a quaternion (x, y, z, w), which need not have unit length."""
     *v, w = np.asarray(quaternion) / np.linalg.norm(quaternion)
     return points + 2.0 * np.cross(v, np.cross(v, points) + w * points)
 
@@ -128,7 +128,7 @@ def _drawn(
     stroke: str,
     height: int,
 ) -> Iterator[str]:
-    """Arrows, lines, points and names as SVG elements; those in the axes of a link go with it."""
+    """Arrows, lines, points and names as SVG elements; those in the frame of a link move with it."""
     if "link" in d:
         place = _carried(place, _at(arrays[header["links"][d["link"]]["pose"]].reshape(-1, 3), frame))
     frames, name = header["frames"], d["group"]
@@ -174,7 +174,7 @@ def _drawn(
 
 
 def _carried(place: Callable[[Real], Real], pose: Real) -> Callable[[Real], Real]:
-    """The places on the drawing of points in the axes of a link at a pose (x, y, angle)."""
+    """A function that maps points in the frame of a link at a pose (x, y, angle) to the drawing."""
     c, s = np.cos(pose[2]), np.sin(pose[2])
     turn = np.array([[c, s], [-s, c]])
     return lambda xy: place(np.asarray(xy, float) @ turn + pose[:2])
@@ -195,14 +195,14 @@ def _arrow(start: Real, tip: Real, color: str, width: float, unit: float) -> Ite
 
 
 def _at(values: Real, frame: float) -> Real:
-    """Values (frames, n) at a frame, which need not be whole."""
+    """Values (frames, n) at a frame, interpolated linearly for fractions."""
     k = min(int(frame), len(values) - 1)
     after, part = min(k + 1, len(values) - 1), frame - k
     return np.asarray(values[k] if part < 1e-9 or after == k else (1.0 - part) * values[k] + part * values[after])
 
 
 def _path(shape: Any, place: Any) -> str:
-    """A polygon, or several, as the data of an SVG path."""
+    """The data of an SVG path of a polygon, or of several."""
     moves = []
     for polygon in getattr(shape, "geoms", [shape]):
         if isinstance(polygon, Polygon):

@@ -24,16 +24,16 @@ from mechviz.outputs.presentation import Presentation
 from mechviz.quantities.catalogue import time_at
 
 VIEW_NAMES = ("3d", "front", "iso", "top", "left", "right", "back")
-GIF_RATE, VIDEO_RATE = 20, 30  # pictures a second; a GIF counts in hundredths of a second
+GIF_RATE, VIDEO_RATE = 20, 30  # pictures per second; times in a GIF are in hundredths of a second
 SETTLED_SCRIPT = "new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))"
 
 Begin = Callable[[str], None]
-"""Gets the name of the next stage."""
+"""Called with the name of the next stage."""
 
 
 @dataclass(frozen=True)
 class Look:
-    """How a picture looks: its size in pixels, the view, on a dark ground or not, and what is shown (None: what a page shows)."""
+    """Look of a picture: its size [px], the view, dark or light background, and the groups shown (None: as on a page)."""
 
     width: int = 1280
     height: int = 800
@@ -44,7 +44,7 @@ class Look:
 
 @dataclass(frozen=True)
 class PictureTime:
-    """A moment of a run [s]: where nothing else is said, that at which a page opens."""
+    """A time of a run [s]; None: that at which a page opens."""
 
     time: float | None = None
 
@@ -52,14 +52,14 @@ class PictureTime:
 def picture_time(
     shown: Presentation, *, at: float | None = None, frame: int | None = None, angle: float | None = None
 ) -> PictureTime:
-    """The moment at a time [s], at a frame, or where the drive first reaches an angle [rad], see `time_at`."""
+    """The time of a picture: at a time [s], at a frame, or where the drive first reaches an angle [rad], see `time_at`."""
     return PictureTime(time_at(shown.catalogue, at=at, frame=frame, angle=angle))
 
 
 def shot(
     shown: Presentation, path: Path, look: Look, when: PictureTime, *, progress: PackProgress = quiet, begin: Begin = lambda _: None
 ) -> Path:
-    """Write a picture (PNG) of the mechanism at a moment. ``progress`` gets the share that is read, ``begin`` what is done next."""
+    """Write a picture (PNG) of the mechanism. ``progress`` is called while the page is made, ``begin`` with each stage."""
     check_target(path)
     with _stage(shown, look, when.time, progress, begin) as picture, replacing(path) as temporary:
         begin("picture")
@@ -78,10 +78,10 @@ def film(
     reading: PackProgress = quiet,
     begin: Begin = lambda _: None,
 ) -> Path:
-    """Write a film of the whole run, GIF or MP4 by the name's ending, ``seconds`` long at ``rate`` pictures a second.
+    """Write a film of the whole run, GIF or MP4 by the ending of the name, ``seconds`` [s] long at ``rate`` pictures per second.
 
-    By default a cycle takes as long as in a page. MP4 needs ffmpeg. The pictures are made and written one after the other.
-    ``progress`` gets the number that are made, ``reading`` before that how much is read, ``begin`` what is done next.
+    By default a cycle takes as long as on a page. MP4 needs ffmpeg. The pictures are made and written one after the other.
+    ``progress`` is called with the number of pictures made, ``reading`` while the page is made, ``begin`` with each stage.
     """
     check_target(path)
     gif = path.suffix.lower() == ".gif"
@@ -110,7 +110,8 @@ def film(
 def _stage(
     shown: Presentation, look: Look, keep: float | None, progress: PackProgress, begin: Begin, *, plain: bool = False
 ) -> Iterator[Callable[[float | None], bytes]]:
-    """A function that gives the picture at a time [s] as PNG; None: where the page opens. ``plain``: on a ground of one colour."""
+    """A context with a function that returns the picture at a time [s] as PNG; None: the time at which the page opens. ``plain``:
+    with a background of one colour. Raises `OutputError` for unknown groups."""
     with tempfile.TemporaryDirectory(prefix="mechviz-") as folder:
         page = Path(folder) / "page.html"
         begin("page")
@@ -146,7 +147,7 @@ def _write_gif(pictures: Iterator[bytes], path: Path, rate: int) -> None:
     def opened(data: bytes) -> Any:
         return Image.open(BytesIO(data)).convert("RGB")
 
-    # one palette without dither: flat areas stay flat, and a picture differs from the last only where something moves
+    # one palette without dithering: plain areas stay plain, and successive pictures differ only where something moves
     first = opened(next(pictures)).quantize(256, method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
     rest = (opened(data).quantize(palette=first, dither=Image.Dither.NONE) for data in pictures)
     with open(path, "wb") as file:
@@ -154,14 +155,14 @@ def _write_gif(pictures: Iterator[bytes], path: Path, rate: int) -> None:
 
 
 def find_ffmpeg() -> str:
-    """The path of ffmpeg, else of the one in the package imageio-ffmpeg where that is installed. Raises `OutputError`."""
+    """The path of ffmpeg, otherwise of that in the package imageio-ffmpeg, if installed. Raises `OutputError`."""
     program = shutil.which("ffmpeg")
     if program is None:
         try:
-            import imageio_ffmpeg  # type: ignore[import-not-found,import-untyped,unused-ignore]  # no dependency: only where it is
+            import imageio_ffmpeg  # type: ignore[import-not-found,import-untyped,unused-ignore]  # optional package
 
             program = str(imageio_ffmpeg.get_ffmpeg_exe())
-        except (ImportError, RuntimeError):  # not there, or without a program for this machine
+        except (ImportError, RuntimeError):  # not installed, or without a program for this machine
             program = None
     if program is None:
         raise OutputError(
@@ -178,7 +179,7 @@ def _write_video(pictures: Iterator[bytes], path: Path, rate: int, ffmpeg: str) 
         "-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2", "-c:v", "libx264", "-pix_fmt", "yuv420p", "-movflags", "+faststart",
         "-f", "mp4", str(path),
     )  # fmt: skip
-    with tempfile.TemporaryFile() as errors:  # not a pipe: nobody would read it while pictures are made
+    with tempfile.TemporaryFile() as errors:  # not a pipe: it would not be read while pictures are made
         process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=errors, start_new_session=True)
         assert process.stdin is not None
         try:
@@ -187,7 +188,7 @@ def _write_video(pictures: Iterator[bytes], path: Path, rate: int, ffmpeg: str) 
                     process.stdin.write(data)
                 process.stdin.close()
             except BrokenPipeError:
-                pass  # it says why
+                pass  # the reason follows from its exit code and messages
             if process.wait():
                 errors.seek(0)
                 words = errors.read().decode(errors="replace").strip()
@@ -197,5 +198,5 @@ def _write_video(pictures: Iterator[bytes], path: Path, rate: int, ffmpeg: str) 
             if process.poll() is None:
                 process.kill()
                 process.wait()
-            with contextlib.suppress(OSError):  # what it did not take any more
+            with contextlib.suppress(OSError):  # buffered data that ffmpeg did not read
                 process.stdin.close()

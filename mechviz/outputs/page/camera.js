@@ -1,9 +1,9 @@
-/* Matrices (column by column, as WebGL wants them) and a camera that turns about a target. */
+/* Matrices (column-major, as in WebGL) and a camera that orbits a target. */
 
 const FIELD = (24 * Math.PI) / 180; // vertical; little perspective, so that lengths can be compared
 const MARGIN = 1.07;
-const WIDER = 1.22; // times the mechanism: more of the picture is not left for arrows
-// flat: without perspective; pans: dragging moves the picture instead of turning it, and the grid stands behind the mechanism
+const WIDER = 1.22; // largest distance of the view over that of the mechanism alone: limits the room for arrows
+// flat: orthographic; pans: dragging moves the picture instead of rotating it, and the grid stands behind the mechanism
 const VIEWS = {
   front: { yaw: 0, pitch: 0, flat: true, pans: true },
   "3d": { yaw: -0.42, pitch: 0.3, flat: false, pans: false },
@@ -28,17 +28,17 @@ function times(a, b) {
 class Camera {
   constructor(bounds, core) {
     this.bounds = bounds;
-    this.core = core; // what has to be large in the picture
+    this.core = core; // the box that must be large in the picture
     this.size = Math.max(bounds[1][0] - bounds[0][0], bounds[1][1] - bounds[0][1], 1e-9);
     this.target = [0, 0, 0];
     this.distance = 1;
     this.aspect = 1;
-    this.fitted = true; // until somebody moves it
-    this.covered = 0; // part of the picture's height that buttons cover at its top
+    this.fitted = true; // until the user moves it
+    this.covered = 0; // fraction of the picture's height that buttons cover at its top
     Object.assign(this, VIEWS["3d"]);
   }
 
-  /** Unit vectors to the right, up and towards the eye. */
+  /** Unit vectors to the right, up and towards the camera. */
   axes() {
     const [sy, cy, sp, cp] = [Math.sin(this.yaw), Math.cos(this.yaw), Math.sin(this.pitch), Math.cos(this.pitch)];
     return { right: [cy, 0, -sy], up: [-sp * sy, cp, -sp * cy], back: [cp * sy, sp, cp * cy] };
@@ -49,7 +49,7 @@ class Camera {
     this.fit();
   }
 
-  /** All of the bounds in the picture; of what reaches beyond the core only so much as leaves that large. */
+  /** Fits the bounds in the picture; they are reduced towards the core as far as necessary for the core to be large. */
   fit() {
     const most = WIDER * this.fitTo(this.core);
     for (let part = 1; part > 0; part -= 1 / 16)
@@ -57,7 +57,7 @@ class Camera {
     this.fitTo(this.core);
   }
 
-  /** A box in the picture: the eye as near as every corner allows, which it tells. */
+  /** Fits a box in the picture, with the least distance of the camera that shows every corner; returns the distance. */
   fitTo([low, high]) {
     const middle = low.map((v, k) => 0.5 * (v + high[k]));
     const { right, up, back } = this.axes();
@@ -69,7 +69,7 @@ class Camera {
     let distance = 1e-9;
     for (const [x, y, z] of spans)
       distance = Math.max(distance, (this.flat ? 0 : z) + (MARGIN * Math.max(Math.abs(x) / this.aspect, Math.abs(y) / free)) / tan);
-    this.target = middle.map((v, k) => v + this.covered * distance * tan * up[k]); // in the middle of what is left free
+    this.target = middle.map((v, k) => v + this.covered * distance * tan * up[k]); // in the middle of the free part
     this.distance = distance;
     this.fitted = true;
     return distance;
@@ -87,7 +87,7 @@ class Camera {
     this.pitch = Math.min(Math.PI / 2, Math.max(-Math.PI / 2, this.pitch + dy));
   }
 
-  /** By parts of the picture's height. */
+  /** Moves the picture by fractions of its height. */
   pan(dx, dy) {
     this.fitted = false;
     const height = 2 * this.distance * Math.tan(FIELD / 2);
@@ -100,7 +100,7 @@ class Camera {
     this.distance = Math.min(Math.max(this.distance / factor, 0.05 * this.size), 50 * this.size);
   }
 
-  /** World to clip space, and where the eye is. */
+  /** Transformation from world to clip space, position of the camera, and direction towards it. */
   matrices() {
     const { right, up, back } = this.axes();
     const eye = this.target.map((v, k) => v + this.distance * back[k]);

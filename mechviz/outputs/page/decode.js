@@ -1,4 +1,4 @@
-/* Unpacks the page's data (pack.py writes it): base64, deflate, then a header and arrays whose bytes lie plane by plane. */
+/* Unpacks the page's data (written by pack.py): base64, deflate, then a header and arrays stored as byte planes. */
 
 const SIZES = { f32: 4, q16: 2, i8: 1, u8: 1, d32: 4 };
 const ABSENT = 65535;

@@ -1,4 +1,4 @@
-/* What stands beside the plots: states over time as bars, and graphical constructions that move with time. */
+/* Drawings beside the plots: states over time as bars, and graphical constructions that move with time. */
 
 /** States over time as bars. */
 class Lanes {
@@ -37,7 +37,7 @@ class Lanes {
   }
 }
 
-/** A label as it is written by hand, on a rim of the ground's colour: of "a_CBⁿ" CB stands below the line. */
+/** Draws a label with its subscript, such as CB in "a_CBⁿ", and an outline in the background colour. */
 function written(g, text, x, y, ground) {
   const [, letter, below, above] = /^([A-Za-z])_(.+?)([ⁿᵗᶜʳ]?)$/.exec(text) || ["", text, "", ""];
   const { font, lineWidth, strokeStyle } = g;

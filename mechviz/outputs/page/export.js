@@ -1,6 +1,6 @@
 /* Plots as files: a drawing surface that writes SVG instead of painting, tables, and downloads. */
 
-/** As much of a canvas context as plots use; `text()` gives what was drawn as SVG. */
+/** The part of a canvas context that plots use; `text()` returns the drawing as SVG. */
 class SvgSurface {
   constructor(width, height, ground) {
     [this.width, this.height, this.parts, this.depth] = [width, height, [`<rect width="100%" height="100%" fill="${ground}"/>`], 0];
@@ -84,14 +84,14 @@ function fixed(value) {
   return String(Number(value.toFixed(2)));
 }
 
-/** Columns with their names as a table: every number in its shortest form. */
+/** CSV text of named columns; every number in its shortest form. */
 function csv(names, columns) {
   const quoted = (name) => (/[",\n]/.test(name) ? `"${name.replace(/"/g, '""')}"` : name);
   const rows = Array.from(columns[0], (_, k) => columns.map((c) => (Number.isFinite(c[k]) ? String(c[k]) : "")).join(","));
   return `${[names.map(quoted).join(","), ...rows].join("\r\n")}\r\n`;
 }
 
-/** Offers data as a file. */
+/** Downloads data as a file. */
 function download(name, type, data) {
   const link = document.createElement("a");
   link.href = URL.createObjectURL(new Blob([data], { type }));

@@ -20,11 +20,11 @@ Array = NDArray[Any]
 
 LARGEST_FLOAT = float(np.finfo(np.float32).max)
 NO_VALUE = 65535
-"""Of quantised values: there is none (NaN)."""
+"""Code of NaN in quantised values."""
 
 
 class Pack:
-    """Arrays for a page. The methods give an array's number, by which the header refers to it; equal arrays are stored once."""
+    """Arrays for a page. The methods return an array's number, to which the header refers; equal arrays are stored once."""
 
     def __init__(self) -> None:
         self._entries: list[dict[str, Any]] = []
@@ -33,12 +33,12 @@ class Pack:
         self._length = 0
 
     def floats(self, values: Array) -> int:
-        """Any values as float32; NaN for larger ones, as a damaged recording may hold."""
+        """Values as float32; NaN for values beyond its range, which a damaged recording may contain."""
         flat = np.asarray(values).ravel()
         return self._add("f32", np.where(np.abs(flat) <= LARGEST_FLOAT, flat, np.nan).astype(np.float32))
 
     def places(self, values: Array) -> int:
-        """Finite or NaN values as 16-bit steps of their range: for looking, not for reading off."""
+        """Finite or NaN values, quantised to 16 bits over their range: for drawing, not for readings."""
         flat = np.asarray(values, float).ravel()
         known = np.isfinite(flat)
         low = float(np.min(flat, initial=np.inf, where=known)) if known.any() else 0.0
@@ -48,7 +48,7 @@ class Pack:
         return self._add("q16", steps.astype(np.uint16), low=low, span=span / (NO_VALUE - 1))
 
     def directions(self, values: Array) -> int:
-        """Components of unit vectors in 127ths; 0 of what is no direction, as the normals of a damaged mesh may be."""
+        """Components of unit vectors in steps of 1/127; 0 for components beyond 1 or NaN, as in normals of a damaged mesh."""
         flat = np.asarray(values, float).ravel()
         return self._add("i8", np.round(127.0 * np.where(np.abs(flat) <= 1.0 + 1e-6, flat, 0.0)).astype(np.int8))
 
@@ -57,7 +57,7 @@ class Pack:
         return self._add("u8", np.asarray(values, np.uint8).ravel())
 
     def indices(self, values: Array) -> int:
-        """Whole numbers, stored as their differences."""
+        """Integers, stored as differences."""
         return self._add("d32", np.diff(np.asarray(values, np.int64).ravel(), prepend=0).astype(np.int32))
 
     def text(self, header: dict[str, Any]) -> str:
@@ -67,7 +67,7 @@ class Pack:
         return base64.b64encode(zlib.compress(raw, 9)).decode("ascii")
 
     def _add(self, kind: str, flat: Array, **more: float) -> int:
-        # Bytes of the same weight side by side: neighbouring values have nearly equal high bytes, which deflate makes short
+        # Stored as byte planes: neighbouring values have nearly equal high bytes, which deflate compresses well
         blob = flat.astype(flat.dtype.newbyteorder("<")).view(np.uint8).reshape(-1, flat.itemsize).T.tobytes()
         key = (kind, blob, repr(more))
         if key not in self._known:
@@ -79,7 +79,7 @@ class Pack:
 
 
 def unpack(text: str) -> tuple[dict[str, Any], list[Array]]:
-    """Content of a `Pack.text`: the header and the arrays as floats or integers."""
+    """Content of a text of `Pack.text`: the header, and the arrays as floats or integers."""
     raw = zlib.decompress(base64.b64decode(text))
     start = 4 + int.from_bytes(raw[:4], "little")
     header = json.loads(raw[4:start])
@@ -100,19 +100,19 @@ def unpack(text: str) -> tuple[dict[str, Any], list[Array]]:
 
 
 PackProgress = Callable[[int, int], None]
-"""Gets the number that is done and the total."""
+"""Called with the number of items done and the total."""
 
 MOST_FRAMES = 1000
-"""Frames of a page, where nothing else is asked for. The browser moves smoothly between them."""
+"""Default number of frames of a page. The browser interpolates between them."""
 
 
 def quiet(done: int, total: int) -> None:
-    """No progress bar."""
+    """Report no progress."""
 
 
 @dataclass(frozen=True, eq=False)
 class ChosenFrames:
-    """The chosen frames (n,) of the ``total`` of a run, their ``rows`` in what is shown, and their ``time`` [s]."""
+    """The chosen frames (n,) of the ``total`` of a run, their ``rows`` (n,) in the presentation, and their ``time`` (n,) [s]."""
 
     chosen: Integers
     total: int
@@ -121,7 +121,7 @@ class ChosenFrames:
 
 
 def find_frames(shown: Presentation, most: int, keep: float | None = None) -> ChosenFrames:
-    """At most ``most`` frames, spread evenly over the run, the first and the last among them, and those on both sides of the time
+    """At most ``most`` frames, evenly spaced over the run, including the first and the last; in addition the frames around the time
     ``keep`` [s]."""
     time, last = shown.picture.time, len(shown.picture.time) - 1
     rows = np.clip(np.searchsorted(shown.chosen, evenly(shown.total, most)), 0, last)

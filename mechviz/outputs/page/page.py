@@ -1,4 +1,4 @@
-"""A page that plays a mechanism: one HTML file that needs nothing else, neither a server nor a network."""
+"""A page that plays a mechanism: one HTML file that needs neither a server nor a network."""
 
 from __future__ import annotations
 
@@ -26,22 +26,22 @@ from mechviz.quantities.vectors import FORCE_FAMILIES, VECTOR_FAMILIES, round_va
 from mechviz.scene.units import Units
 from mechviz.studies.designs.sensitivity import Bands
 
-ROUND_OFF = 1e-9  # of the largest value of the same unit
-MOST_FIRST = 4
+ROUND_OFF = 1e-9  # of the largest value of the same unit: smaller values are shown as zero
+MOST_FIRST = 4  # plots with which a page opens
 MOST_REACTIONS = 6  # joints in one plot
 
 
 @dataclass(frozen=True, eq=False)
 class Plot:
-    """Curves ``values`` (frames, n) of one unit. ``x`` (frames,): what they run against where that is neither time nor the drive,
-    as in a phase diagram; ``equal``: both axes in one scale, as in a polar plot; ``half`` (frames, n): half the widths of their
+    """Curves ``values`` (frames, n) of one unit. ``x`` (frames,): the abscissa if it is neither time nor the drive coordinate, as
+    in a phase diagram; ``equal``: equal scales on both axes, as in a polar plot; ``half`` (frames, n): half the widths of their
     tolerance bands."""
 
     title: str
     unit: str
     names: tuple[str, ...]
     values: Real
-    key: str  # of its quantity
+    key: str  # of the quantity
     x: Real | None = None
     x_title: str = ""
     equal: bool = False
@@ -49,13 +49,13 @@ class Plot:
 
     @property
     def varies(self) -> bool:
-        """Whether there is anything to see but level lines."""
+        """Whether any curve is not constant."""
         return bool(np.any(np.fmax.reduce(self.values, axis=0) > np.fmin.reduce(self.values, axis=0)))
 
 
 def find_plots(catalogue: Catalogue, frames: ChosenFrames, halves: Mapping[str, Real]) -> list[Plot]:
-    """All plots, those of several items first: what belongs side by side, and the catalogue. ``halves`` (F, n): half widths of
-    tolerance bands by the keys of quantities."""
+    """All plots: those of several items, then those of the catalogue; sorted with cams first and health last. ``halves``: half
+    widths (F, n) of tolerance bands by key of the quantity."""
     plots = [*_gathered(catalogue, halves)]
     for q in catalogue.quantities:
         plots.append(Plot(q.label[:1].upper() + q.label[1:], q.unit, q.curves, q.values(), q.key, half=halves.get(q.key)))
@@ -69,7 +69,7 @@ def find_plots(catalogue: Catalogue, frames: ChosenFrames, halves: Mapping[str, 
 
 
 def _gathered(catalogue: Catalogue, halves: Mapping[str, Real]) -> Iterator[Plot]:
-    """Quantities of several items that share a plot: efforts, reactions, what the mechanism moves, shaking moments."""
+    """Plots of one quantity of several items: efforts, reactions, motions of joints at the frame, shaking moments."""
     n, known = catalogue.numbers, catalogue.by_key
 
     def together(title: str, key: str, items: dict[str, str], column: int = 0) -> Iterator[Plot]:
@@ -100,12 +100,12 @@ def _gathered(catalogue: Catalogue, halves: Mapping[str, Real]) -> Iterator[Plot
 
 
 def _moved_at_frame(n: Numbers) -> list[str]:
-    """Joints at the frame that what is driven moves: no weld."""
+    """Names of the joints at the frame that are neither driven nor welds."""
     return [j.name for j in n.joints.values() if n.frame in j.links and j.name not in n.drives and j.kind != "weld"]
 
 
 def first_plots(catalogue: Catalogue, plots: list[Plot], *, simulated: bool) -> list[int]:
-    """Numbers of the plots that a page opens with: cams, efforts, reactions, then what the mechanism moves."""
+    """Numbers of the plots with which a page opens, at most `MOST_FIRST`: cams, efforts, reactions, then output motions."""
     n = catalogue.numbers
 
     def having(*starts: str) -> list[int]:
@@ -129,7 +129,8 @@ def first_plots(catalogue: Catalogue, plots: list[Plot], *, simulated: bool) -> 
 
 
 def _without_noise(plots: list[Plot]) -> list[Plot]:
-    """The plots with zero for what is rounding beside the largest of its unit, but for health, which is rounding."""
+    """The plots with zero for values that are round-off relative to the largest value of the same unit. Health plots are not
+    changed, because they show round-off."""
     largest: dict[str, float] = {}
     for p in plots:
         if not p.key.startswith("health."):
@@ -145,7 +146,7 @@ def _without_noise(plots: list[Plot]) -> list[Plot]:
 
 
 def _polar(plot: Plot) -> Plot | None:
-    """The polar plot of a joint's reaction: the tip of the force over the run."""
+    """The polar plot of a joint's reaction, the curve of the tip of the force; None for other plots."""
     if not plot.key.startswith("joint.") or not plot.key.endswith(".reaction"):
         return None
     title = f"{plot.title.rpartition(': ')[0]}: polar plot of the reaction"
@@ -154,7 +155,7 @@ def _polar(plot: Plot) -> Plot | None:
 
 
 def _phases(plots: list[Plot]) -> list[Plot]:
-    """Phase diagrams: rate against coordinate of every joint that does not merely turn on and on."""
+    """Phase diagrams: velocity over coordinate for every joint whose coordinate is not monotonic."""
     phases = []
     by_key = {p.key: p for p in plots}
     for key, p in by_key.items():
@@ -184,7 +185,7 @@ PAGE_SCRIPTS = ("decode.js", "camera.js", "stage.js", "export.js", "plots.js", "
 def make_page(
     shown: Presentation, *, most: int = MOST_FRAMES, keep: float | None = None, plots: bool = True, progress: PackProgress = quiet
 ) -> tuple[str, ChosenFrames]:
-    """The HTML of a page with at most ``most`` frames of a run, that at the time ``keep`` [s] among them; and the frames."""
+    """The HTML of a page with at most ``most`` frames of a run, in addition those around the time ``keep`` [s]; and the frames."""
     text, frames = show_text(shown, most=most, keep=keep, plots=plots, progress=progress)
     pieces = {
         "title": escape(shown.title),
@@ -194,7 +195,7 @@ def make_page(
     }
     page = ""
     rest = _read("page.html")
-    while "{{" in rest:  # in order, so that braces in what is put in are left alone
+    while "{{" in rest:  # in order, so that braces in inserted texts are not replaced
         before, _, after = rest.partition("{{")
         name, _, rest = after.partition("}}")
         page += before + pieces[name]
@@ -224,15 +225,15 @@ GROUP_LABELS = {
     **{group: words for group, (words, _) in CENTRE_GROUPS.items()},
     **{group: diagram.title for group, diagram in SECTION_DIAGRAMS.items()},
 }
-"""Groups that can be shown and hidden beside the families of arrows."""
+"""Groups that can be shown and hidden, in addition to the families of arrows."""
 
 
 def show_text(
     shown: Presentation, *, most: int = MOST_FRAMES, keep: float | None = None, plots: bool = True, progress: PackProgress = quiet
 ) -> tuple[str, ChosenFrames]:
-    """The packed text of a page, and the frames in it, at most ``most`` and one at the time ``keep`` [s].
+    """The packed data of a page, and its frames: at most ``most``, in addition those around the time ``keep`` [s].
 
-    Pictures need no ``plots``.
+    ``plots`` is False for pictures, which need none.
     """
     pack = Pack()
     frames = find_frames(shown, most, keep)
@@ -276,7 +277,7 @@ def show_text(
 
 
 def _on_tolerances(bands: Bands, plots: Sequence[Plot]) -> str:
-    """Markdown on tolerance bands: whose tolerances they are, how wide they are in some plots, why others are missing."""
+    """Markdown on tolerance bands: parameters and their tolerances, widths in some plots, and why other bands are missing."""
     if not bands.variables:
         return ""
     amounts = ((v.name, *(f"{x} {v.unit}".rstrip() for x in (f"{v.value:.6g}", f"{v.tolerance:.4g}"))) for v in bands.variables)
@@ -294,7 +295,7 @@ def _on_tolerances(bands: Bands, plots: Sequence[Plot]) -> str:
 
 
 def _axes(catalogue: Catalogue, frames: ChosenFrames, pack: Pack) -> list[dict[str, Any]]:
-    """Abscissas of plots beside time: positions of drives that go one way only."""
+    """Abscissas of plots other than time: coordinates of drives that are monotonic, also with cycles overlaid."""
     axes = []
     for axis in catalogue.axes[:-1]:
         values = axis.values[frames.rows]
@@ -306,19 +307,19 @@ def _axes(catalogue: Catalogue, frames: ChosenFrames, pack: Pack) -> list[dict[s
 
 
 def pace_of(shown: Presentation) -> float:
-    """Seconds of the run for a second on the screen."""
+    """Playback speed: seconds of the run per second on the screen."""
     time = shown.picture.time
     span = float(time[-1] - time[0])
     if span <= 0.0:
         return 1.0
-    if shown.simulated:  # motion under forces: in its own time, unless that is too long or over too soon
+    if shown.simulated:  # motion under forces: in real time, unless that is too long or too short
         return float(np.clip(1.0, span / LONGEST_SHOW, span / SHORTEST_SHOW))
     return span / (SECONDS_A_CYCLE * max(1.0, span / shown.catalogue.numbers.cycle))
 
 
 def _extent(picture: Picture, drawn: list[tuple[str, Any]]) -> Any:
-    """The box (2, 3) [m] around all solids, and what is drawn on them; of this counts up to `MOST_ARROW_ROOM` only what reaches far
-    beyond."""
+    """The box (2, 3) [m] around all solids and drawables, which extend it beyond the solids by at most `MOST_ARROW_ROOM`; without
+    accelerations."""
     bounds = _core(picture)
     room = MOST_ARROW_ROOM * float(np.ptp(bounds, axis=0)[:2].max())
     low, high = bounds[0].copy(), bounds[1].copy()
@@ -337,7 +338,7 @@ def _core(picture: Picture) -> Any:
 
 
 def _groups(picture: Picture, drawn: list[dict[str, Any]], units: Units) -> list[dict[str, Any]]:
-    """Groups that can be shown and hidden: names, colours on light and dark grounds, whether shown at first, the arrows' scale."""
+    """Groups that can be shown and hidden: names, colours on light and dark backgrounds, initial state, scales of arrows."""
     present = {d["group"] for d in drawn}
     forces = bool(present & set(FORCE_FAMILIES))
     groups: list[dict[str, Any]] = []

@@ -1,4 +1,4 @@
-/* Puts picture, plots, events and notes on one timeline, and listens to mouse, touch and keyboard. */
+/* Connects picture, plots, events and notes to one timeline, and handles mouse, touch and keyboard. */
 
 const $ = (id) => document.getElementById(id);
 const DARK = window.matchMedia("(prefers-color-scheme: dark)");
@@ -36,7 +36,7 @@ class Player {
     this.seek(this.time);
   }
 
-  // -- what is on the page ---------------------------------------------------------------------------------------------
+  // -- content of the page ---------------------------------------------------------------------------------------------
   buildGroups() {
     for (const group of this.header.groups) {
       const button = document.createElement("button");
@@ -56,12 +56,12 @@ class Player {
     this.noteScales();
   }
 
-  /** A length [m] as people read it. */
+  /** A length [m] in the display unit. */
   length(value, digits) {
     return `${words(value * this.header.length.per_metre, digits)} ${this.header.length.unit}`;
   }
 
-  /** The grid's cell, and how long which value is drawn: once for all families of forces. */
+  /** Shows the cell of the grid, and the scales of arrows, equal ones once. */
   noteScales() {
     if (!this.stage) return;
     const scales = this.header.groups.filter((g) => g.value && this.stage.shown[g.name]).map((g) => `${g.value} = ${this.length(g.length, 3)}`);
@@ -70,7 +70,7 @@ class Player {
 
   buildSide() {
     this.axes.forEach((a, k) => $("axis").add(new Option(`${a.title} [${a.unit}]`, k)));
-    this.band = 1; // how many times as wide as they are tolerance bands are drawn
+    this.band = 1; // factor of the width of tolerance bands
     $("band-choice").hidden = !this.header.plots.some((p) => p.half !== undefined);
     $("band").onchange = () => {
       this.band = Number($("band").value);
@@ -103,7 +103,7 @@ class Player {
     document.querySelector("#tab-events").textContent = `Events (${this.header.events.length})`;
     if (!this.header.events.length) $("events").textContent = "Nothing in particular happens in this run.";
     $("notes").innerHTML = this.header.notes; // escaped when the page was written
-    for (const box of document.querySelectorAll("#notes .wide")) box.tabIndex = 0; // what scrolls is reached by keys
+    for (const box of document.querySelectorAll("#notes .wide")) box.tabIndex = 0; // scrollable boxes can get the keyboard focus
     if (this.header.total > this.header.frames) {
       const note = document.createElement("p");
       note.id = "thinned";
@@ -116,7 +116,7 @@ class Player {
     }
   }
 
-  /** Arrow keys go from tab to tab while one of them is in focus. */
+  /** Moves from tab to tab by arrow keys while a tab has the focus. */
   moveAlongTabs(event, tab) {
     const tabs = [...document.querySelectorAll("[role=tab]:not([hidden])")];
     const here = tabs.indexOf(tab);
@@ -365,7 +365,7 @@ async function open() {
   globalThis.mechviz.player.drawNow();
 }
 
-/** For programs that take pictures: await `mechviz.ready`, then use `mechviz.player`. */
+/** For programs that take screenshots: await `mechviz.ready`, then use `mechviz.player`. */
 globalThis.mechviz = {};
 globalThis.mechviz.ready = open();
 globalThis.mechviz.ready.catch((error) => trouble(error.message));

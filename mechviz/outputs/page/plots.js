@@ -1,4 +1,4 @@
-/* Plots on canvases: axes with units, curves, events, and a cursor that can be dragged; plots of one thing against another. */
+/* Plots on canvases: axes with units, curves, events, and a cursor that can be dragged; plots of one quantity over another. */
 
 const CURVES = {
   light: ["#2563c9", "#d97706", "#0f8a5f", "#c2255c", "#7c4dcc", "#8a6d00", "#0e7c86", "#b0468f", "#5b6675", "#8a5a2b", "#5f7d12", "#4453c4"],
@@ -7,7 +7,7 @@ const CURVES = {
 const ROOM = { left: 58, right: 12, top: 8, bottom: 34 };
 const ANGLES = [1, 2, 5, 10, 15, 30, 45, 90, 180, 360, 720, 1440, 3600];
 
-/** Round values between two bounds, about as far apart as asked for. */
+/** Round values between two bounds, about `count` of them. */
 function ticks(low, high, count, unit) {
   const wanted = (high - low) / Math.max(count, 1);
   if (!(wanted > 0)) return [low];
@@ -49,7 +49,7 @@ class Plot {
     this.show([number]);
   }
 
-  /** Draws another plot of the same unit with this one, or no more. */
+  /** Adds another plot of the same unit to this one, or removes it. */
   join(number) {
     const rest = this.numbers.filter((n) => n !== number);
     this.show(rest.length < this.numbers.length ? rest : [...rest, number]);
@@ -64,7 +64,7 @@ class Plot {
     const [first] = parts;
     this.plot = first;
     this.values = arrays[first.values];
-    this.half = arrays[first.half]; // of the tolerance band, where there is one
+    this.half = arrays[first.half]; // half width of the tolerance band, undefined without one
     if (parts.length > 1) {
       const item = (p) => p.title.split(": ").slice(0, -1).join(": ") || p.title;
       const names = parts.flatMap((p) => p.names.map((name) => (p.names.length > 1 ? `${item(p)}: ${name}` : p.title)));
@@ -89,7 +89,7 @@ class Plot {
     this.draw();
   }
 
-  /** Offers the plot as a file. */
+  /** Downloads the plot as a file. */
   save(kind) {
     const { plot, values } = this;
     const name = `${plot.title}.${kind.toLowerCase()}`;
@@ -114,7 +114,7 @@ class Plot {
     }
   }
 
-  /** What the curves run against: values of the frames, title and unit. */
+  /** The abscissa of the curves: values at the frames, title and unit. */
   axis() {
     if (this.plot.x !== undefined) {
       const [, title, unit] = /^(.*) \[(.*)\]$/.exec(this.plot.x_title) || [null, this.plot.x_title, ""];
@@ -131,7 +131,7 @@ class Plot {
     this.move();
   }
 
-  /** Axes, events and curves on a surface: a canvas, or one that writes SVG. */
+  /** Draws axes, events and curves on a surface: a canvas, or an SvgSurface. */
   paint(g, width, height) {
     const { player, plot, values } = this;
     const theme = player.theme;
@@ -152,7 +152,7 @@ class Plot {
     if (plot.x !== undefined) [x0, x1] = padded(x0, x1);
     const inner = { w: width - ROOM.left - ROOM.right, h: height - ROOM.top - ROOM.bottom };
     if (plot.equal) {
-      // the origin in the picture, and a unit as long across as upwards
+      // the origin is in the picture, and both axes have the same scale
       [x0, x1, y0, y1] = [Math.min(x0, 0), Math.max(x1, 0), Math.min(y0, 0), Math.max(y1, 0)];
       const per = Math.max((x1 - x0) / inner.w, (y1 - y0) / inner.h);
       [x0, x1] = [(x0 + x1 - per * inner.w) / 2, (x0 + x1 + per * inner.w) / 2];
@@ -222,7 +222,7 @@ class Plot {
     g.restore();
   }
 
-  /** The cursor at the present frame, and the values there. */
+  /** Moves the cursor to the present frame, and shows the values there. */
   move() {
     if (!this.background || !this.scale) return;
     const { player, plot, values } = this;
@@ -262,7 +262,7 @@ class Plot {
     });
   }
 
-  /** The frame at a place along the axis: of several, the one nearest to the present frame. */
+  /** The frame at a value of the abscissa; with overlaid cycles, that in the present cycle. */
   frameAt(x) {
     const { xs } = this.scale;
     const axis = this.axis();
@@ -272,15 +272,15 @@ class Plot {
   }
 }
 
-/** The value of one of some columns at a frame, or between two. */
+/** The value of a column at a frame, interpolated linearly for fractions. */
 function between(list, frame, width = 1, column = 0) {
   const [k, t] = split(frame, list.length / width);
   const next = Math.min(k + 1, list.length / width - 1);
   return list[k * width + column] * (1 - t) + list[next * width + column] * t;
 }
 
-/** Frames one after the other at which something is known, with their places along an axis. A cycle ends at one edge, and the next
-    begins at the other: the step across is in both. */
+/** Runs of successive frames with known values, as pairs of abscissa and frame. With overlaid cycles, a run ends at one edge and the
+    next begins at the other: the step across the edge is in both. */
 function strips(axis, xs, known) {
   const all = [];
   let strip = [];
@@ -304,7 +304,7 @@ function strips(axis, xs, known) {
   return all;
 }
 
-/** The frame at which rising or falling values reach one. */
+/** The frame, with fraction, at which monotonic values reach x. */
 function inverse(xs, x) {
   const last = xs.length - 1;
   const rising = xs[last] >= xs[0];
@@ -319,7 +319,7 @@ function inverse(xs, x) {
   return low + (xs[high] === xs[low] ? 0 : (x - xs[low]) / (xs[high] - xs[low]));
 }
 
-/** A canvas cleared, in device pixels, with a context that counts in CSS pixels. */
+/** Clears a canvas and sets its size in device pixels; returns its context in CSS pixels, and its size in CSS pixels. */
 function fresh(canvas) {
   const scale = window.devicePixelRatio || 1;
   const [width, height] = [canvas.clientWidth, canvas.clientHeight];
@@ -330,7 +330,7 @@ function fresh(canvas) {
   return { g, width, height };
 }
 
-/** Calls with the horizontal place while the pointer is pressed on a canvas and moves. */
+/** Calls `moved` with the horizontal position while a pressed pointer moves on a canvas. */
 function drags(canvas, moved) {
   const tell = (e) => moved(e.clientX - canvas.getBoundingClientRect().left);
   canvas.addEventListener("pointerdown", (e) => {

@@ -1,4 +1,4 @@
-"""Drawables of a page: the nodes of a picture as arrays, heights and looks."""
+"""Drawables of a page: the nodes of a picture as arrays, with heights, colours, radii and labels."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from mechviz.picture.surface_marks import MARK_KINDS
 from mechviz.quantities.vectors import VECTOR_FAMILIES
 
 PageShape = dict[str, Any]
-MOST_CARRIED = 36  # poses of a link, about, at which the box around what goes with it is looked at
+MOST_CARRIED = 36  # approximate number of poses of a link at which the box around drawables fixed to it is evaluated
 
 
 def pack_links(picture: Picture, frames: ChosenFrames, pack: Pack) -> list[PageShape]:
-    """Links with their poses (frames, 3: x, y [m], angle [rad]) and their solids; ``spin``: shift [m] and quaternion (frames, 7) of
-    a solid in its link's frame, where it turns about an axis in the plane."""
+    """Links with their poses (frames, 3: x, y [m], angle [rad]) and their solids; ``spin``: displacement [m] and quaternion
+    (frames, 7) of a solid in its link's frame, if it turns about an axis in the plane of motion."""
     solids = {body.parent: body for body in picture.of(Body, "solids")}
     shapes = []
     for name, poses in picture.poses.items():
@@ -39,8 +39,8 @@ def pack_links(picture: Picture, frames: ChosenFrames, pack: Pack) -> list[PageS
 
 
 def pack_bodies(picture: Picture, frames: ChosenFrames, pack: Pack) -> list[PageShape]:
-    """Solids beside those of the links, as links are packed: springs, with their stretch along their axes (frames), marks on
-    rollers and belts, and sheets of paper. ``group``: what shows and hides them."""
+    """Solids other than those of the links, in the same form: springs, with ``stretch``, the scale along their axes (frames,),
+    marks on rollers and belts, and sheets of paper. ``group``: name of the group that shows and hides them."""
     shapes = []
     for body in picture.of(Body, "springs", "sheet", *MARK_KINDS):
         poses = body.poses
@@ -55,7 +55,7 @@ def pack_bodies(picture: Picture, frames: ChosenFrames, pack: Pack) -> list[Page
         if body.parent:
             x, y, angle = picture.poses[body.parent][frames.rows].T
             c, s = np.cos(angle), np.sin(angle)
-            if np.abs(turns[:, :2]).max(initial=0.0) > 1e-3:  # about an axis in the plane
+            if np.abs(turns[:, :2]).max(initial=0.0) > 1e-3:  # about an axis in the plane of motion
                 more, height, pose = {"spin": pack.floats(_spin(poses, frames))}, 0.0, np.column_stack([x, y, angle])
             else:
                 pose = np.column_stack([x + c * at[:, 0] - s * at[:, 1], y + s * at[:, 0] + c * at[:, 1], angle + pose[:, 2]])
@@ -70,8 +70,8 @@ def pack_bodies(picture: Picture, frames: ChosenFrames, pack: Pack) -> list[Page
 def pack_drawables(
     picture: Picture, frames: ChosenFrames, pack: Pack, progress: PackProgress = quiet
 ) -> list[tuple[PageShape, Real | None]]:
-    """Arrows, strips and points with the box (2, 2) [m] around each; ``group`` says what shows and hides them, ``link`` (a number)
-    under whose pose they lie."""
+    """Arrows, strips and points with the box (2, 2) [m] around each; ``group``: name of the group that shows and hides them;
+    ``link``: number of the link to which they are fixed."""
     numbers = {name: k for k, name in enumerate(picture.poses)}
     shapes = []
     for done, node in enumerate(picture.nodes):
@@ -90,7 +90,7 @@ def pack_drawables(
 
 
 def pack_drawing(drawing: Drawing, size: float, frames: ChosenFrames, pack: Pack) -> PageShape:
-    """A construction beside the mechanism, as parts like those in space."""
+    """A construction beside the mechanism, as parts in the form of drawables."""
     arrows, lines = ([i for i in drawing.strokes if i.plain is plain] for plain in (False, True))
     parts: list[PageShape] = []
     if drawing.curves:
@@ -115,7 +115,7 @@ def pack_drawing(drawing: Drawing, size: float, frames: ChosenFrames, pack: Pack
 
 
 def _drawable(node: Node, picture: Picture, frames: ChosenFrames, pack: Pack) -> tuple[PageShape, Real] | None:
-    """How a node is drawn, and all its points (..., 2) [m]; None where nothing of it is seen."""
+    """The drawable of a node, and all its points (..., 2) [m]; None for nodes that are not drawables."""
     rows, size = frames.rows, picture.size
     match node:
         case Lines():
@@ -149,7 +149,7 @@ def _strips(
     frames: ChosenFrames,
     pack: Pack,
 ) -> tuple[PageShape, Real]:
-    """Strips (F, n, 3), or (1, n, 3) at rest; ``there`` (F,): where they are."""
+    """The drawable of strips (F, n, 3), or (1, n, 3) at rest, and their points; ``there`` (F,): frames in which they exist."""
     look = _look(len(strips), colors, radii, labels)
     if len(strips[0]) == 1 and len(frames.rows) > 1:
         points = np.concatenate([strip[0] for strip in strips]).astype(float)
@@ -166,7 +166,7 @@ def _strips(
 def _arrows(
     origins: Any, vectors: Any, colors: Sequence[Color], radii: Sequence[float], labels: Sequence[str], pack: Pack
 ) -> tuple[PageShape, Real]:
-    """Arrows from ``origins`` along ``vectors`` (F, n, 3)."""
+    """The drawable of arrows from ``origins`` (F, n, 3) along ``vectors`` (F, n, 3), and their ends."""
     count = origins.shape[1]
     starts, vectors = (np.asarray(a, float)[..., :2] for a in (origins, vectors))
     shape = {
@@ -182,14 +182,14 @@ def _arrows(
 def _points(
     places: Real | Single, colors: Sequence[Color], radii: Sequence[float], labels: Sequence[str], pack: Pack
 ) -> tuple[PageShape, Real]:
-    """Points (F, n, 3), or (1, n, 3) at rest."""
+    """The drawable of points (F, n, 3), or (1, n, 3) at rest, and their positions."""
     count, flat = places.shape[1], np.asarray(places, float)[..., :2]
     shape = {"kind": "points", "count": count, "moves": len(places) > 1, "z": _height(places), "points": pack.places(flat)}
     return {**shape, **_look(count, colors, radii, labels)}, flat
 
 
 def _look(count: int, colors: Sequence[Color], radii: Sequence[float], labels: Sequence[str]) -> Mapping[str, Any]:
-    """Colours, radii and labels of the instances; one stands for all."""
+    """Colours, radii and labels of the instances; a single colour or radius applies to all."""
     shades, sizes = ([*values] * count if len(values) == 1 else [*values] for values in ([hex_of(c) for c in colors], radii))
     return {"colors": shades, "radii": sizes, "labels": [*labels] if any(labels) else []}
 
@@ -206,25 +206,26 @@ def _mesh(mesh: Mesh, pack: Pack, height: float = 0.0) -> PageShape:
 
 
 def _spin(poses: PoseTrack, frames: ChosenFrames) -> Real:
-    """Shifts [m] and quaternions (frames, 7), neighbours on one side, so that the page can go straight from one to the next."""
+    """Displacements [m] and quaternions (frames, 7); successive quaternions have a positive scalar product, so that the page can
+    interpolate linearly."""
     shifts, turns = (a[frames.rows].astype(float) for a in (poses.places, poses.turns))
     turns[1:] *= np.cumprod(np.where(np.einsum("fi,fi->f", turns[1:], turns[:-1]) < 0.0, -1.0, 1.0))[:, None]
     return np.column_stack([shifts, turns])
 
 
 def _plane(z: Complex) -> Real:
-    """Places of the plane (...) as (..., 3)."""
+    """Points x + iy (...) as (..., 3) with z = 0."""
     return np.stack([z.real, z.imag, np.zeros(z.shape)], axis=-1)
 
 
 def _height(points: Real | Single) -> float:
-    """Height z [m] at which something planar lies."""
+    """Height z [m] of planar points (..., 3)."""
     z = np.asarray(points, float)[..., 2]
     return float(np.nanmean(z)) if np.isfinite(z).any() else 0.0
 
 
 def _carried(points: Real, poses: Real) -> Real:
-    """Points (..., 2) in the axes of a link at some of its poses (F, 3) over the run: (n, ..., 2) in the world."""
+    """World coordinates (n, ..., 2) of points (..., 2) in the frame of a link, at some of its poses (F, 3)."""
     x, y, angle = poses[:: max(1, len(poses) // MOST_CARRIED)].T
     z = np.multiply.outer(np.exp(1j * angle), points[..., 0] + 1j * points[..., 1])
     z += (x + 1j * y).reshape(-1, *[1] * (z.ndim - 1))
@@ -232,7 +233,7 @@ def _carried(points: Real, poses: Real) -> Real:
 
 
 def _box(points: Real) -> Real | None:
-    """The box (2, 2) around points in the plane, without the outermost in a hundred; None where there are none."""
+    """The box (2, 2) around points of the plane, from the 0.5 % to the 99.5 % quantile; None if there are none."""
     flat = points.reshape(-1, 2)
     flat = flat[np.isfinite(flat).all(axis=1)]
     return np.quantile(flat, [0.005, 0.995], axis=0) if len(flat) else None
@@ -244,5 +245,5 @@ def spring_boxes(picture: Picture) -> Iterator[Real]:
 
 
 def hex_of(color: Iterable[int]) -> str:
-    """A colour as HTML writes it."""
+    """A colour in HTML notation."""
     return "#{:02x}{:02x}{:02x}".format(*(int(c) for c in color))

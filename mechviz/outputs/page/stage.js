@@ -101,7 +101,7 @@ class Stage {
     const decade = 10 ** Math.floor(Math.log10(wanted));
     this.cell = (decade * [5, 2, 1].find((step) => step * decade <= wanted * (1 + 1e-9))) / per_metre;
     this.load();
-    // telephones take the picture's memory away from pages in the background, and give it back
+    // phones take graphics memory away from pages in the background, and give it back
     canvas.addEventListener("webglcontextlost", (e) => e.preventDefault());
     canvas.addEventListener("webglcontextrestored", () => {
       this.load();
@@ -113,7 +113,7 @@ class Stage {
     this.resize();
   }
 
-  /** Everything that lies in the graphics card. */
+  /** Creates everything in the memory of the graphics card. */
   load() {
     const { gl, header } = this;
     this.programs = { solid: program(gl, SOLID), arrow: program(gl, ARROW), line: program(gl, LINE) };
@@ -153,7 +153,7 @@ class Stage {
     return { link, vao, count: arrays[faces].length };
   }
 
-  /** Adjusts to the canvas; tells whether its size has changed. */
+  /** Adapts to the size of the canvas; returns whether it has changed. */
   resize() {
     const scale = Math.min(window.devicePixelRatio || 1, 2);
     const box = this.canvas.getBoundingClientRect();
@@ -168,7 +168,7 @@ class Stage {
     return true;
   }
 
-  /** Where a link is at a frame, which need not be whole: x, y, angle. */
+  /** Pose of a link at a frame, which may have a fraction: x, y, angle. */
   pose(link, frame) {
     const values = this.arrays[link.pose];
     if (!link.moves) return [values[0], values[1], values[2]];
@@ -177,7 +177,7 @@ class Stage {
     return [0, 1, 2].map((i) => values[3 * k + i] * (1 - t) + values[3 * next + i] * t);
   }
 
-  /** Shift and quaternion of a solid in its link's frame at a frame. */
+  /** Displacement and quaternion of a solid relative to its link at a frame. */
   spin(link, frame) {
     if (link.spin === undefined) return [0, 0, 0, 0, 0, 0, 1];
     const values = this.arrays[link.spin];
@@ -188,7 +188,7 @@ class Stage {
     return found.map((x, i) => (i < 3 ? x : x / length));
   }
 
-  /** How far a spring is stretched along its axis. */
+  /** Scale of a spring along its axis. */
   stretch(link, frame) {
     return link.stretch === undefined ? 1 : at(this.arrays[link.stretch], 1, frame, this.header.frames)[0];
   }
@@ -256,7 +256,7 @@ class Stage {
     gl.drawArraysInstanced(mesh.mode, 0, mesh.count, data.length / width);
   }
 
-  /** Arrows and segments of a frame, ten numbers each. */
+  /** Arrows and line segments of a frame, ten numbers each. */
   collect(frame) {
     const arrows = [];
     const lines = [...this.grid()];
@@ -299,21 +299,21 @@ class Stage {
     }
   }
 
-  /** Moves points with a link. */
+  /** A function that transforms points of a link to the world. */
   carried(link, frame) {
     const [x, y, angle] = this.pose(link, frame);
     const [c, s] = [Math.cos(angle), Math.sin(angle)];
     return (u, v) => [x + c * u - s * v, y + s * u + c * v];
   }
 
-  /** Colours were chosen for a dark ground: on a light one they are darker. */
+  /** A colour, which was chosen for a dark background, for the present background: darker on a light one. */
   readable(color) {
     if (this.theme.dark) return color;
     if (Math.min(...rgb(color)) > 0.78) return "#22262e"; // white becomes black
     return "#" + rgb(color).map((v) => Math.round(255 * v * 0.62).toString(16).padStart(2, "0")).join("");
   }
 
-  /** A grid of round cells: the ground below the mechanism, or in plane views the plane behind everything. */
+  /** Lines of a grid with a round cell size: on the ground below the mechanism, or in front and back views behind everything. */
   grid() {
     const [low, high] = this.header.bounds;
     const lines = [];
@@ -336,7 +336,7 @@ class Stage {
 
   placeTags(frame, clip) {
     const box = this.canvas.getBoundingClientRect();
-    const taken = []; // places of names: one that would lie over another is left out
+    const taken = []; // boxes of names: a name that would overlap another is left out
     for (const { d, k, span } of this.tags) {
       const place = d.link === undefined ? (x, y) => [x, y] : this.carried(this.header.links[d.link], frame);
       const spot = d.kind === "points" && this.shown.names && this.shown[d.group] !== false ? this.spot(d, k, frame) : null;
@@ -359,13 +359,13 @@ class Stage {
   }
 }
 
-/** Whole part of a frame and the rest, within the run. */
+/** Integer part and fraction of a frame, within the run. */
 function split(frame, frames) {
   const k = Math.min(Math.max(Math.floor(frame), 0), frames - 1);
   return [k, Math.min(Math.max(frame - k, 0), 1)];
 }
 
-/** Values of a moving thing (`width` numbers a frame) between two frames; where one of them is absent, those of the nearer. */
+/** Values (`width` numbers per frame) interpolated between two frames; where one of them is absent, those of the nearer frame. */
 function at(values, width, frame, frames) {
   const [k, t] = split(frame, frames);
   const now = values.subarray(width * k, width * (k + 1));
@@ -398,7 +398,7 @@ function program(gl, { vertex, fragment }) {
   return { handle, at: (name) => (known[name] === undefined ? (known[name] = gl.getUniformLocation(handle, name)) : known[name]) };
 }
 
-/** A mesh drawn many times: attributes of its vertices, and ten numbers for each instance. */
+/** A mesh drawn as instances: an attribute of its vertices, and ten numbers per instance. */
 function instanced(gl, { handle }, name, width, vertices, layout, mode) {
   const vao = gl.createVertexArray();
   gl.bindVertexArray(vao);

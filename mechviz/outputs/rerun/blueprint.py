@@ -1,4 +1,4 @@
-"""The default blueprint: the mechanism from the front, plots of what the scene calls for, events, health and notes."""
+"""The default blueprint: the mechanism from the front, plots that follow from the scene, events, health and notes."""
 
 from __future__ import annotations
 
@@ -36,14 +36,14 @@ if TYPE_CHECKING:
 
 
 BACKGROUND_COLOR = (24, 28, 36, 255)
-SECONDS_A_CYCLE = 5.0  # a cycle on the screen
-SHORTEST_SHOW, LONGEST_SHOW = 4.0, 20.0  # seconds on the screen of a motion under forces
-FIELD_OF_VIEW = np.radians(55.0)  # vertical, of rerun's eye
-EYE_TILT = 0.06  # how far the eye stands above the plane's normal: the layers show, and straight lines stay upright
-LEGEND_ROW = 0.085  # of a plot's height, that a line of its legend takes
-CONSTANT_RANGE = 1e-9  # curves that vary by less than this part of their size are constants
-LEGEND_WIDTH = 0.3  # of a plot's width, that its legend takes
-PICTURE_ASPECT = 1.5  # width of the 3D view over its height, about
+SECONDS_A_CYCLE = 5.0  # time of a cycle on the screen [s]
+SHORTEST_SHOW, LONGEST_SHOW = 4.0, 20.0  # limits of the time on the screen of a motion under forces [s]
+FIELD_OF_VIEW = np.radians(55.0)  # vertical field of view of rerun's camera
+EYE_TILT = 0.06  # slope of the view from above the normal of the plane: layers are visible, vertical lines stay vertical
+LEGEND_ROW = 0.085  # height of a line of a legend, of the plot's height
+CONSTANT_RANGE = 1e-9  # curves that vary by less than this, relative to their size, are constant
+LEGEND_WIDTH = 0.3  # width of a legend, of the plot's width
+PICTURE_ASPECT = 1.5  # approximate width of the 3D view over its height
 
 
 def make_blueprint(
@@ -56,9 +56,9 @@ def make_blueprint(
 ) -> Any:
     """The blueprint of a run (`rerun.blueprint.Blueprint`).
 
-    ``polygons``: views of graphical constructions; ``diagrams``: views of one quantity against another; ``spans``: axes of
-    the plots with lines at events, see `spans_of_plots`. ``bounds``: the box (2, 3) [m] around the mechanism with its "forces" and
-    around the mechanism with its "motion" arrows.
+    ``polygons``: views of graphical constructions; ``diagrams``: views of one quantity over another; ``spans``: ranges of the
+    vertical axes of the plots with lines at events, see `spans_of_plots`. ``bounds``: boxes (2, 3) [m] around the mechanism and its
+    arrows, of "forces" and of "motion".
     """
     import rerun.blueprint as rrb
 
@@ -66,15 +66,15 @@ def make_blueprint(
     mechanism = rrb.Tabs(*pictures, active_tab=0) if len(pictures) > 1 else pictures[0]
     plots = _plots(run, spans)
     below = _below(run, events)
-    if diagrams and not polygons:  # beside the events, which leave room
+    if diagrams and not polygons:  # beside the events, which do not need the whole width
         below = rrb.Horizontal(below, _stacked(list(diagrams)), column_shares=[1, 1])
     left = rrb.Vertical(mechanism, below, row_shares=[5, 3] if diagrams else [3, 1])
-    if not (polygons or run.scene.document.marks):  # a figure to look at: it has most of the room
+    if not (polygons or run.scene.document.marks):  # without marks the mechanism gets most of the space
         flat = [inner for p in plots for inner in (p.contents if isinstance(p, rrb.Tabs) else [p])]
         beside = [_stacked(flat)] if flat else []
         rest = rrb.Tabs(*_below(run, events).contents, *diagrams, active_tab=0)
         body = rrb.Horizontal(mechanism, rrb.Vertical(*beside, rest), column_shares=[3, 1])
-    elif polygons:  # the drawings beside the mechanism, two in a column, plots and the rest in tabs where there is room
+    elif polygons:  # the drawings beside the mechanism, two in a column; plots and the other views in tabs
         flat = [inner for p in plots for inner in (p.contents if isinstance(p, rrb.Tabs) else [p])]
         views = [*_below(run, events).contents, *diagrams]
         pages = [*polygons, rrb.Tabs(*flat, active_tab=0)] if len(polygons) % 2 and len(polygons) > 1 and flat else [*polygons]
@@ -89,7 +89,7 @@ def make_blueprint(
         rrb.TimePanel(
             state="collapsed",
             timeline=opening_timeline(run),
-            play_state="playing",  # "paused" would make the viewer forget the loop
+            play_state="playing",  # with "paused" the viewer does not loop
             **_pace(run),
             loop_mode="all",
         ),
@@ -101,13 +101,14 @@ def make_blueprint(
 
 
 def opening_timeline(run: Run) -> str:
-    """The drive's angle or displacement for a drive that starts and stops, whose zones are stated over it; else time."""
+    """Name of the opening timeline: the coordinate of a drive that starts and stops, whose law is stated over it; otherwise
+    time."""
     axis = plotted_against(run)
     return "time" if axis is None else {"rad": "drive_mdeg", "m": "drive_um"}[joint_unit(run.motion, axis)]
 
 
 def _pace(run: Run) -> dict[str, float]:
-    """How fast the opening timeline is played: ticks per second on the screen, or seconds of the run."""
+    """Speed of the opening timeline: ``fps`` in ticks per second, or ``playback_speed`` in seconds of the run per second."""
     axis = plotted_against(run)
     if axis is None:
         return {"playback_speed": _playback_speed(run)}
@@ -118,7 +119,7 @@ def _pace(run: Run) -> dict[str, float]:
 
 def _playback_speed(run: Run) -> float:
     """Seconds of the run per second on the screen."""
-    if run.simulation is not None:  # in its own time, unless that takes too long or is over too soon
+    if run.simulation is not None:  # in real time, unless that is too long or too short
         span = run.simulation.duration
         return float(np.clip(1.0, span / LONGEST_SHOW, span / SHORTEST_SHOW))
     cycle = run.motion.mechanism.cycle
@@ -126,7 +127,8 @@ def _playback_speed(run: Run) -> float:
 
 
 def _pictures(run: Run, bounds: Mapping[str, Real]) -> list[Any]:
-    """3D views: one with forces where there are any, one with velocities and accelerations."""
+    """3D views: with forces, with section diagrams, with velocities and accelerations, as far as they exist; else without
+    arrows."""
     motion = ["vectors/velocity", "vectors/acceleration"]
     forces = [f"vectors/{family}" for family in FORCE_FAMILIES]
     undrawn = [entity("mechanism", "links", link, "mesh") for link, looks in looks_of(run).items() if "nothing" in looks]
@@ -146,7 +148,7 @@ def _has_points(run: Run) -> bool:
 
 
 def picture(name: str, vectors: list[str], bounds: Real, undrawn: Sequence[str] = ()) -> Any:
-    """A view of the mechanism with some vectors and without some entities, from in front of a box (2, 3) [m]."""
+    """A view of the mechanism with the entities ``vectors`` and without those ``undrawn``, on a box (2, 3) [m]."""
     import rerun.blueprint as rrb
 
     position, target = eye_on(bounds)
@@ -168,7 +170,7 @@ def picture(name: str, vectors: list[str], bounds: Real, undrawn: Sequence[str] 
 
 
 def eye_on(bounds: Real) -> tuple[Real, Real]:
-    """Where the eye stands and looks [m]: in front of a box (2, 3) [m] with all that moves; where that is deep, at an angle."""
+    """Position and target of the camera [m] for a box (2, 3) [m]: from the front, or at an angle if the box is deep."""
     low, high = bounds
     middle = 0.5 * (low + high)
     half = 0.5 * (high - low)
@@ -187,7 +189,7 @@ def eye_on(bounds: Real) -> tuple[Real, Real]:
 
 
 def _stacks(run: Run) -> list[list[Output]]:
-    """The plots beside the mechanism; those of one stack are tabs."""
+    """The plots beside the mechanism; plots of one stack become tabs."""
     stacks = [[output] for output in (*study_outputs(run), *effort_outputs(run), *free_outputs(run))]
     stacks += [cam_outputs(run)]
     stacks.append(reaction_outputs(run))
@@ -202,7 +204,7 @@ def _plots(run: Run, spans: Mapping[str, tuple[float, float]]) -> list[Any]:
 
 
 def spans_of_plots(run: Run) -> dict[str, tuple[float, float]]:
-    """Least and greatest value on the vertical axis of every plot whose curves are known, by the plot's name."""
+    """Range of the vertical axis of every plot whose curves are known, by name of the plot."""
     times = _axis_values(run)
     spans = {}
     for output in (output for stack in _stacks(run) for output in stack):
@@ -237,7 +239,8 @@ def _axis_values(run: Run) -> Real:
 
 
 def _plot(output: Output, times: Real | None = None, marked: tuple[float, float] | None = None) -> Any:
-    """A plot over the whole run: rerun's own choice is a window around the cursor. ``marked``: the axis, if it has event lines."""
+    """A plot over the whole run (rerun's default is a window around the cursor). ``marked``: the range of its vertical axis, if it
+    has lines at events."""
     import rerun as rr
     import rerun.blueprint as rrb
 
@@ -262,7 +265,7 @@ def _plot(output: Output, times: Real | None = None, marked: tuple[float, float]
         overrides=overrides,
         axis_x=_whole_run(),
         axis_y=None if span is None else rrb.ScalarAxis(range=span),
-        plot_legend=rrb.PlotLegend(corner=corner, visible=curves != 1 and not output.single),  # one curve is named by the view
+        plot_legend=rrb.PlotLegend(corner=corner, visible=curves != 1 and not output.single),  # the view names a single curve
     )
 
 
@@ -276,7 +279,8 @@ def _whole_run() -> Any:
 
 
 def calm_range(values: Real, least: float) -> tuple[float, float] | None:
-    """A range of the vertical axis for curves (F, n) that would fill it with rounding: constant ones, or none above ``least``."""
+    """A range of the vertical axis for curves (F, n) that are constant, or all below ``least``, which otherwise would show
+    round-off; None for other curves."""
     known = values[np.isfinite(values)]
     if not known.size:
         return None
@@ -288,9 +292,9 @@ def calm_range(values: Real, least: float) -> tuple[float, float] | None:
 
 
 def legend_place(times: Real, values: Real, lines: int | None = None) -> tuple[str, tuple[float, float]]:
-    """The corner of a plot's legend and the range of its vertical axis: the least range at which the legend hides no curve.
+    """The corner of a plot's legend and the range of its vertical axis: the least range in which the legend hides no curve.
 
-    ``times`` (F,), ``values`` (F, n): the curves; ``lines``: those of the legend, where they are not as many.
+    ``times`` (F,), ``values`` (F, n): the curves; ``lines``: number of lines of the legend, by default n.
     """
     known = np.isfinite(values)
     low = float(np.min(values, initial=np.inf, where=known))
@@ -299,7 +303,7 @@ def legend_place(times: Real, values: Real, lines: int | None = None) -> tuple[s
         return "RightTop", (-1.0, 1.0)
     span = max(high - low, 1e-6 * max(abs(low), abs(high)), 1e-300)
     low, high = low - 0.05 * span, high + 0.05 * span
-    part = min(0.04 + LEGEND_ROW * (lines or values.shape[1]), 0.6)  # of the plot's height that the legend takes
+    part = min(0.04 + LEGEND_ROW * (lines or values.shape[1]), 0.6)  # height of the legend, of the plot's height
     along = (times - times[0]) / (float(np.ptp(times)) or 1.0)
     best: tuple[str, tuple[float, float]] | None = None
     for side, near in (("Right", np.abs(along - 1.0) <= LEGEND_WIDTH), ("Left", np.abs(along) <= LEGEND_WIDTH)):
@@ -321,7 +325,7 @@ def _below(run: Run, events: Sequence[Event]) -> Any:
 
     views: list[Any] = []
     if events:
-        no_time = rrb.encodings.TimelineColumn("time", visible=False)  # the text itself says when
+        no_time = rrb.encodings.TimelineColumn("time", visible=False)  # the text contains the time
         columns = rrb.TextLogColumns(timeline_columns=[no_time], text_log_columns=["LogLevel", "Body"])
         views.append(rrb.TextLogView(origin="/events", name="Events", columns=columns))
     views += [_plot(output) for output in health_outputs(run)]
@@ -335,4 +339,4 @@ def _below(run: Run, events: Sequence[Event]) -> Any:
         losses = tuple((entity("data", "joints", p, "friction_loss"), ()) for p in run.forces.friction.joints)
         views.insert(1 if events else 0, _plot(Output("Friction losses [W]", losses)))
     views.append(rrb.TextDocumentView(origin="/notes", name="Notes"))
-    return rrb.Tabs(*views, active_tab=0 if events else len(views) - 1)  # health is a line along zero: notes say more
+    return rrb.Tabs(*views, active_tab=0 if events else len(views) - 1)  # plots of health are close to zero: the notes tell more

@@ -41,15 +41,15 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Content:
-    """Source of the entities of all families."""
+    """Data from which the entities of all families are made."""
 
     run: Run
     solids: Solids
     tables: list[ItemTable]
     picture: Picture
     drawings: dict[str, Drawing]  # graphical constructions
-    every: int  # pictures are drawn at every so many frames
-    diagrams: Sequence[Diagram] = ()  # of one quantity against another
+    every: int  # arrows and drawings are recorded at every ``every``-th frame
+    diagrams: Sequence[Diagram] = ()  # of one quantity over another
 
 
 def _nothing(_: Content) -> Iterable[Any]:
@@ -81,7 +81,7 @@ ENTITY_FAMILIES: tuple[EntityFamily, ...] = (
         views=lambda c: polygon_views(c.drawings, magnification(c.solids.size), BACKGROUND_COLOR),
     ),
 )
-"""In the order in which they are written."""
+"""The families, in the order of writing."""
 
 
 def find_streams(content: Content) -> list[Stream]:
@@ -95,22 +95,22 @@ def find_statics(content: Content) -> list[Static]:
 
 
 def find_views(content: Content) -> list[Any]:
-    """The views of all families that have some."""
+    """The views of all families."""
     return [view for family in ENTITY_FAMILIES for view in family.views(content)]
 
 
 # -- properties of links ----------------------------------------------------------------------------------------------
 OBLIQUE_DIRECTION = cmath.exp(1j)
-"""Direction of the reference point, seen from the line of the joints: at right angles neither to it nor to what crosses it."""
+"""Direction to the reference point relative to the line of the joints: oblique to this line and to its perpendicular."""
 
 
 def link_properties(run: Run) -> dict[str, tuple[float, float, float, float]]:
     """Mass [kg], reference point x, y in the link frame [m] and moment of inertia about it [kg m^2] of every moving link.
 
-    The reference point is the centre of mass. A link whose mass does not count (0, or neither inertia nor gravity is named) has
-    none, and a balance of moments may be taken about any point. About one on the line of its joints it would be nothing but
-    rounding where the link only passes a force on along that line, as a rod or a cylinder does: the point lies beside it, so
-    that the balance is a small sum of large terms.
+    The reference point is the centre of mass. For a link whose mass has no effect (it is 0, or neither inertia nor gravity is among
+    the effects), moments may be balanced about any point. About a point on the line of its joints, the terms of the balance would
+    be mere round-off for a two-force member, such as a rod or a cylinder. So the point lies beside this line: the balance is then a
+    small sum of large terms.
     """
     model = run.motion.model
     heavy = set(links_with_mass(run))
@@ -125,9 +125,9 @@ def link_properties(run: Run) -> dict[str, tuple[float, float, float, float]]:
 
 
 def _reference_point(model: Model, k: int) -> complex:
-    """A point in the axes of link ``k`` beside the line of its joints, about as far from them as the link is long [m].
+    """A point [m] in the frame of link ``k`` beside the line of its joints, at a distance of about the length of the link.
 
-    Where all joints are at one place: beside its guide, as far as the mechanism is large.
+    If all joints coincide: beside its guide, at a distance of the size of the mechanism.
     """
     own = [(j, 0 if p == k else 1) for j, (p, q) in enumerate(model.ends) if k in (p, q)]
     at = [model.joints[j].b if side else model.joints[j].a for j, side in own]
@@ -140,7 +140,7 @@ def _reference_point(model: Model, k: int) -> complex:
 
 
 def property_statics(run: Run) -> Iterator[Static]:
-    """Masses that balances of the moving links need, see `link_properties`; nothing of a run without reactions."""
+    """Mass properties for balances of the moving links, see `link_properties`; nothing for a run without reactions."""
     import rerun as rr
 
     for name, values in link_properties(run).items() if run.forces is not None else ():
@@ -149,13 +149,14 @@ def property_statics(run: Run) -> Iterator[Static]:
 
 # -- properties and notes ---------------------------------------------------------------------------------------------
 RECORDING_SCHEMA = 2
-"""Version of the recording contract; a change of meaning raises it."""
+"""Version of the recording contract, incremented when the meaning of an entry changes."""
 
 
 def describe_run(
     stream: rr.RecordingStream, run: Run, solids: Solids, picture: Picture, stages: list[Stage], every: int, *, complete: bool
 ) -> None:
-    """Scene, properties and notes: at the start, so that an interrupted recording has them, and again when it is complete."""
+    """Send properties, scene and notes: at the start, so that an interrupted recording has them; properties and notes again when it
+    is ``complete``."""
     import rerun as rr
 
     spent = [*run.stages, *stages]
@@ -168,12 +169,12 @@ def describe_run(
 
 
 def scene_text(run: Run) -> str:
-    """The scene as TOML: the file's own text where there is one."""
+    """The scene as TOML: the text of its file, if there is one."""
     return getattr(run.scene, "text", "") or run.scene.to_toml()
 
 
 def _scene_files(run: Run) -> dict[str, str]:
-    """The files that the scene names, by these names, in base64: with them a recording can be run again anywhere."""
+    """The files that the scene refers to, by name, in base64: with them the scene can be run again from the recording alone."""
     return {name: b64encode(data).decode("ascii") for name, data in run.scene.files.items()}
 
 
@@ -195,7 +196,7 @@ def model_json(run: Run) -> str:
 
 
 def _properties(run: Run, picture: Picture, wall_seconds: float, *, complete: bool) -> dict[str, Any]:
-    """The recording's properties; lists of strings as arrow arrays, so that an empty one keeps its type."""
+    """The recording's properties; lists of strings are arrow arrays, so that an empty list keeps its type."""
     import pyarrow as pa
 
     scales = picture.scales
@@ -233,7 +234,7 @@ def _properties(run: Run, picture: Picture, wall_seconds: float, *, complete: bo
 
 
 def _listed_quantities(catalogue: Catalogue) -> str:
-    """The catalogue as JSON: of every quantity its key, label, unit and curves, and the entity that holds it."""
+    """The catalogue as JSON: key, label, unit, curves and entity of every quantity."""
     listed = [
         {"key": q.key, "label": q.label, "unit": q.unit, "curves": list(q.curves), "entity": entity(*q.path)}
         for q in catalogue.quantities
@@ -242,19 +243,19 @@ def _listed_quantities(catalogue: Catalogue) -> str:
 
 
 def _stated(run: Run) -> dict[str, Any]:
-    """The settings that are not at their defaults, with those that followed from a target."""
+    """The settings that differ from their defaults, including those chosen for a target error."""
     if run.accuracy.target is None:
         return run.accuracy.changed
     return {**run.kept.changed, "frames": run.motion.frames - 1}
 
 
 def recorded_frames(run: Run) -> int:
-    """Frames that a recording holds."""
+    """Number of frames in the recording of a run."""
     return (run.motion.frames - 1) // run.accuracy.decimation + 1
 
 
 def accuracy_words(run: Run) -> tuple[str, ...]:
-    """Estimate of the run's own errors, in lines."""
+    """Estimates of the errors of a run, as lines of text."""
     worst = run.errors.worst()
     words = ", ".join(f"{name.replace('_', ' ')} {value:.1e}" for name, value in worst.items())
     lines = [f"estimated errors, relative: {words}"]
@@ -264,13 +265,13 @@ def accuracy_words(run: Run) -> tuple[str, ...]:
 
 
 def _simulated(run: Run) -> dict[str, Any]:
-    """How the motion was found, where forces decide it."""
+    """Properties of a simulation: duration, method and tolerance; empty for a driven motion."""
     s = run.simulation
     return {} if s is None else {"duration": s.duration, "method": s.method, "motion_tolerance": s.tolerance}
 
 
 def notes(run: Run, solids: Solids, scales: Scales, stages: list[Stage], every: int, *, complete: bool) -> str:
-    """Markdown: what was computed, what was left out and why, what each stage cost, what an arrow's length means."""
+    """Notes in markdown: computed stages, stages left out with reasons, computing times, accuracy, scales of arrows."""
     scene, plan = run.scene, run.plan
     lines = [f"# {scene.title or scene.name}", "", scene.learning_goal, ""]
     if not complete:
@@ -309,7 +310,7 @@ def notes(run: Run, solids: Solids, scales: Scales, stages: list[Stage], every: 
 
 
 def _simulation_notes(run: Run) -> list[str]:
-    """How the motion was found, in lines of markdown."""
+    """Method, tolerance and energy balance of a simulation, as lines of markdown."""
     s = run.simulation
     if s is None:
         return []
@@ -328,7 +329,7 @@ def _simulation_notes(run: Run) -> list[str]:
 
 
 def html_of(text: str) -> str:
-    """HTML of a markdown text as `notes` writes it."""
+    """HTML of a markdown text in the form that `notes` writes."""
     return "\n".join(_blocks(text.splitlines()))
 
 
@@ -338,7 +339,7 @@ def _blocks(lines: list[str]) -> Iterator[str]:
         line = lines[k].strip()
         heading = re.match(r"(#{1,4}) +(.*)", line)
         if heading:
-            level = len(heading[1]) + 1  # the page's own title is the first
+            level = len(heading[1]) + 1  # level 1 is the title of the page
             yield f"<h{level}>{_inline(heading[2])}</h{level}>"
             k += 1
         elif line.startswith(("- ", "|")):

@@ -1,7 +1,7 @@
-"""Contract of recordings, and the faults of one that breaks it, by name: properties, model, tables, drawn things.
+"""Contract of recordings, and the faults of a recording that violates it: properties, model, tables, drawn entities.
 
-Whatever opens a recording has it checked once, so that nobody who reads it further meets a missing table, a width that is not
-the stated one, a place that is not finite or a face without its corners.
+A recording is checked once, when it is opened. After that, readers can rely on it: no table is missing, widths are those of the
+contract, positions are finite and faces refer to existing vertices.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
     from mechviz.outputs.rerun.reader import Recording
 
-LARGEST_VALUE = 1e150  # of any other number: its square is one, too
+LARGEST_VALUE = 1e150  # of numbers other than coordinates: its square is finite
 
 Positive = Annotated[PositiveFloat, Field(lt=1e300)]
 Box = tuple[tuple[FiniteFloat, FiniteFloat, FiniteFloat], tuple[FiniteFloat, FiniteFloat, FiniteFloat]]
@@ -50,7 +50,7 @@ UniqueNames = Annotated[tuple[str, ...], AfterValidator(_unique)]
 
 
 class JsonPart(BaseModel):
-    """Base of what the JSON of a recording holds; what later versions add is left alone."""
+    """Base of the JSON models of a recording; unknown fields, which later versions may add, are ignored."""
 
     model_config = ConfigDict(extra="ignore", frozen=True)
 
@@ -63,7 +63,8 @@ class JointPart(JsonPart):
 
 
 class LoadPart(JsonPart):
-    """A load of the model: its kind and the links that it acts on; between two points, where these are in the links' frames [m]."""
+    """A load of the model: its kind, the links on which it acts, and for a load between two points these in the links' frames
+    [m]."""
 
     kind: str
     links: Annotated[tuple[str, ...], Field(min_length=1)]
@@ -97,8 +98,8 @@ class RecordedModel(JsonPart):
 
 
 class NodePart(JsonPart):
-    """A node of the picture: what it is of, where it is drawn, which entity holds it; ``beside``: how far an arrow stands from its
-    line, or the radius of an arc [m]."""
+    """A node of the picture: its owner, height and entity; ``beside``: offset of an arrow from its line, or radius of an arc
+    [m]."""
 
     key: str
     kind: str
@@ -111,7 +112,7 @@ class NodePart(JsonPart):
 
 
 class QuantityPart(JsonPart):
-    """An entry of the catalogue: its key and the entity that holds its values."""
+    """An entry of the catalogue: its key and the entity of its values."""
 
     key: str
     entity: str
@@ -124,8 +125,8 @@ def _known(units: Units) -> Units:
 
 
 class Properties(JsonPart):
-    """Properties of a recording, those that are JSON as what they hold. Older recordings lack those that may be None, and show
-    millimetres and degrees."""
+    """Properties of a recording, with JSON texts parsed. Recordings of older versions lack the properties that may be None, and
+    have millimetres and degrees as display units."""
 
     version: str = ""
     scene: str = ""
@@ -166,7 +167,7 @@ class Properties(JsonPart):
 
 
 def read_properties(values: Mapping[str, Any]) -> tuple[Properties | None, list[str]]:
-    """The properties of a recording, and what is wrong with them."""
+    """The properties of a recording (None if invalid), and their faults."""
     try:
         return Properties.model_validate(values), []
     except ValidationError as error:
@@ -181,9 +182,9 @@ def _words(error: Any) -> str:
 
 
 class ComponentKind(NamedTuple):
-    """Kind of values in a component: numbers, whole numbers (``whole``), ``text`` or ``truth``; vectors of ``width`` of them;
-    ``each``: how many a row has. Numbers are finite and up to ``most``, but for what is not known (NaN) where there may be
-    ``gaps``, and what is infinite where that is one of its values (``endless``)."""
+    """Kind of values in a component. ``leaf``: "number", "whole" (integers), "text" or "truth" (booleans); ``width``: of vectors;
+    ``each``: number of values in a row. Numbers are finite with magnitudes up to ``most``; NaN is allowed with ``gaps``, infinite
+    values with ``endless``."""
 
     leaf: str = "number"
     width: int = 0
@@ -232,7 +233,7 @@ FIELD_KINDS: Mapping[str, ComponentKind] = {
     "colors": ComponentKind("whole"),
     "labels": ComponentKind("text"),
 }
-"""Of every archetype that has them."""
+"""Kinds of fields that any archetype may have."""
 
 TABLE_UNITS: tuple[tuple[str, tuple[str, ...]], ...] = (
     ("data/links/*/pose", ("m, m, rad",)),
@@ -257,7 +258,7 @@ TABLE_UNITS: tuple[tuple[str, tuple[str, ...]], ...] = (
     ("health/error_estimate", ("1, 1, 1, 1, 1",)),
     ("health/*", ("1", "m", "m/s", "m/s²")),
 )
-"""Units of the numbers in a row of the tables of the contract; the first that fits counts."""
+"""Allowed units of the numbers in a row, by path of the table; the first pattern that fits counts."""
 
 FINITE_TABLES = tuple(("data", what) for what in ("links", "points", "joints", "loads", "drive", "energy"))
 """Tables without infinite numbers; radii of curvature and conditions may be infinite."""
@@ -273,18 +274,18 @@ COMPONENTS_TOGETHER: tuple[tuple[str, ...], ...] = (
     ("ranges", "title", "x_title", "y_title", "equal", "turn"),
     ("TextLog:level", "TextLog:text"),
 )
-"""Components that an entity has all, or not the first of them either."""
+"""If an entity has the first component of a group, it has all of them."""
 
 SAME_COUNT = (
     *("Mesh3D:vertex_normals", "Mesh3D:vertex_colors"),
     *("StateConfiguration:labels", "StateConfiguration:colors"),
     "Arrows3D:vectors",
 )
-"""Of these an entity has as many as of the first that they belong to."""
+"""Components that have as many values as the first component of their group."""
 
 
 def units_of(parts: tuple[str, ...]) -> tuple[str, ...]:
-    """Units of the numbers in a row of a table, all that are allowed; none of tables that the contract leaves open."""
+    """The allowed units of the numbers in a row of a table; empty for tables that the contract does not specify."""
     for pattern, units in TABLE_UNITS:
         stated = pattern.split("/")
         if len(parts) == len(stated) and all(s in ("*", part) for s, part in zip(stated, parts, strict=True)):
@@ -293,12 +294,12 @@ def units_of(parts: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def needed_tables(model: RecordedModel, forces: bool) -> set[str]:
-    """The tables without which no recording of a model is read; ``forces``: reactions were computed."""
+    """The tables that a recording of a model must have; ``forces``: reactions were computed."""
     return {entity(*parts) for parts in _needed(model, forces)}
 
 
 def missing_tables(recording: Recording) -> list[str]:
-    """The tables that a recording is to have, and has not."""
+    """The tables that a recording must have but lacks."""
     needed = needed_tables(recording.said.model, recording.has("data", "energy"))
     return sorted(path for path in needed | {q.entity for q in recording.said.quantities} if not recording.has(path))
 
@@ -318,7 +319,7 @@ def _needed(model: RecordedModel, forces: bool) -> Iterator[tuple[str, ...]]:
 
 
 def faults_of(recording: Recording) -> Iterator[str]:
-    """Faults of the entities of a recording whose properties are right."""
+    """Faults of the entities of a recording with valid properties."""
     said, has = recording.said, set(recording.entities)
     yield from (f"{path} is missing" for path in missing_tables(recording))
     yield from (f"{node.entity} is missing" for node in said.picture or () if node.kind == "body" and node.entity not in has)
@@ -332,14 +333,14 @@ def faults_of(recording: Recording) -> Iterator[str]:
 
 
 def _entity_faults(recording: Recording, path: str, time: object, pose: bool) -> Iterator[str]:
-    """Faults of an entity; ``pose``: its numbers are places."""
+    """Faults of an entity; ``time``: of the frames; ``pose``: its numbers are poses, with the limits of coordinates."""
     parts = parts_of(path)
     scalars = (
         ComponentKind()
         if pose
         else COMPONENT_KINDS["Scalars:scalars"]._replace(endless=not (units_of(parts) and parts[:2] in FINITE_TABLES))
     )
-    counts: dict[str, Any] = {}  # how many each row of a component has, of all batches
+    counts: dict[str, Any] = {}  # number of instances in each row, by component, over all batches
     names = set()
     for batch, moving in recording.batches(path):
         names |= set(batch.schema.names)
@@ -366,7 +367,7 @@ def _entity_faults(recording: Recording, path: str, time: object, pose: bool) ->
 
 
 def _read_column(column: pa.Array, kind: ComponentKind, name: str, moving: bool) -> Any:
-    """How many instances (n,) each row of a column of arrow has. ValueError says what is wrong with it."""
+    """Number of instances (n,) in each row of an arrow column. Raises ValueError with the fault of an invalid column."""
     import pyarrow as pa
 
     if not pa.types.is_list(column.type):
@@ -394,7 +395,7 @@ def _read_column(column: pa.Array, kind: ComponentKind, name: str, moving: bool)
         allowed = np.isfinite(numbers) | (np.isnan(numbers) & kind.gaps) | (np.isinf(numbers) & kind.endless)
         if not allowed.all():
             raise ValueError("is not finite")
-        if float(np.abs(numbers[np.isfinite(numbers)]).max(initial=0.0)) > kind.most:  # which a float32 may not hold
+        if float(np.abs(numbers[np.isfinite(numbers)]).max(initial=0.0)) > kind.most:  # beyond the range of float32
             raise ValueError(f"holds numbers beyond {kind.most:g}")
         if name == "Transform3D:scale" and not numbers.all():
             raise ValueError("is zero")
@@ -408,7 +409,8 @@ KIND_WORDS = {"number": "numbers", "whole": "whole numbers", "text": "text", "tr
 
 
 def _table_faults(recording: Recording, path: str, time: Any, counts: Any) -> Iterator[str]:
-    """Faults of a table: every frame has a row, every row the same numbers, every number a name with the unit of the contract."""
+    """Faults of a table, in which every frame must have a row, every row the same count of numbers, and every column a name with
+    the unit of the contract."""
     if counts is None:
         yield "it has no values"
         return

@@ -1,4 +1,4 @@
-"""Entities of a recording: their names, streams of rows over the frames, static archetypes; numbers as rerun stores them."""
+"""Entities of a recording: names, streams of rows over the frames, static archetypes; conversion of numbers to rerun's format."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ APPLICATION_ID = "mechviz"
 
 
 class RecordingError(OutputError):
-    """A recording that could not be written or read: ``message`` says what happened, ``remedy`` what to do."""
+    """A recording could not be written or read: ``message`` states what happened, ``remedy`` what to do."""
 
     @classmethod
     def of(cls, error: OutputError) -> RecordingError:
@@ -57,7 +57,7 @@ def parts_of(path: str) -> tuple[str, ...]:
 
 
 def packed_colors(colors: Sequence[Sequence[int]]) -> NDArray[np.uint32]:
-    """Colours of three or four channels, 0 to 255, each as one number 0xRRGGBBAA: else the recorder takes every list apart anew."""
+    """Colours of three or four channels, 0 to 255, each as one number 0xRRGGBBAA, which rerun converts faster than lists."""
     return np.array([int.from_bytes(bytes((*c, 255)[:4]), "big") for c in colors], np.uint32)
 
 
@@ -67,7 +67,7 @@ def unpacked(color: int) -> tuple[int, int, int]:
 
 
 def line_strips(parts: Sequence[Single]) -> Any:
-    """Strips (n, points, 3) of each of some items at n frames -> an arrow array of all strips, those of the first frame first."""
+    """An arrow array of the strips (n, points, 3) of several items at n frames, ordered by frame."""
     import pyarrow as pa
     import rerun as rr
 
@@ -80,9 +80,10 @@ def line_strips(parts: Sequence[Single]) -> Any:
 
 
 def archetype_columns(archetype: Any, counts: Integers | int = 1) -> list[Any]:
-    """Columns of an archetype that holds the instances of all rows, one after the other: so many a row, or ``counts`` (rows,).
+    """Columns of an archetype that contains the instances of all rows in sequence; ``counts``: instances per row, one number or
+    (rows,).
 
-    The recorder's own ``columns`` makes them twice, of one instance a row first.
+    rerun's own ``columns`` makes them twice, first with one instance per row.
     """
     import rerun as rr
 
@@ -98,21 +99,21 @@ def archetype_columns(archetype: Any, counts: Integers | int = 1) -> list[Any]:
 
 @lru_cache(maxsize=64)
 def _offsets(instances: int, count: int) -> Any:
-    """Where the rows of so many instances each begin among all of them, and the end, as an arrow array."""
+    """Offsets of rows of ``count`` instances each among all ``instances``, including the end, as an arrow array."""
     import pyarrow as pa
 
     return pa.array(np.arange(0, instances + 1, count, dtype=np.int32))
 
 
-MOST_TICKS = 2.0**63  # of a timeline: ns, thousandths of a degree or of a millimetre
+MOST_TICKS = 2.0**63  # limit of a timeline: ns, millidegrees or micrometres
 
-SMALLEST_DRAWN = 0.05  # [m]
+SMALLEST_DRAWN = 0.05  # [m] size of a mechanism below which it is drawn enlarged
 
 
 @dataclass(frozen=True)
 class Stream:
-    """An entity with one row per frame, or per ``every``-th frame. ``columns`` makes the rows of some frames: a slice that begins
-    at one that has a row and steps by as many frames as ``every``, or by a multiple."""
+    """An entity with one row per frame, or per ``every``-th frame. ``columns(frames)`` makes the rows of a slice of frames, which
+    starts at a frame with a row and has a step of ``every`` or a multiple."""
 
     path: str
     columns: Callable[[slice], Any]
@@ -136,7 +137,8 @@ class Timelines:
 
     @classmethod
     def of(cls, run: Run) -> Timelines:
-        """The timelines of a run. Raises `RecordingError` of frames at times that cannot be distinguished."""
+        """The timelines of a run. Raises `RecordingError` for equal times [ns] of frames, and values beyond the range of a
+        timeline."""
         motion = run.motion
         time = _integers(motion.time * 1e9)
         if np.any(np.diff(time) <= 0):
@@ -152,11 +154,11 @@ class Timelines:
         return cls(time=time, drives=tuple(angles.items()))
 
     def columns(self, frames: slice) -> list[Any]:
-        """Time columns of some frames."""
+        """Time columns of a slice of frames."""
         return self._columns(self.time[frames], [(name, ticks[frames]) for name, ticks in self.drives])
 
     def columns_at(self, times: Real) -> list[Any]:
-        """Time columns of moments [s] that need not be frames; the drives' positions are interpolated."""
+        """Time columns of times [s] that need not be frames; the drives' positions are interpolated."""
         ns = _integers(times * 1e9)
         return self._columns(ns, [(name, _integers(np.interp(ns, self.time, ticks))) for name, ticks in self.drives])
 
@@ -170,7 +172,7 @@ class Timelines:
 
 
 def _integers(values: Real) -> Integers:
-    """Whole numbers for a timeline. Raises `RecordingError` of what it cannot count."""
+    """Rounded integers for a timeline. Raises `RecordingError` for values beyond its range, or NaN."""
     if np.size(values) and not np.max(np.abs(values)) < MOST_TICKS:
         words = "The run takes more time, or its drives go farther, than a recording can count (292 years, 2.5e13 turns, 9e12 m)."
         raise RecordingError(words, "Check the speeds and periods of the drives, or record fewer cycles.")
@@ -178,12 +180,12 @@ def _integers(values: Real) -> Integers:
 
 
 def picture_stride(run: Run) -> int:
-    """Every how many frames arrows are drawn: all of them up to 720 frames a cycle of the first drive, or as the accuracy says."""
+    """The stride of frames with arrows: as the accuracy states, by default 1 up to 720 frames per cycle of the first drive."""
     return run.kept.pictures or plain_stride(run.motion)
 
 
 def table_streams(all_tables: list[ItemTable], numbers: str | None = None) -> Iterator[Stream]:
-    """The float64 numbers; with ``numbers`` "float32" they keep the digits of those only, which takes less room."""
+    """Streams of the tables, as float64; with ``numbers`` "float32" rounded to float32, which compresses better."""
     for table in all_tables:
         yield Stream(entity(*table.path), partial(_rows_of_table, table, numbers))
 
@@ -198,12 +200,12 @@ def scalar_rows(values: Real, frames: slice) -> Any:
     import pyarrow as pa
     import rerun as rr
 
-    chosen = pa.array(np.ascontiguousarray(values[frames]).reshape(-1))  # else the recorder copies it
+    chosen = pa.array(np.ascontiguousarray(values[frames]).reshape(-1))  # otherwise rerun copies it
     return archetype_columns(rr.Scalars.from_fields(scalars=chosen), values.shape[1])
 
 
 def link_streams(run: Run) -> Iterator[Stream]:
-    """Poses of the links."""
+    """Streams of the poses of the links."""
     import rerun as rr
 
     poses = run.numbers.poses
@@ -219,16 +221,16 @@ def link_streams(run: Run) -> Iterator[Stream]:
 
 
 def magnification(size: float) -> float:
-    """How much a mechanism of this size [m] is enlarged for the viewer, which draws nothing nearer to its eye than a centimetre."""
+    """The factor by which a mechanism of this size [m] is enlarged: rerun's viewer draws nothing within 1 cm of its camera."""
     return 1.0 if size >= SMALLEST_DRAWN else float(10.0 ** np.ceil(np.log10(SMALLEST_DRAWN / size)))
 
 
 def view_statics(size: float) -> Iterator[Static]:
-    """View coordinates, and by how much the viewer enlarges what it draws."""
+    """View coordinates, and the scale of drawn entities for a small mechanism."""
     import rerun as rr
 
     yield Static("mechanism", rr.ViewCoordinates.RIGHT_HAND_Y_UP)
     enlarged = magnification(size)
-    if enlarged != 1.0:  # the data stay in metres; only what the viewer draws is enlarged
+    if enlarged != 1.0:  # data stay in metres; only the drawing is enlarged
         for root in ("mechanism", "vectors", "legend", "polygons"):
             yield Static(root, rr.Transform3D(scale=enlarged))

@@ -19,30 +19,30 @@ from mechviz.scene.units import Units
 
 MOTION_FAMILIES = ("velocity", "acceleration")
 ARC_POINTS = 24
-LEGEND_ROOM = 0.2  # in sizes of the mechanism: below solids and arrows, for the legend of the arrows
+LEGEND_ROOM = 0.2  # height, in sizes of the mechanism, for the legend below solids and arrows
 
 
 def seen(item: Vector | Moment, scales: Scales, size: float) -> bool:
-    """Whether an arrow or arc is drawn at any frame."""
+    """Whether an arrow or arc is drawn in any frame."""
     if isinstance(item, Vector):
         return bool(visible(item.value, scales.per_metre(item.family), size).any())
     return bool(arc_lengths(item, scales, size).any())
 
 
 def sweep_of(arc: MomentArc, scales: Scales, size: float) -> Real:
-    """Signed angles (F,) [rad] of an arc; 0 where it is not drawn."""
+    """Signed angles (F,) [rad] subtended by an arc; 0 where it is not drawn."""
     return arc_lengths(arc.moment, scales, size) / arc.radius
 
 
 def extent(vectors: Sequence[Vector], scales: Scales, bounds: Real, size: float) -> Real:
-    """The box (2, 3) [m] around the mechanism and its arrows; arrows that lie far outside do not count in full."""
+    """The box (2, 3) [m] around the mechanism, its arrows and the legend; arrows extend it by at most `LARGEST_ARROW` sizes."""
     low, high = np.array(bounds[0]), np.array(bounds[1])
     room = LARGEST_ARROW * size
     for vector in vectors:
         scale = scales.per_metre(vector.family)
         shown = visible(vector.value, scale, size)
         if shown.any():
-            for k in (0, 1):  # column by column, in a tenth of the time of rows of two
+            for k in (0, 1):  # by columns: ten times faster than by rows of two
                 tips = vector.origin[:, k][shown] + vector.value[:, k][shown] / scale
                 low[k] = min(low[k], max(tips.min(), bounds[0][k] - room))
                 high[k] = max(high[k], min(tips.max(), bounds[1][k] + room))
@@ -52,15 +52,16 @@ def extent(vectors: Sequence[Vector], scales: Scales, bounds: Real, size: float)
 
 
 def arc_lengths(moment: Moment, scales: Scales, size: float) -> Real:
-    """Signed lengths (F,) [m] of arcs that stand for a moment; 0 where it is not drawn."""
+    """Signed lengths (F,) [m] of the arcs of a moment; 0 where it is not drawn."""
     length = np.clip(np.nan_to_num(moment.value / scales.newton_metres_per_metre), -LARGEST_ARC * size, LARGEST_ARC * size)
     drawn = np.abs(length) > SHORTEST_ARROW * size
     return np.where(drawn if moment.shown is None else drawn & moment.shown, length, 0.0)
 
 
 def arc_strips(centres: Real, sweep: Real, z: float, radius: float) -> Single:
-    """Arcs with arrow heads of a radius [m] about centres (n, 2), spanning angles (n,), each drawn as one strip: (n, points, 3)."""
-    # the arc opens evenly about the vertical
+    """Arcs with arrowheads of a radius [m] about centres (n, 2), through angles (n,) [rad], each as one strip (n, points, 3)
+    [m]."""
+    # symmetric about the vertical
     angles = 0.5 * np.pi + sweep[:, None] * np.linspace(-0.5, 0.5, ARC_POINTS)
     arc = centres[:, None] + radius * np.stack([np.cos(angles), np.sin(angles)], axis=-1)
     end = angles[:, -1]
@@ -78,7 +79,7 @@ EVERY_FRAME = ("solids", "joints", "roller", "belt")  # groups that move with th
 
 
 def listed(picture: Picture) -> str:
-    """The nodes as JSON: what a reader needs to know of each beside what its entity says."""
+    """The nodes as JSON: what a reader needs in addition to their entities."""
     return json.dumps([_entry(node) for node in picture.nodes], ensure_ascii=False)
 
 
@@ -99,19 +100,19 @@ def _entry(node: Node) -> dict[str, Any]:
 
 
 def picture_streams(picture: Picture, every: int) -> Iterator[Stream]:
-    """All that moves; what does not go with a link at every ``every``-th frame."""
+    """Streams of all nodes that move; nodes that do not move with a link have rows at every ``every``-th frame only."""
     for node in picture.nodes:
         yield from node_streams(node, picture, 1 if node.group in EVERY_FRAME else every)
 
 
 def picture_statics(picture: Picture) -> Iterator[Static]:
-    """How all nodes look."""
+    """Static archetypes of all nodes: their look, and positions of nodes at rest."""
     for node in picture.nodes:
         yield from node_statics(node, picture)
 
 
 def node_streams(node: Node, picture: Picture, every: int) -> Iterator[Stream]:
-    """The rows of a node; none where it stands still."""
+    """The stream of a node; none if it is at rest."""
     draw: Any = None
     match node:
         case Body(poses=poses) if poses is not None:
@@ -157,7 +158,7 @@ def _dotted(node: Points, frames: slice) -> Any:
     import rerun as rr
 
     places, count = node.places[frames], node.places.shape[1]
-    if np.isfinite(places.sum()):  # so all of them are
+    if np.isfinite(places.sum()):  # if the sum is finite, all are
         return archetype_columns(rr.Points3D.from_fields(positions=places.reshape(-1, 3)), count)
     there = np.isfinite(places).all(axis=(1, 2))
     return archetype_columns(rr.Points3D.from_fields(positions=places[there].reshape(-1, 3)), count * there)
@@ -171,7 +172,7 @@ def _pointed_together(node: ArrowSet, frames: slice) -> Any:
 
 
 def _pointed(node: Arrow, scale: float, seen: Flags, frames: slice) -> Any:
-    """Arrows that are long enough to be seen: of the others a row has no instance."""
+    """Rows of an arrow; where it is too short to be seen, the row has no instance."""
     import rerun as rr
 
     there, origin, value = seen[frames], node.origin_at(frames), node.vector.value[frames]
@@ -191,7 +192,7 @@ def _curved(node: MomentArc, sweep: Real, frames: slice) -> Any:
 
 
 def node_statics(node: Node, picture: Picture) -> Iterator[Static]:
-    """How a node looks, and where it is, where it stands still."""
+    """The static archetype of a node: its look, and its position if it is at rest. Raises ValueError for a broken mesh."""
     import rerun as rr
 
     path = entity(*node.entity)
@@ -227,13 +228,13 @@ def node_statics(node: Node, picture: Picture) -> Iterator[Static]:
 
 
 def _look(colors: Sequence[Sequence[int]], radii: Sequence[float], labels: Sequence[str], *, shown: bool = True) -> dict[str, Any]:
-    """How lines, points or arrows look; they have labels where any of them is not empty, ``shown`` at first."""
+    """Look of lines, points or arrows; labels only if any is not empty, ``shown``: whether they are visible at first."""
     words = {"labels": list(labels), "show_labels": shown} if any(labels) else {}
     return {"colors": packed_colors(colors), "radii": list(radii), **words}
 
 
 def _check(node: Body) -> None:
-    """rerun takes any indices and NaN coordinates without a word, and the viewer then shows nothing."""
+    """Raise ValueError for a mesh with invalid indices or NaN: rerun accepts them silently, and its viewer then shows nothing."""
     mesh = node.mesh
     if not (np.isfinite(mesh.vertices).all() and np.isfinite(mesh.normals).all() and mesh.faces.max() < len(mesh.vertices)):
         raise ValueError(f"the mesh of {node.owner[0]} '{node.owner[1]}' is broken")
@@ -242,17 +243,17 @@ def _check(node: Body) -> None:
 # -- the legend -------------------------------------------------------------------------------------------------------
 LEGEND_LENGTH = 0.14  # longest arrow of the legend, in sizes of the mechanism
 LEGEND_COLUMN = 0.26  # distance of the arrows, in sizes of the mechanism
-LEGEND_LABEL = (0.19, 0.22)  # room of a label at least and at most, in widths of the picture
-LEGEND_ROW = 0.9  # of all labels together, where the least allows it
-LEGEND_ASPECT = 1.5  # width of the picture over its height, about
+LEGEND_LABEL = (0.19, 0.22)  # least and largest width of a label, in widths of the picture
+LEGEND_ROW = 0.9  # width of all labels together, if the least width allows it
+LEGEND_ASPECT = 1.5  # approximate width of the picture over its height
 
 
 def legend_shapes(picture: Picture, around: Real, units: Units) -> Iterator[Static]:
     """``/legend/forces/<family>`` and ``/legend/motion/<family>``: static arrows and their labels.
 
-    A family of which nothing is long enough to be drawn at any frame is left out; one of moments alone has no value.
-    ``around``: the box (2, 3) [m] around what else is drawn on the mechanism; the legend stands below that, too. ``units`` in which
-    people read the values.
+    A family without anything long enough to be drawn in any frame is left out; a family of moments alone has no value. ``around``:
+    the box (2, 3) [m] around other drawings on the mechanism; the legend stands below that as well. ``units``: display units of the
+    values.
     """
     scales, size = picture.scales, picture.size
     vectors, moments = [a.vector for a in picture.of(Arrow)], [a.moment for a in picture.of(MomentArc)]
@@ -278,7 +279,7 @@ def legend_shapes(picture: Picture, around: Real, units: Units) -> Iterator[Stat
 
 
 def _legend_place(across: float, y: float, picture: Picture) -> Real:
-    """Where an arrow of the legend starts: in a row, so far from the mechanism's middle [m]."""
+    """Start (3,) [m] of an arrow of the legend; ``across`` [m]: offset of the arrow's middle from that of the mechanism."""
     middle = 0.5 * (picture.bounds[0, 0] + picture.bounds[1, 0])
     return np.array([middle + across - 0.5 * LEGEND_LENGTH * picture.size, y, picture.top])
 

@@ -1,4 +1,4 @@
-"""Plots of a recording: series that exist only to be plotted, their names and colours, lines at events, lanes of states."""
+"""Plots of a recording: additional series for plots, names and colours of series, lines at events, lanes of states."""
 
 from __future__ import annotations
 
@@ -38,10 +38,10 @@ CURVE_PALETTE = (
     (164, 200, 80),
     (140, 150, 255),
 )
-"""Colours of curves on a dark ground; neighbours differ in hue and lightness."""
+"""Colours of curves on a dark background; neighbours differ in hue and lightness."""
 
 CLOSURE_UNITS = {"closure": "m", "velocity_closure": "m/s", "acceleration_closure": "m/s^2"}
-"""Residuals of loops and their units."""
+"""Closure errors of the loops, of positions and derivatives, and their units."""
 
 MOST_OUTPUTS = 3  # outputs in one plot
 MOST_REACTIONS = 6  # joints in one plot
@@ -49,19 +49,20 @@ MOST_REACTIONS = 6  # joints in one plot
 
 @dataclass(frozen=True, eq=False)
 class Output:
-    """A plot: the view's name and the entities in it with the series shown of each; ``values`` (F, n) are the curves."""
+    """A plot: name of its view, its entities with flags of the series shown of each (empty: all), and the curves ``values`` (F,
+    n)."""
 
     name: str
     entities: tuple[tuple[str, tuple[bool, ...]], ...]
     values: Real | None = None
     single: bool = False  # one curve, named by the view
-    least: float = 0.0  # curves none of which is above this are rounding
+    least: float = 0.0  # if all curves are below this, they are round-off
 
 
 @dataclass(frozen=True, eq=False)
 class Gathered:
-    """Series that share a plot, in the unit in which people read them: an entity of its own, so that its legend names nothing
-    else; or ``data``, as in `Output`, where these are the same series in SI units, which people read as they are."""
+    """Series that share a plot, in display units. They form an entity of their own, so that its legend names nothing else; or, if
+    the display units are SI units, ``data`` are the entities, as in `Output`, that contain the same series."""
 
     path: tuple[str, ...]
     view: str  # name of the view
@@ -78,7 +79,8 @@ class Gathered:
 
 
 def main_outputs(run: Run) -> list[Output]:
-    """Position, velocity and acceleration of what the mechanism moves: sliders at the frame, else traced points, else rockers."""
+    """Plots of position, velocity and acceleration of the output: sliders at the frame, otherwise traced points, otherwise rotating
+    joints at the frame."""
     names, points = _moved(run)
     if names:
         return [gathered.output for gathered in _of_joints(run, names)]
@@ -86,7 +88,7 @@ def main_outputs(run: Run) -> list[Output]:
 
 
 def _of_points(run: Run, points: list[tuple[str, str]]) -> list[Gathered]:
-    """Where points are, their velocities and accelerations."""
+    """Positions, velocities and accelerations of points."""
     gathered = []
     for k, (kind, letter, si) in enumerate((("position", "", "m"), ("velocity", "v", "m/s"), ("acceleration", "a", "m/s^2"))):
         if points:
@@ -99,7 +101,7 @@ def _of_points(run: Run, points: list[tuple[str, str]]) -> list[Gathered]:
 
 
 def study_outputs(run: Run) -> list[Output]:
-    """Plots of what a scene asks for beside motion and forces: reduced masses with their derivatives, shaking forces."""
+    """Plots of studies of a scene: reduced masses and moments of inertia, shaking moments."""
     return [gathered.output for gathered in (*_reduced(run), *_shaking(run))]
 
 
@@ -116,7 +118,7 @@ def _reduced(run: Run) -> list[Gathered]:
 
 
 def _shaking(run: Run) -> list[Gathered]:
-    """The shaking moment, with and without counterweights in two colours."""
+    """The shaking moment, without and with counterweights."""
     before, after = run.studies.shaking, run.studies.balanced
     if before is None:
         return []
@@ -129,12 +131,12 @@ def _shaking(run: Run) -> list[Gathered]:
 
 
 def cam_outputs(run: Run) -> list[Output]:
-    """Lift and pressure angle of the cams, and the force where they touch."""
+    """Plots of lift, pressure angle, contact force and Hertz pressure of the cams, and of graphical accelerations."""
     return [gathered.output for gathered in (*_of_cams(run), *_drawn_laws(run))]
 
 
 def _drawn_laws(run: Run) -> list[Gathered]:
-    """Accelerations of lifts as they are drawn, beside the exact ones."""
+    """Accelerations of the lift from the graphical construction, together with the exact ones."""
     gathered = []
     rated = {p.name: p for p in run.motion.mechanism.joints if isinstance(p, CamJoint) and p.name in _cams(run)}
     for name in (n for n, p in rated.items() if p.drawn is not None):
@@ -149,7 +151,7 @@ def _drawn_laws(run: Run) -> list[Gathered]:
 
 
 def _cams(run: Run) -> list[str]:
-    """The cams that are plotted."""
+    """The names of the cams that are plotted, at most `MOST_OUTPUTS`."""
     return [r.name for r in run.motion.model.relations if r.kind == "cam"][:MOST_OUTPUTS]
 
 
@@ -173,7 +175,7 @@ def _of_cams(run: Run) -> list[Gathered]:
 
 
 def _moved(run: Run) -> tuple[list[JointInfo], list[tuple[str, str]]]:
-    """The joints whose motion is plotted, or else the points."""
+    """The joints whose motion is plotted, or if there are none the points (link, point)."""
     mechanism = run.motion.mechanism
     driven = {d.joint for d in mechanism.drives}
     at_frame = [j for j in joints_of(run.motion) if mechanism.frame in j.links and j.name not in driven]
@@ -188,7 +190,7 @@ def _of_joints(run: Run, joints: list[JointInfo]) -> list[Gathered]:
     sliding = joints[0].unit == "m"
     motions = [run.motion.coordinate(j.name) for j in joints]
     angles = [values[np.isfinite(values[:, 0]), 0] for values in motions]
-    turning = any(len(a) and np.ptp(a) > 2.0 * np.pi for a in angles)  # which no rocker does
+    turning = any(len(a) and np.ptp(a) > 2.0 * np.pi for a in angles)  # more than a rocker
     unit, noun, first = ("m", "Slider", "displacement") if sliding else ("rad", "Output" if turning else "Rocker", "angle")
     gathered = []
     for k, (kind, si) in enumerate(((first, unit), ("velocity", f"{unit}/s"), ("acceleration", f"{unit}/s²"))):
@@ -224,7 +226,8 @@ def _efforts(run: Run) -> list[Gathered]:
 
 
 def free_outputs(run: Run) -> list[Output]:
-    """Where forces decide the motion: speeds of the free coordinates, angular and linear in separate plots, and the energy."""
+    """Plots of a motion under forces: speeds of the free coordinates, angular and linear separately, gaps of joints with clearance,
+    and the energy."""
     if run.simulation is None or run.forces is None:
         return []
     speeds = [gathered.output for gathered in _speeds(run)]
@@ -250,7 +253,7 @@ def _speeds(run: Run) -> list[Gathered]:
 
 
 def _gaps(run: Run) -> list[Gathered]:
-    """How far journals and bearings of joints with clearance are apart."""
+    """Gaps between journal and bearing of joints with clearance."""
     journals = journals_of(run.scene.mechanism)
     if not journals:
         return []
@@ -261,7 +264,7 @@ def _gaps(run: Run) -> list[Gathered]:
 
 
 def reaction_outputs(run: Run) -> list[Output]:
-    """Magnitudes of the joint reactions, no more in one plot than its legend has room for."""
+    """Plots of the magnitudes of the joint reactions, at most `MOST_REACTIONS` in a plot."""
     names = [j.name for j in joints_of(run.motion)]
     if run.forces is None or not names:
         return []
@@ -286,7 +289,7 @@ def _reactions(run: Run) -> Real:
 
 
 def health_outputs(run: Run) -> list[Output]:
-    """How far loops are open and what else shows whether a run can be trusted."""
+    """Plots of closure errors and the other quantities that show whether a run can be trusted."""
     outputs = [_closures(run).output, Output("Health: condition [1]", ((entity("health", "condition"), ()),))]
     if run.forces is not None:
         outputs.append(Output("Health: power balance [1]", ((entity("health", "power_balance"), ()),)))
@@ -305,7 +308,7 @@ def _closures(run: Run) -> Gathered:
 
 
 def plot_streams(run: Run, every: int) -> Iterator[Stream]:
-    """Series that only plots need, at every ``every``-th frame; of reactions the largest until the next one."""
+    """Streams of additional series for plots, at every ``every``-th frame; for reactions the maximum until the next row."""
 
     def stream(path: str, values: Real) -> Stream:
         def columns(frames: slice) -> Any:
@@ -330,7 +333,7 @@ def _gathered(run: Run) -> list[Gathered]:
 
 
 def plot_styles(run: Run, all_tables: list[ItemTable]) -> Iterator[Static]:
-    """Names, units and colours of all series, so that any of them can be dragged into a plot; spikes survive zooming out."""
+    """Names, units and colours of all series, so that any of them can be dragged into a plot; aggregation keeps spikes visible."""
     import rerun as rr
 
     def style(names: list[str], first: int) -> Any:
@@ -340,14 +343,14 @@ def plot_styles(run: Run, all_tables: list[ItemTable]) -> Iterator[Static]:
 
     palette = packed_colors(CURVE_PALETTE)
 
-    known: dict[tuple[str, ...], int] = {}  # how many of a kind came before: they may share a plot
+    known: dict[tuple[str, ...], int] = {}  # number of earlier series of a kind, which may share a plot
     for table in all_tables:
         kind = (*table.path[:2], table.path[-1]) if table.path[0] == "data" else table.path[:1]
-        first = known.get(kind, -1 if kind[1:2] == ("drive",) else 0)  # so that efforts are green, as their arrows are
+        first = known.get(kind, -1 if kind[1:2] == ("drive",) else 0)  # so that efforts are green like their arrows
         known[kind] = first + len(table.columns)
         yield Static(entity(*table.path), style([h.replace("^2", "²") for h in table.headers()], first))
     for gathered in _gathered(run):
-        effort = gathered.path[-1] in ("torque", "force")  # green first, as the arrows are
+        effort = gathered.path[-1] in ("torque", "force")  # green first, like the arrows
         yield Static(entity(*gathered.path), style(list(gathered.names), 2 if effort else 0))
     names = [f"{j.name} [{run.scene.units.reads('N')[0]}]" for j in joints_of(run.motion)]
     for output in reaction_outputs(run):
@@ -358,23 +361,23 @@ def plot_styles(run: Run, all_tables: list[ItemTable]) -> Iterator[Static]:
 
 
 # -- lines at events --------------------------------------------------------------------------------------------------
-MOST_MARKS = 16  # more lines than these would hide the curves, and say nothing
+MOST_MARKS = 16  # more lines would hide the curves
 EVENT_COLOR = (118, 126, 140)
 
 
 def mark_times(events: Sequence[Event]) -> Real:
-    """Times [s] at which plots get a line; none where so much happens that lines would hide the curves."""
+    """Times [s] of the lines at events in plots; none if there are more than `MOST_MARKS`."""
     times = np.unique([e.time for e in events])
     return times if len(times) <= MOST_MARKS else times[:0]
 
 
 def mark_path(view: str) -> str:
-    """The entity of the lines in a plot, which are as high as its axis."""
+    """The entity of the lines at events in a plot."""
     return entity("plots", "events", view)
 
 
 def send_marks(stream: rr.RecordingStream, timelines: Timelines, times: Real, spans: Mapping[str, tuple[float, float]]) -> None:
-    """Lines at times [s] for each plot, by its name, from one end of its axis to the other."""
+    """Send lines at times [s] for each plot, by name, over the range of its vertical axis."""
     import rerun as rr
 
     if not len(times):
@@ -383,7 +386,7 @@ def send_marks(stream: rr.RecordingStream, timelines: Timelines, times: Real, sp
     look = rr.SeriesLines.from_fields(names=["events"], colors=[EVENT_COLOR], widths=[1.0], aggregation_policy="Off")
     for view, (low, high) in spans.items():
         stream.log(mark_path(view), look, static=True)
-        rows = np.tile([low, high, np.nan], len(times))  # the gap keeps neighbours apart
+        rows = np.tile([low, high, np.nan], len(times))  # NaN separates the lines
         stream.send_columns(mark_path(view), columns, rr.Scalars.columns(scalars=rows))
 
 
@@ -407,19 +410,19 @@ LANE_LOOKS: Mapping[str, tuple[str, tuple[int, int, int]]] = {
     LaneState.TOUCHES: ("follower in contact", (72, 160, 110)),
     LaneState.FLIES: ("contact lost", (230, 60, 60)),
 }
-"""States of the lanes, with their labels and colours."""
+"""States of the lanes of a simulation, with their labels and colours."""
 
 
 def find_lanes(run: Run) -> tuple[Mapping[str, Sequence[tuple[float, str]]], Mapping[str, tuple[str, tuple[int, int, int]]]]:
-    """Changes of state (time [s], state) by lane, and labels and colours of the states: of joints with friction and the mechanism
-    (slips, at rest, jammed); where forces decide the motion of joints, stops and cams."""
+    """Changes of state (time [s], state) by lane, and labels and colours of the states. Lanes of a driven motion: joints with
+    friction and the mechanism (slips, at rest, jammed); of a motion under forces: joints, stops and cams."""
     if run.simulation is not None:
         return lanes_of(run.simulation), LANE_LOOKS
     return ({} if run.forces is None else friction_lanes(run.forces)), STATE_LOOKS
 
 
 def lane_styles(run: Run) -> Iterator[Static]:
-    """How lanes look."""
+    """Labels and colours of the lanes."""
     import rerun as rr
 
     lanes, looks = find_lanes(run)
@@ -430,7 +433,7 @@ def lane_styles(run: Run) -> Iterator[Static]:
 
 
 def send_lanes(stream: rr.RecordingStream, timelines: Timelines, run: Run) -> None:
-    """One row for every change of state."""
+    """Send the lanes, one row for every change of state."""
     import rerun as rr
 
     for name, changes in find_lanes(run)[0].items():

@@ -1,4 +1,4 @@
-"""Work-precision diagrams as a recording: a view for each dial, in which every setting is a point."""
+"""Work-precision diagrams as a recording: a view for each setting, in which every value of the setting is a point."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from mechviz.studies.precision_diagram import PANEL, draw_panel, settings_of
 
 
 def write_rrd(points: Sequence[PrecisionPoint], path: Path, title: str, markdown: str, target: float | None = None) -> None:
-    """Write a view for each dial: the panel as a picture, with marked axes, and over it a point for each setting, which says what
-    it is where the pointer is on it; its error and its time are scalars of the same entity. The table stands beside them.
-    Raises `OutputError`."""
+    """Write a recording with a view for each setting: the panel with its axes as an image, and over it a point for each value, with
+    a tooltip; errors and times are scalars of the same entity. The table ``markdown`` stands beside the views. Raises
+    `OutputError`."""
     import rerun as rr
     import rerun.blueprint as rrb
 
     stream = rr.RecordingStream(APPLICATION_ID, recording_id=f"accuracy-{path.stem}")
-    binary = stream.binary_stream()  # a file that rerun writes itself may end in the middle without a word
+    binary = stream.binary_stream()  # a file written by rerun itself may be cut off without an error
     views = []
     for setting in settings_of(points):
         own = [p for p in points if p.setting == setting and math.isfinite(p.error)]

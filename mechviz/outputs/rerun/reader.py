@@ -24,12 +24,12 @@ from mechviz.scene.scene import Scene, loads
 
 
 def evenly(total: int, most: int) -> Integers:
-    """At most ``most`` of ``total`` frames, spread evenly, the first and the last among them."""
+    """Indices of at most ``most`` of ``total`` frames, evenly spaced, including the first and the last."""
     return np.unique(np.round(np.linspace(0, total - 1, min(total, most))).astype(np.int64))
 
 
 def is_recording(source: str) -> bool:
-    """Whether the user means a recording: by its ending, or because the file is one."""
+    """Whether a source names a recording, by its ending or by its content."""
     path = Path(source)
     if path.suffix.lower() == ".rrd":
         return True
@@ -41,7 +41,7 @@ def is_recording(source: str) -> bool:
 
 
 def rows_at_or_before(batch: Any, times: Integers) -> Any:
-    """Of an arrow batch its first row and the last one at or before each of some times [ns]: a row holds until the next."""
+    """The rows of an arrow batch that are valid at some times [ns], and the first row: a row is valid until the next one."""
     import pyarrow as pa
 
     own = ticks(batch["time"])
@@ -54,7 +54,7 @@ def rows_at_or_before(batch: Any, times: Integers) -> Any:
 
 
 def ticks(column: Any) -> Integers:
-    """A column of times as whole numbers."""
+    """A time column as integers."""
     import pyarrow as pa
 
     counts: Integers = column.cast(pa.int64()).to_numpy(zero_copy_only=False)
@@ -62,8 +62,8 @@ def ticks(column: Any) -> Integers:
 
 
 PROPERTIES_PATH = "/__properties/mechviz"
-IN_FULL = ("/events", "/state/")  # what does not happen at frames
-TABLE_PATHS = ("/data/", "/health/")  # a row at every frame
+IN_FULL = ("/events", "/state/")  # paths of entities whose rows are not at frames
+TABLE_PATHS = ("/data/", "/health/")  # paths of entities with a row at every frame
 MOST_REPORTED = 8  # faults in a message
 RECORD_AGAIN = "Record the scene again."
 DRIVE_TIMELINES = ("drive_mdeg", "drive_um")
@@ -71,27 +71,27 @@ DRIVE_TIMELINES = ("drive_mdeg", "drive_um")
 
 @dataclass(frozen=True, eq=False)
 class ComponentRows:
-    """Rows of one component of an entity, sorted by time. ``lengths`` (F,): how many instances each row has."""
+    """Rows of one component of an entity, sorted by time. ``lengths`` (F,): number of instances in each row."""
 
     time: Integers  # [ns]
     drives: dict[str, Integers]  # drive_mdeg, drive_um
-    values: NDArray[Any]  # all instances of all rows, one after the other
+    values: NDArray[Any]  # the instances of all rows in sequence
     lengths: Integers
 
 
 class Recording:
-    """A mechviz recording in memory. Raises `RecordingError` where the file is missing, broken or not one of ours, with every fault
-    of what it holds, see `contract`. Of one that was interrupted, cut short or damaged, the whole frames before that are read, and
-    ``note`` says so.
+    """A mechviz recording in memory. Raises `RecordingError` if the file is missing, broken or not a recording of mechviz; the
+    message lists the faults of its content, see `contract`. Of an interrupted, truncated or damaged recording, the complete frames
+    before the end or the damage are read, and ``note`` says so.
 
-    Entities go by unescaped parts (``("data", "links", "crank", "pose")``) or by their path as rerun writes it.
+    Entities are addressed by unescaped parts (``("data", "links", "crank", "pose")``) or by their path as rerun writes it.
 
-    With ``most`` a longer recording is read at so many frames only, spread evenly over the run (and some between them, where the
-    file's blocks begin): the whole one need not fit into memory. Events and states are there in full; ``frame_times`` (F,) [ns] are
-    then those of all frames, otherwise None.
+    With ``most``, a longer recording is read at about so many frames only, evenly spaced over the run (and some more where blocks
+    of the file begin), so that the whole recording need not fit into memory. Events and states are complete; ``frame_times`` (F,)
+    [ns] are then the times of all frames, otherwise None.
     """
 
-    said: Properties  # the properties, checked; their JSON as what it holds
+    said: Properties  # the checked properties, with JSON parsed
 
     def __init__(self, path: Path | str, *, most: int | None = None):
         self.path = Path(path)
@@ -140,12 +140,12 @@ class Recording:
             known = (self._moving if moving else self._static).setdefault(name, [])
             if moving and times is not None and not name.startswith(IN_FULL):
                 batch = rows_at_or_before(batch, times)
-                if known and known[-1].schema.equals(batch.schema):  # small batches take more room than what is in them
+                if known and known[-1].schema.equals(batch.schema):  # small batches take more memory than their content
                     batch = pa.concat_batches([known.pop(), batch])
             known.append(batch)
 
     def _chunks(self) -> Iterator[Any]:
-        """The chunks that are whole."""
+        """The undamaged chunks."""
         try:
             yield from chunks_in(self.path)
         except DamageError as error:
@@ -153,7 +153,7 @@ class Recording:
 
     @property
     def note(self) -> str:
-        """The missing part of the recording, in a sentence; nothing where it is complete."""
+        """A sentence on the missing part of the recording; empty if it is complete."""
         if self._damage is not None:
             frames = len(self.times("data", "links", self.said.model.frame, "pose"))
             here = "" if frames == self.said.frames else f" Only the first {frames} of {self.said.frames} frames are here."
@@ -180,7 +180,7 @@ class Recording:
             self._missing = f" Missing: {', '.join(sorted(lost)[:MOST_REPORTED])}{more}."
 
     def _cut(self, last: int) -> None:
-        """Leave out the rows of tables and pictures after a time [ns]."""
+        """Drop the rows after a time [ns], except for events and states."""
         import pyarrow as pa
 
         for path, batches in self._moving.items():
@@ -203,13 +203,13 @@ class Recording:
         return np.sort(np.concatenate(pieces)) if pieces else np.zeros(0, np.int64)
 
     def batches(self, path: str) -> Iterator[tuple[Any, bool]]:
-        """The arrow batches of an entity, each with whether it has times."""
+        """The arrow batches of an entity, each with a flag: True for rows over time, False for static ones."""
         yield from ((batch, True) for batch in self._moving.get(path, ()))
         yield from ((batch, False) for batch in self._static.get(path, ()))
 
     @cached_property
     def properties(self) -> dict[str, Any]:
-        """The recording's properties: plain values, and lists for lists of strings."""
+        """The recording's properties as plain values and lists of strings."""
         return _plain_properties(self._static[PROPERTIES_PATH])
 
     @cached_property
@@ -224,7 +224,7 @@ class Recording:
         return str(self._document("scene"))
 
     def scene(self) -> Scene:
-        """The scene that made the recording, with the files that it names. Raises `SceneError`, `RecordingError`."""
+        """The scene that made the recording, with the files to which it refers. Raises `SceneError`, `RecordingError`."""
         if not self.scene_text:
             raise RecordingError(f"'{self.path}' does not hold its scene.{' ' * bool(self.note)}{self.note}", RECORD_AGAIN)
         folder = SceneFolder(self.path.resolve().parent, dict(self.said.files), foreign=True)
@@ -232,7 +232,7 @@ class Recording:
 
     @property
     def notes(self) -> str:
-        """Plan of the run, computed and left out, as markdown."""
+        """The notes of the run as markdown: stages computed and left out, and more."""
         return str(self._document("notes"))
 
     def _document(self, name: str) -> Any:
@@ -247,7 +247,7 @@ class Recording:
         level, line = (self.rows("events", component=f"TextLog:{name}") for name in ("level", "text"))
         try:
             parts = [self.rows("events", component=name).values for name in ("item", "message")]
-        except KeyError:  # of an older version, which wrote lines only
+        except KeyError:  # recording of an older version, with lines only
             words = [str(x).partition(": ") for x in line.values]
             parts = [np.array([w[0] for w in words]), np.array([w[2].rpartition(" (t = ")[0] for w in words])]
         return tuple(
@@ -262,8 +262,8 @@ class Recording:
         return rows.time, np.asarray(rows.values, float).reshape(len(rows.time), -1)
 
     def at(self, times: Any, *parts: str) -> Real:
-        """Values (n, m) of an entity of scalars at any times (n,) [s], read between the frames by the interpolation that the
-        recording states, with the recorded rates as slopes. Raises KeyError if there are none."""
+        """Values (n, m) of an entity of scalars at any times (n,) [s], interpolated between the frames by the method that the
+        recording states, with the recorded derivatives as slopes. Raises KeyError if there are none."""
 
         def values(path: tuple[str, ...]) -> Real | None:
             return self.scalars(*path)[1] if self.has(*path) else None
@@ -282,7 +282,7 @@ class Recording:
         time = np.concatenate([ticks(b["time"]) for b in batches])
         columns = pa.chunked_array([b[component] for b in batches])
         order: Any = slice(None)
-        if (time[1:] < time[:-1]).any():  # seldom: chunks are written as time goes on
+        if (time[1:] < time[:-1]).any():  # rare: chunks are written in the order of time
             order = np.argsort(time, kind="stable")
             columns = columns.take(pa.array(order))
         flat = columns.combine_chunks()
@@ -295,7 +295,7 @@ class Recording:
         return ComponentRows(time=time[order], drives=drives, values=_numpy(flat.flatten()), lengths=lengths)
 
     def static(self, *parts: str, component: str = "Scalars:scalars") -> NDArray[Any] | None:
-        """The newest static value of a component, or None."""
+        """The last static value of a component, or None."""
         batches = [b for b in self._static.get(_path(parts), ()) if component in b.schema.names]
         return _numpy(batches[-1][component].flatten()) if batches else None
 
@@ -307,7 +307,7 @@ def _path(parts: tuple[str, ...]) -> str:
 
 
 def _times_of_frames(chunks: Iterator[Any], most: int, damage: Callable[[], DamageError | None]) -> Integers | None:
-    """The times of all whole frames [ns], where there are more than ``most``; ``damage`` that was found in the chunks."""
+    """The times of all complete frames [ns]; None if there are at most ``most``. ``damage()``: the damage found in the chunks."""
     counted: dict[str, list[Integers]] = {}
     batches = []
     for batch in chunks:
@@ -329,13 +329,13 @@ def _times_of_frames(chunks: Iterator[Any], most: int, damage: Callable[[], Dama
 
 
 def _spare(said: Properties, forces: bool, damage: DamageError | None) -> set[str]:
-    """Entities of which something is lost, but for those without which nothing can be shown."""
+    """Damaged entities that can be left out: those without which nothing can be shown are not among them."""
     lost: set[str] = (damage.lost if damage is not None else None) or set()
     return lost - needed_tables(said.model, forces) - {PROPERTIES_PATH}
 
 
 def _last_whole_time(times: dict[str, Integers]) -> int:
-    """The time [ns] up to which all tables have their rows, from those of each entity, sorted."""
+    """The time [ns] up to which all tables are complete; ``times``: sorted times [ns] of the rows, by entity. -1 if none."""
     tables = [own for path, own in times.items() if path.startswith(TABLE_PATHS)]
     every = max(tables, key=len, default=np.zeros(0, np.int64))
     for own in tables:
@@ -368,8 +368,8 @@ def _numpy(values: Any) -> NDArray[Any]:
             strips[k] = points[end - lengths[k] : end]
         return strips
     plain = np.asarray(values.to_numpy(zero_copy_only=False))
-    if plain.dtype == np.float16:  # of a damaged file: limits are beyond what these hold
+    if plain.dtype == np.float16:  # in a damaged file: the limits of the contract exceed the range of float16
         plain = plain.astype(np.float32)
     if plain.dtype.kind == "f" and (unknown := np.isnan(plain)).any():
-        return np.where(unknown, plain.dtype.type(np.nan), plain)  # of a damaged file it may be one that signals: numpy would warn
+        return np.where(unknown, plain.dtype.type(np.nan), plain)  # signalling NaN of a damaged file: numpy would warn
     return plain

@@ -1,4 +1,4 @@
-"""View of a recording: its numbers, the picture, constructions and diagrams, as they were drawn."""
+"""Content of a recording for views: its numbers, picture, constructions and diagrams, as recorded."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def recorded_numbers(recording: Recording) -> Numbers:
 
 
 def _table(recording: Recording, path: str) -> ItemTable | None:
-    """A table, whose values are read when they are asked for; None of what is none."""
+    """A table, whose values are read on demand; None for an entity that is not a table."""
     parts = parts_of(path)
     names = recording.static(path, component="SeriesLines:names")
     if parts[0] not in TABLE_ROOTS or names is None or not recording.has(path):
@@ -73,7 +73,7 @@ def _table(recording: Recording, path: str) -> ItemTable | None:
 
 
 def _column(header: str, parts: tuple[str, ...]) -> tuple[str, str]:
-    """Name and unit of a column from what a plot calls it, such as ``crank.x [m]``."""
+    """Name and unit of a column from its name in a plot, such as ``crank.x [m]``."""
     match = re.fullmatch(r"(.*) \[([^\]]*)\]", header)
     name, unit = (match[1], match[2]) if match else (header, "1")
     named = parts[0] == "data" and parts[1:] == ("power",)
@@ -81,11 +81,11 @@ def _column(header: str, parts: tuple[str, ...]) -> tuple[str, str]:
 
 
 # -- the picture ------------------------------------------------------------------------------------------------------
-EXTENT_FRAMES = 48  # poses at which the extent of the mechanism is looked at
+EXTENT_FRAMES = 48  # number of poses at which the extent of the mechanism is evaluated
 
 
 def picture_in(recording: Recording, numbers: Numbers) -> Picture:
-    """View of a recording."""
+    """The picture of a recording."""
     said = recording.said
     reader = _Reader(recording, numbers)
     entries = [*_guessed(recording)] if said.picture is None else said.picture
@@ -103,7 +103,7 @@ def picture_in(recording: Recording, numbers: Numbers) -> Picture:
 
 
 def _guessed(recording: Recording) -> Iterator[NodePart]:
-    """The nodes of a recording that does not list them: one that is not complete, or is older."""
+    """The nodes of a recording that does not list them, derived from its entities: a recording of an older version."""
     for path in recording.entities:
         match parts_of(path):
             case ("mechanism", "links", link, "mesh"):
@@ -155,14 +155,14 @@ def _guessed(recording: Recording) -> Iterator[NodePart]:
 
 
 class _Reader:
-    """Makes nodes of what the entities of a recording hold."""
+    """Makes nodes from the entities of a recording."""
 
     def __init__(self, recording: Recording, numbers: Numbers):
         self.recording = recording
         self.ticks = np.round(1e9 * numbers.time).astype(np.int64)
 
     def node(self, entry: NodePart) -> Node | None:
-        """The node of an entry; None of arrows, which follow from the numbers, and of what was never drawn."""
+        """The node of an entry; None for arrows, which follow from the numbers, and for nodes that were never drawn."""
         path = entry.entity
         common: dict[str, Any] = {
             "key": entry.key,
@@ -197,7 +197,7 @@ class _Reader:
         return None if places is None or turns is None else PoseTrack(places, turns, scales)
 
     def _columns(self, path: str, component: str, width: int) -> Single | None:
-        """Values (F, width) of a component at the frames; the newest, where a frame has no row of its own."""
+        """Values (F, width) of a component at the frames: those of the last row at or before each frame."""
         try:
             rows = self.recording.rows(path, component=component)
         except KeyError:
@@ -205,8 +205,8 @@ class _Reader:
         return np.asarray(rows.values, np.float32).reshape(-1, width)[_rows_at(rows.time, self.ticks)] if len(rows.time) else None
 
     def _rows(self, path: str, component: str) -> tuple[Flags, list[Single]] | None:
-        """At which frames there are instances (F,), and the values of each over the frames, NaN at the others: instances are all
-        there, or none. None where there is nothing."""
+        """Flags (F,) of the frames that have instances, and the values of each instance over the frames, NaN at the others. None if
+        there are no values, or if rows have different numbers of instances other than 0."""
         try:
             rows = self.recording.rows(path, component=component)
         except KeyError:
@@ -266,7 +266,7 @@ _TRANSFORM_PARTS = (("translation", 3), ("quaternion", 4), ("scale", 3))
 
 
 def _bounds(nodes: list[Node], numbers: Numbers) -> Real:
-    """The box (2, 3) [m] around the solids, looked at at some poses."""
+    """The box (2, 3) [m] around the solids at `EXTENT_FRAMES` poses."""
     lows, highs = [], []
     some = np.unique(np.linspace(0, len(numbers.time) - 1, EXTENT_FRAMES).round().astype(int))
     for node in nodes:
@@ -285,19 +285,19 @@ def _bounds(nodes: list[Node], numbers: Numbers) -> Real:
 
 
 # -- constructions and diagrams ---------------------------------------------------------------------------------------
-FINE_ARROW = 0.8  # an arrow thinner than this, in radii of the thickest one, is a fine one
-FIRST_POLYGONS = ("velocity", "acceleration", "force", "indicator", "phase")  # these come first, the others by their names
+FINE_ARROW = 0.8  # an arrow thinner than this, relative to the thickest one, is a fine one
+FIRST_POLYGONS = ("velocity", "acceleration", "force", "indicator", "phase")  # these come first, then the others by name
 
 
 @dataclass(frozen=True, eq=False)
 class RecordedDrawings:
-    """Reads a recording's drawings at the frames at ``ticks`` (F,) [ns]; of entities with fewer rows the newest one counts."""
+    """Reads a recording's drawings at frames with times ``ticks`` (F,) [ns]; a row is valid until the next one of its entity."""
 
     recording: Recording
     ticks: Integers
 
     def drawings(self) -> dict[str, Drawing]:
-        """Polygons by the name of their entity; recordings that do not say their scale have none."""
+        """Drawings by the name of their entity; those whose scale is not recorded are left out."""
         drawings = {}
         for path in self._below("/polygons/"):
             known = {name: self.recording.static(path, component=name) for name in ("title", "unit", "per_metre", "least", "whole")}
@@ -317,7 +317,7 @@ class RecordedDrawings:
         return drawings
 
     def charts(self) -> list[Chart]:
-        """Diagrams of one quantity against another: where their moving points were drawn says what they show."""
+        """Diagrams of one quantity over another; their curves are recovered from the recorded positions of their moving points."""
         charts = []
         for path in self._below("/diagrams/"):
             part = partial(self.recording.static, path)
@@ -342,7 +342,7 @@ class RecordedDrawings:
 
     # -- inside -------------------------------------------------------------------------------------------------------
     def _below(self, start: str) -> list[str]:
-        """Entities whose path begins so, however deep."""
+        """Entities whose path begins with ``start``, at any depth, `FIRST_POLYGONS` first."""
         paths = [path for path in self.recording.entities if path.startswith(start)]
         return sorted(
             paths,
@@ -350,7 +350,7 @@ class RecordedDrawings:
         )
 
     def _rows(self, path: str, component: str) -> Real | None:
-        """Vectors (F, n, 2) of an entity, NaN where a row has not as many as most; None where there are none."""
+        """Vectors (F, n, 2) of an entity, NaN where a row has fewer than n, the largest count; None if there are none."""
         try:
             rows = self.recording.rows(path, component=component)
         except KeyError:
@@ -365,7 +365,7 @@ class RecordedDrawings:
         return np.asarray(out[_rows_at(rows.time, self.ticks)])
 
     def _looks(self, path: str, kind: str, count: int) -> tuple[list[str], list[Color], list[bool]]:
-        """Labels, colours and whether it is a fine one, of each of ``count`` things."""
+        """Labels, colours and flags of fine lines, of each of ``count`` items."""
         part = partial(self.recording.static, path)
         labels, packed, radii = (part(component=f"{kind}:{name}") for name in ("labels", "colors", "radii"))
         texts = [str(x) for x in labels] if labels is not None and len(labels) == count else [""] * count
@@ -384,7 +384,7 @@ class RecordedDrawings:
         return tuple(DrawnArrow(label, color, z[:, k], along[:, k], fine=fine) for k, (label, color, fine) in enumerate(looks))
 
     def _lines(self, path: str) -> tuple[DrawnArrow, ...]:
-        """Strips as plain lines, one for each of their parts; the first has the label."""
+        """Strips as plain lines, one for each segment; the first of a strip has the label."""
         try:
             rows = self.recording.rows(path, component="LineStrips3D:strips")
         except KeyError:
@@ -411,7 +411,7 @@ class RecordedDrawings:
         return [(label, _complex(positions[:, k])) for k, label in enumerate(labels)]
 
     def _in_order(self, path: str, names: list[str], count: int) -> list[str]:
-        """Names of curves in the order of their points: of a curve the colour says which point runs along it."""
+        """Names of the curves in the order of their moving points: a curve and its point have the same colour."""
         colors = self.recording.static(f"{path}/now", component="Points2D:colors")
         by_color = {}
         for name, entity in zip(names, self._below(f"{path}/curves/"), strict=True):
@@ -422,10 +422,10 @@ class RecordedDrawings:
 
 
 def _rows_at(time: Integers, ticks: Integers) -> Index:
-    """The newest of the rows at ``time`` (n,) at each of the ``ticks`` (F,), the first before there is any."""
+    """Index of the last row, of rows at ``time`` (n,), at or before each of the ``ticks`` (F,); 0 before the first row."""
     return np.clip(np.searchsorted(time, ticks, side="right") - 1, 0, len(time) - 1)
 
 
 def _complex(xy: Real) -> Complex:
-    """Places (..., 2 or 3) of the plane as complex numbers (...)."""
+    """Points (..., 2 or 3) as complex numbers x + iy (...)."""
     return np.asarray(xy[..., 0] + 1j * xy[..., 1], complex)

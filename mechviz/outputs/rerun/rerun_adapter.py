@@ -1,10 +1,11 @@
-"""All that we need of rerun 0.41 beyond its public interface, and the reason for each.
+"""Everything that is used of rerun 0.41 beyond its public interface, and the reason for each.
 
-* Messages of a file are read here (`chunks_in`), not by rerun, whose reader gives up a file that is cut in a message, and ends the
-  process at some turned bits. A file (RRF2) is a header and messages: kind and length, then a protobuf, of which each chunk is an
-  Arrow stream under LZ4.
-* A blueprint is sent (`send_blueprint`) without the stream in memory that rerun's own call leaves behind, which holds itself: two
-  threads and 2 MB a call.
+* Messages of a file are read here (`chunks_in`), not by rerun. Its reader rejects a file that is truncated within a message, and
+  terminates the process at some flipped bits. A file (RRF2) consists of a header and messages: kind and length, then a protobuf;
+  each chunk in it is an Arrow stream compressed by LZ4.
+* A blueprint is sent (`send_blueprint`) without the stream in memory that rerun's own function leaves behind, which refers to
+itself:
+  two threads and 2 MB per call.
 
 The project pins rerun.
 """
@@ -23,35 +24,35 @@ from mechviz.files import open_regular
 from mechviz.outputs.rerun.entities import APPLICATION_ID, RecordingError
 
 FILE_MAGIC, VERSION_MAGIC = b"RRF", b"RRF2"
-FILE_HEADER, MESSAGE_HEADER = 12, struct.Struct("<QQ")  # of a message: kind, length of what follows [bytes]
-FILE_TAIL = struct.Struct("<QQI8sI")  # after the last message: place and length of the index, checksum, magic, how many there are
+FILE_HEADER, MESSAGE_HEADER = 12, struct.Struct("<QQ")  # of a message: kind, length of its content [bytes]
+FILE_TAIL = struct.Struct("<QQI8sI")  # after the last message: position and length of the index, checksum, magic, number of indices
 TAIL_MAGIC, MAGIC_IN_TAIL = b"RRF2FOOT", slice(20, 28)
 END_MESSAGE, STORE_MESSAGE, CHUNK_MESSAGE, LAYOUT_MESSAGE = range(4)  # kinds of messages
 RECORDING_STORE, LZ4_COMPRESSION, ARROW_ENCODING = 1, 2, 1  # kind of a store, compression and encoding of a chunk
-PAYLOAD_FIELD = 5  # the field of a chunk that holds its rows
-MOST_PACKED = 255  # LZ4 makes nothing smaller than this part
+PAYLOAD_FIELD = 5  # the field of a chunk with its rows
+MOST_PACKED = 255  # largest compression ratio of LZ4
 INDEX_COLUMNS = ("time", "drive_mdeg", "drive_um")
 REPAIR_REMEDY = "Record the scene again; what rerun can save of it is saved with: rerun rrd optimize FILE.rrd -o repaired.rrd"
 
 Message = dict[int, Any]
-"""A protobuf message: of each field its last value, a number or bytes."""
+"""A protobuf message: the last value of each field, a number or bytes."""
 
 
 class DamageError(RecordingError):
-    """A recording whose file is damaged at a byte ``at``. The undamaged part has been read: all but some chunks of the entities
-    ``lost``; where that is None, because the file has no index, what stands before the damage."""
+    """A recording whose file is damaged at byte ``at``. The undamaged part has been read: everything except some chunks of the
+    entities ``lost``; if that is None, because the file has no index, the part before the damage."""
 
     at: int = 0
     lost: set[str] | None = None
 
 
 def chunks_in(path: Path) -> Iterator[Any]:
-    """The chunks of the first recording in a file as arrow batches, in the order of the file. Raises `DamageError` after all that
-    are whole."""
+    """The chunks of the first recording in a file as arrow batches, in the order of the file. Raises `DamageError` for a damaged
+    file, after all undamaged chunks."""
     damage: DamageError | None = None
     index: dict[int, str] = {}
     places: list[int] = []
-    begun: list[int] = []  # messages that were read
+    begun: list[int] = []  # positions of the messages that were read
     first: bytes | None = None
     at: int | None = FILE_HEADER
     while at is not None:
@@ -78,7 +79,8 @@ def chunks_in(path: Path) -> Iterator[Any]:
                 damage.lost = set() if index else None
             if damage.lost is not None and error.at in index:
                 damage.lost.add(index[error.at])
-            # After a message that lies about its length, what is read begins within the next one, which may be whole
+            # After a message with a wrong length, the next header is read at a wrong position: reading resumes at the next chunk
+            # of the index, which may be undamaged
             reached = error.at if error.at in index else max((place for place in begun if place in index), default=-1)
             next_one = bisect(places, reached)
             at = places[next_one] if next_one < len(places) else None
@@ -87,7 +89,7 @@ def chunks_in(path: Path) -> Iterator[Any]:
 
 
 def _is_chunk(kind: int, data: bytes) -> bool:
-    """Whether a message holds a chunk: what it says itself may be damaged."""
+    """Whether a message contains a chunk, by its kind or, since that may be damaged, by its fields."""
     with suppress(ValueError):
         return kind == CHUNK_MESSAGE or PAYLOAD_FIELD in fields(data)
     return False
@@ -100,7 +102,7 @@ def _damage(path: Path, at: int, why: str) -> DamageError:
 
 
 def application_of(path: Path) -> str:
-    """The application that wrote the first recording in a file; nothing where that is not said. Raises `RecordingError`."""
+    """The application that wrote the first recording in a file; empty if not stated. Raises `RecordingError`."""
     for _, kind, data in _messages(path):
         try:
             store = fields(fields(fields(data)[2])[2]) if kind == STORE_MESSAGE else {}
@@ -112,7 +114,7 @@ def application_of(path: Path) -> str:
 
 
 def check_readable(path: Path) -> None:
-    """Raises `RecordingError` of what is no recording file, with the reason."""
+    """Raise `RecordingError` with the reason if a path is not a recording file."""
     if path.is_dir():
         raise RecordingError(f"'{path}' is a folder.", "Give the .rrd file in it.")
     try:
@@ -130,7 +132,8 @@ def check_readable(path: Path) -> None:
 
 
 def _messages(path: Path, at: int = FILE_HEADER) -> Iterator[tuple[int, int, bytes]]:
-    """Place, kind and content of each whole message from a place on, up to the end of the recording or of the file."""
+    """Position, kind and content of each complete message from position ``at``, up to the end of the recording or of the file.
+    Raises `DamageError`."""
     with open_regular(path) as file:
         size = os.fstat(file.fileno()).st_size
         while (header := _header(file, at)) is not None:
@@ -148,7 +151,7 @@ def _messages(path: Path, at: int = FILE_HEADER) -> Iterator[tuple[int, int, byt
 
 
 def _ends(file: BinaryIO, at: int, size: int) -> bool:
-    """Whether a file of some size ends at a place, or the tail of a recording is there."""
+    """Whether a file of ``size`` bytes ends at a position, or has the tail of a recording there."""
     file.seek(at)
     return at + FILE_TAIL.size > size or file.read(FILE_TAIL.size)[MAGIC_IN_TAIL] == TAIL_MAGIC
 
@@ -163,7 +166,7 @@ def _header(file: BinaryIO, at: int) -> tuple[int, int] | None:
 
 
 def index_of(path: Path) -> dict[int, str]:
-    """The entity of each chunk by its place in the file, from the index at the end; nothing where none can be read."""
+    """The entity of each chunk by its position in the file, from the index at the end; empty if it cannot be read."""
     with open_regular(path) as file:
         size = os.fstat(file.fileno()).st_size
         file.seek(max(size - FILE_TAIL.size, 0))
@@ -177,7 +180,7 @@ def index_of(path: Path) -> dict[int, str]:
         data = file.read(length)
     places: dict[int, str] = {}
     try:
-        for _, store in _pairs(data):  # the layout has an index of its own
+        for _, store in _pairs(data):  # the blueprint has an index of its own
             packed = fields(fields(store)[4])
             batch = _arrow(packed[2], packed.get(3) == LZ4_COMPRESSION, packed.get(4, 0))
             after, paths = (batch[f"chunk_{name}"].to_pylist() for name in ("byte_offset", "entity_path"))
@@ -188,7 +191,8 @@ def index_of(path: Path) -> dict[int, str]:
 
 
 def _arrow(packed: bytes, compressed: bool, size: int) -> Any:
-    """The arrow batch in some bytes, of ``size`` when they are unpacked, checked as a whole. Raises ValueError and the like."""
+    """The arrow batch in some bytes, of ``size`` after decompression, fully validated. Raises ValueError and other errors of the
+    decoder if it is damaged."""
     import pyarrow as pa
 
     data = pa.py_buffer(packed)
@@ -204,7 +208,7 @@ def _arrow(packed: bytes, compressed: bool, size: int) -> Any:
 
 
 def _batch(message: Message) -> Any:
-    """The arrow batch of a chunk. Raises ValueError and the like of one that is damaged."""
+    """The arrow batch of a chunk. Raises ValueError and other errors of the decoder if it is damaged."""
     import pyarrow as pa
 
     if message.get(4) != ARROW_ENCODING:
@@ -212,7 +216,7 @@ def _batch(message: Message) -> Any:
     batch = _arrow(message[PAYLOAD_FIELD], message.get(2) == LZ4_COMPRESSION, message.get(3, 0))
     if b"rerun:entity_path" not in (batch.schema.metadata or {}):
         raise ValueError("a chunk does not say what it belongs to")
-    entity_of(batch)  # has to be text
+    entity_of(batch)  # raises if it is not text
     for name in INDEX_COLUMNS:
         if name in batch.schema.names:
             column = batch[name]
@@ -222,17 +226,17 @@ def _batch(message: Message) -> Any:
 
 
 def entity_of(batch: Any) -> str:
-    """The path of the entity that a chunk belongs to."""
+    """The path of the entity of a chunk."""
     return str(batch.schema.metadata[b"rerun:entity_path"], "utf-8")
 
 
 def fields(data: bytes) -> Message:
-    """The fields of a protobuf message, of repeated ones the last. Raises ValueError where it is none."""
+    """The fields of a protobuf message, the last value of repeated fields. Raises ValueError for other data."""
     return dict(_pairs(data))
 
 
 def _pairs(data: bytes) -> Iterator[tuple[int, Any]]:
-    """Number and value of each field of a protobuf message. Raises ValueError where it is none."""
+    """Number and value of each field of a protobuf message. Raises ValueError for other data."""
     at = 0
     while at < len(data):
         key, at = _varint(data, at)
@@ -267,8 +271,8 @@ def _varint(data: bytes, at: int) -> tuple[int, int]:
 
 # -- blueprints -------------------------------------------------------------------------------------------------------
 def send_blueprint(stream: Any, blueprint: Any) -> None:
-    """Send a layout: active, not only as the default, since the viewer keeps one layout per application, and that of another scene
-    would not fit."""
+    """Send a blueprint as the active one, not only as the default: the viewer keeps one blueprint per application, and that of
+    another scene would not fit."""
     import rerun as rr
     import rerun_bindings as bindings
 
@@ -279,4 +283,4 @@ def send_blueprint(stream: Any, blueprint: Any) -> None:
     made.set_time("blueprint", sequence=0)
     blueprint._log_to_stream(made)
     bindings.send_blueprint(made.memory_recording().storage, True, True, recording=stream.to_native())
-    made.disconnect()  # from its own memory
+    made.disconnect()  # from its recording in memory

@@ -1,4 +1,4 @@
-"""Recordings as files: written through a pipe into an unfinished neighbour, which takes its place when it is complete."""
+"""Recordings as files: written through a pipe into an unfinished file beside the target, which it replaces when complete."""
 
 from __future__ import annotations
 
@@ -27,31 +27,31 @@ READ_SIZE = 1 << 20
 
 
 class Pump:
-    """Writes to an open file what is written to ``entrance``, a path that can be opened for writing once."""
+    """Copies to an open file what is written to ``entrance``, a path that can be opened for writing once."""
 
     def __init__(self, file: int):
         self._file = os.dup(file)
         self._outlet, self._inlet = os.pipe()
-        with suppress(AttributeError, OSError):  # of Linux; more than a user may have
+        with suppress(AttributeError, OSError):  # only on Linux, within the user's limit
             fcntl.fcntl(self._inlet, fcntl.F_SETPIPE_SZ, READ_SIZE)
-        self._move = getattr(os, "splice", _copy)  # of Linux: from pipe to file within the kernel
+        self._move = getattr(os, "splice", _copy)  # on Linux: from pipe to file within the kernel
         self._error: OSError | None = None
-        self._lock = threading.Lock()  # held while bytes are on their way from the pipe to the file
+        self._lock = threading.Lock()  # held while bytes are moved from the pipe to the file
         self._thread = threading.Thread(target=self._run, name="recording to file", daemon=True)
         self._thread.start()
 
     @property
     def entrance(self) -> str:
-        """Where to write."""
+        """Path of the end of the pipe for the writer."""
         return f"/dev/fd/{self._inlet}"
 
     def opened(self) -> None:
-        """The writer has opened the entrance: our own end of it closes, so that the file ends when the writer's does."""
+        """Close our own end of the entrance, after the writer has opened it: the file then ends when the writer closes its end."""
         os.close(self._inlet)
         self._inlet = -1
 
     def drain(self) -> None:
-        """Wait until all that was written to the pipe is in the file; raises OSError if that failed."""
+        """Wait until everything written to the pipe is in the file. Raises OSError if that failed."""
         while True:
             with self._lock:
                 if self._error is not None:
@@ -60,7 +60,7 @@ class Pump:
                     return
 
     def finish(self) -> None:
-        """Wait for the end of the pipe, after the writer has closed it, and close the file; raises OSError as `drain` does."""
+        """Wait for the end of the pipe, after the writer has closed it, and close the file. Raises OSError if writing failed."""
         if self._inlet >= 0:
             self.opened()
         self._thread.join()
@@ -70,14 +70,14 @@ class Pump:
             raise self._error
 
     def _waiting(self) -> int:
-        """Bytes in the pipe."""
+        """Number of bytes in the pipe."""
         return int(struct.unpack("i", fcntl.ioctl(self._outlet, termios.FIONREAD, b"\0" * 4))[0])
 
     def _run(self) -> None:
         while True:
-            select.select([self._outlet], [], [])  # outside of the lock: the pipe may be idle for long
+            select.select([self._outlet], [], [])  # outside the lock: the pipe may be idle for long
             with self._lock:
-                if self._error is not None:  # the writer is not to wait
+                if self._error is not None:  # read on, so that the writer is not blocked
                     if not os.read(self._outlet, READ_SIZE):
                         return
                     continue
@@ -85,14 +85,14 @@ class Pump:
                     if not self._move(self._outlet, self._file, READ_SIZE):
                         return
                 except OSError as error:
-                    if error.errno == errno.EINVAL and self._move is not _copy:  # the file system cannot
+                    if error.errno == errno.EINVAL and self._move is not _copy:  # not supported by the file system
                         self._move = _copy
                     else:
                         self._error = error
 
 
 def _copy(source: int, target: int, most: int) -> int:
-    """Read and write up to so many bytes; how many there were, none at the end."""
+    """Read and write up to ``most`` bytes; return their number, 0 at the end."""
     data = os.read(source, most)
     rest = memoryview(data)
     while rest:
@@ -107,7 +107,7 @@ def part_path(path: Path) -> Path:
 
 
 class PartialFile:
-    """An open recording stream; ``frames`` counts those that are safe in the file."""
+    """An open recording stream; ``frames``: number of frames that are safely in the file."""
 
     def __init__(self, stream: rr.RecordingStream, pump: Pump):
         self.stream = stream
@@ -115,42 +115,42 @@ class PartialFile:
         self._pump = pump
 
     def flush(self, frames: int) -> None:
-        """Everything sent so far goes to the file; raises OSError if the disk does not take it."""
+        """Write everything sent so far, which contains ``frames`` frames, to the file. Raises OSError if that fails."""
         self.stream.flush()
         self._pump.drain()
         self.frames = frames
 
     def close(self) -> None:
-        """End the file; raises OSError if the disk does not take the rest."""
+        """Complete the file. Raises OSError if that fails."""
         if self.stream is not None:
             self.stream.disconnect()
             self._pump.finish()
 
     def release(self) -> None:
-        """Give up the stream."""
+        """Release the stream and its threads."""
         self.stream = None
         forget_streams()
 
 
 def forget_streams() -> None:
-    """Have rerun give up the streams that nobody holds: it keeps each with its threads until it is asked."""
+    """Let rerun release streams without references: it keeps each with its threads until then."""
     import rerun as rr
 
-    rr.init(APPLICATION_ID, init_logging=False)  # starts nothing, but forgets
+    rr.init(APPLICATION_ID, init_logging=False)  # starts nothing, but releases them
 
 
 @contextmanager
 def recording_file(path: Path, blueprint: object, recording_id: str | None, title: str) -> Iterator[PartialFile]:
-    """A recording stream whose file takes the place of ``path`` if the block succeeds.
+    """A context with a recording stream whose file replaces ``path`` if the block succeeds.
 
-    Interrupted (Ctrl-C, or SIGTERM turned into `SystemExit`) it leaves what it had under `part_path`, and a note on the
-    exception says so; after an error nothing is left. A recording that was there before stays as it was in both cases.
+    After an interruption (Ctrl-C, or SIGTERM turned into `SystemExit`) the frames so far stay under `part_path`, and a note on the
+    exception says so; after an error no file is left. In both cases an existing recording is unchanged. Raises `RecordingError`.
     """
     import rerun as rr
 
     target, temporary, claim, pump = _begin(path)
     strict = rr.strict_mode()
-    rr.set_strict_mode(True)  # else wrong lengths only warn, and the data are dropped
+    rr.set_strict_mode(True)  # otherwise wrong lengths only warn, and the data are dropped
     stream = rr.RecordingStream(APPLICATION_ID, recording_id=recording_id)
     part = PartialFile(stream, pump)
     try:
@@ -187,12 +187,13 @@ def recording_file(path: Path, blueprint: object, recording_id: str | None, titl
 
 @contextmanager
 def live_file(path: Path, port: int | None, title: str, blueprint: object) -> Iterator[tuple[PartialFile, str | None]]:
-    """A recording stream into the unfinished file beside ``path``, and to viewers on ``port`` of this machine (0: a free one),
-    whose address it gives. The file stays if the block is interrupted, and a note on the exception says so; else it goes."""
+    """A context with a recording stream into the unfinished file beside ``path``, and to viewers on ``port`` of this machine (0: a
+    free one, None: no viewers), and the address for viewers. The file is kept if the block is interrupted, and a note on the
+    exception says so; otherwise it is removed. Raises `RecordingError`."""
     import rerun as rr
 
     if port is not None:
-        port = _open(port or free_port())  # before the stream: rerun warns of one that ends without having been connected
+        port = _open(port or free_port())  # before the stream: rerun warns if a stream ends without having been connected
     _, temporary, claim, pump = _begin(path)
     strict = rr.strict_mode()
     rr.set_strict_mode(True)
@@ -230,14 +231,14 @@ def live_file(path: Path, port: int | None, title: str, blueprint: object) -> It
 
 
 def free_port() -> int:
-    """A port of this machine that nobody listens on."""
+    """A free port of this machine."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         return int(probe.getsockname()[1])
 
 
 def _open(port: int) -> int:
-    """The port, if nobody listens on it: else rerun would wait for it in the background and say nothing."""
+    """The port, if it is free. Raises `RecordingError` otherwise: rerun would wait for it in the background without a message."""
     with socket.socket() as probe:
         probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
@@ -251,7 +252,7 @@ def _open(port: int) -> int:
 
 
 def _begin(path: Path) -> tuple[Path, Path, int, Pump]:
-    """The target of a recording, its unfinished file, the descriptor that holds it, and what writes to it."""
+    """The target of a recording, its unfinished file, the descriptor that locks it, and the pump that writes to it."""
     try:
         target = check_target(path)
         temporary = part_path(target)
@@ -270,9 +271,10 @@ def _begin(path: Path) -> tuple[Path, Path, int, Pump]:
 
 
 def _claim(temporary: Path) -> int:
-    """Make the unfinished file anew, held for this process alone until the returned descriptor is closed.
+    """Create the unfinished file, locked for this process until the returned descriptor is closed.
 
-    Files of an interrupted run are removed. A link or anything else but a regular file is not followed, opened or removed.
+    The file of an interrupted run is removed. Links and other files that are not regular are not followed, opened or removed: they
+    raise `RecordingError`, as does a file that another run is writing.
     """
     while True:
         try:
@@ -287,7 +289,7 @@ def _claim(temporary: Path) -> int:
 
 
 def _clear_away(temporary: Path) -> None:
-    """Remove the unfinished file of a run that is over."""
+    """Remove the unfinished file of a run that has ended."""
     try:
         if not stat.S_ISREG(os.lstat(temporary).st_mode):
             why = f"'{temporary}', where the recording is to grow, is not a regular file."

@@ -1,4 +1,4 @@
-"""Writes a solved scene as a rerun recording; or a simulation block by block while it runs, so that it can be watched."""
+"""Writes a solved scene as a rerun recording, or a simulation block by block while it runs, so that it can be watched."""
 
 from __future__ import annotations
 
@@ -63,10 +63,10 @@ if TYPE_CHECKING:
     from mechviz.scene.scene import Scene
 
 BLOCK_FRAMES = 5000
-"""Frames per block: large enough to be quick and small (rerun keeps some 6 kB of each entity and block until the end), small enough
-that an interrupted run keeps most of what it had."""
-WAITING_ROWS = 50_000  # that wait in memory, some 2 MB
-MANY_ROWS = 4_000_000  # of a recording, beyond which memory counts for more than the time to ask for it again
+"""Frames per block: large enough for speed and memory (rerun keeps about 6 kB for each entity and block until the end), small
+enough that an interrupted run keeps most of its frames."""
+WAITING_ROWS = 50_000  # rows that wait in memory, about 2 MB
+MANY_ROWS = 4_000_000  # for a recording with more rows, memory is released after every block, although that takes time
 
 
 MOST_WARNINGS = 6  # in the summary
@@ -74,7 +74,7 @@ MOST_WARNINGS = 6  # in the summary
 
 @dataclass(frozen=True)
 class RecordingSummary:
-    """Report of a recording: stages computed and left out, and what each cost. As text: what a person should know of the result."""
+    """Report of a recording: stages computed and left out, and their times; ``str`` gives the summary for the user."""
 
     path: Path
     recording_id: str
@@ -85,7 +85,7 @@ class RecordingSummary:
     skipped: tuple[str, ...]
     stages: tuple[Stage, ...]  # the solver's first
     events: tuple[Event, ...]
-    errors: tuple[str, ...]  # what the run says of its own errors
+    errors: tuple[str, ...]  # estimates of the errors of the run, as text
     clashes: tuple[tuple[str, str], ...]  # links whose solids pass through each other
 
     @property
@@ -103,7 +103,7 @@ class RecordingSummary:
         return "\n".join(lines)
 
     def costs(self) -> str:
-        """Stages that were computed and left out, and what each cost, the dearest first."""
+        """Text of the stages computed and left out, and of their times, the longest first."""
         dearest = sorted(self.stages, key=lambda s: -s.seconds)
         width = max(len(s.name) for s in dearest)
         lines = [f"computed: {', '.join(self.computed)}", f"left out: {', '.join(self.skipped) or 'nothing'}"]
@@ -122,12 +122,12 @@ def write_recording(
     check: Callable[[], None] = lambda: None,
     before: Sequence[Stage] = (),
 ) -> RecordingSummary:
-    """Write a run to ``path``, replaced as a whole when complete. ``progress`` gets the frames written and their number,
-    ``begin`` each stage when it begins. ``check`` is called when the errors are known, and may refuse the run: nothing is written
-    then. ``before``: stages of the caller, which the summary lists too.
+    """Write a run to ``path``, which is replaced as a whole when the recording is complete, and return a summary.
 
-    Raises `RecordingError` where the file cannot be written. An interruption leaves ``<name>.part.rrd`` and puts a note on its
-    exception.
+    ``progress`` is called with the number of frames written and the total, ``begin`` with the name of each stage when it begins.
+    ``check`` is called when the errors are known; if it raises, nothing is written. ``before``: stages of the caller, which the
+    summary lists as well. Raises `RecordingError` if the file cannot be written. An interruption leaves ``<name>.part.rrd``, and a
+    note on its exception says so.
     """
     path = Path(path)
     recording_id = recording_id or f"{run.scene.name}-{uuid4()}"
@@ -138,7 +138,7 @@ def write_recording(
         return stopwatch(stages, name)
 
     with stage("error estimates"):
-        _ = run.errors  # once: for the tables, the notes and the summary
+        _ = run.errors  # computed once, for the tables, the notes and the summary
         run.motion.forget()
     check()
     if "rerun" not in sys.modules:
@@ -174,7 +174,7 @@ def write_recording(
         if motion or forces:
             drawn[0, 1] -= LEGEND_ROOM * solids.size
         bounds = {k: np.array([np.minimum(box[0], drawn[0]), np.maximum(box[1], drawn[1])]) for k, box in bounds.items()}
-        enlarged = magnification(solids.size)  # the eye stands in the enlarged picture
+        enlarged = magnification(solids.size)  # the camera is placed in the enlarged picture
         marks = mark_times(events)
         spans = spans_of_plots(run) if len(marks) else {}
         views, diagrams = find_views(content), diagram_views(content.diagrams, BACKGROUND_COLOR)
@@ -188,7 +188,7 @@ def write_recording(
             _send_events(part.stream, timelines, events)
             send_marks(part.stream, timelines, marks, spans)
             send_lanes(part.stream, timelines, run)
-            part.flush(0)  # what the frames cannot be read without comes before them
+            part.flush(0)  # everything that reading the frames requires comes before them
             _send_streams(part, streams, timelines, run, progress)
         describe_run(part.stream, run, solids, picture, stages, every, complete=True)
     return RecordingSummary(
@@ -219,11 +219,11 @@ def _send_events(stream: rr.RecordingStream, timelines: Timelines, events: Seque
 def _send_streams(
     part: PartialFile, streams: list[Stream], timelines: Timelines, run: Run, progress: Callable[[int, int], None] | None
 ) -> None:
-    """All entities block by block, so that what an interrupted recording has ends at the same frame everywhere."""
+    """Send all entities block by block, so that they end at the same frame in an interrupted recording."""
     total = len(timelines.time)
     waiting = 0
     _make_room(run)
-    # the last one is not much shorter
+    # the last block has between half and one and a half times the frames
     for start, stop in pairwise([0, *range(BLOCK_FRAMES, total - BLOCK_FRAMES // 2, BLOCK_FRAMES), total]):
         times: dict[int, Any] = {}
         for stream in streams:
@@ -245,21 +245,21 @@ def _send_streams(
 
 
 def _make_room(run: Run) -> None:
-    """Memory for the SDK, also at the end of the file: what is easily worked out again goes back to the system."""
+    """Release memory for rerun: values that are easily computed again are dropped, and free memory is returned to the system."""
     run.motion.forget()
     give_back_memory()
 
 
 # -- live -------------------------------------------------------------------------------------------------------------
-LINKAGE_ROOM = 0.25  # around a closed linkage, in its sizes
+LINKAGE_ROOM = 0.25  # margin around a closed linkage, in sizes of the mechanism
 
 
 class Live:
-    """Called with every segment of a motion, in order, it sends the frames in it: solids, poses, and all numbers, reactions and
-    energies among them where the scene has forces. ``progress`` gets the frames that are sent, after every block.
+    """A callable for every segment of a motion, in order, that sends its frames: solids, poses, and all numbers, including
+    reactions and energies if the scene has forces. ``progress`` is called with the number of frames sent, after every block.
 
-    Arrows need the scale of the whole run, plots of events its end: they are in the finished recording, which takes the place of
-    this one."""
+    Arrows need the scale of the whole run, and plots of events its end: only the finished recording has them, which replaces this
+    one."""
 
     def __init__(self, scene: Scene, part: PartialFile, progress: Callable[[int], None] = lambda _: None):
         self.part = part
@@ -269,11 +269,11 @@ class Live:
 
     @property
     def sent(self) -> int:
-        """Frames that are in the file."""
+        """Number of frames in the file."""
         return self._running.sent
 
     def __call__(self, segment: Simulation, duration: float) -> None:
-        """Take a segment; send what is complete when there is enough of it. ``duration``: of the whole run [s]."""
+        """Take a segment, and send the complete frames when there are enough of them. ``duration``: of the whole run [s]."""
         run = self._running.take(segment, duration)
         if run is not None:
             self._send(run)
@@ -302,8 +302,8 @@ class Live:
 def live(
     scene: Scene, path: Path, port: int | None, progress: Callable[[int], None] = lambda _: None
 ) -> Iterator[tuple[Live, str | None]]:
-    """Rows of a simulation into the unfinished recording beside ``path``, and to viewers that connect to ``port`` (0: a free one;
-    None: to none). Gives what has to be called, and the address for viewers. Raises `RecordingError`."""
+    """A context that sends a simulation to the unfinished recording beside ``path``, and to viewers that connect to ``port`` (0: a
+    free one, None: no viewers). Returns the callable for its segments, and the address for viewers. Raises `RecordingError`."""
     with live_file(path, port, scene.title or scene.name, _blueprint(scene, np.array([[-1.0, -1.0, 0.0], [1.0, 1.0, 0.0]]))) as (
         part,
         address,
@@ -312,8 +312,8 @@ def live(
 
 
 def _room(run: Run, solids: Solids) -> Real:
-    """The box (2, 3) [m] that is looked at: where the mechanism is at first, and where it may go. Links that hang in no loop swing
-    as far as they reach from the frame's joints, to all sides."""
+    """The box (2, 3) [m] for the view: the mechanism at the start, and the space that it may reach. Links of an open chain may
+    reach as far as their extent from the frame's joints, to all sides."""
     box, motion = np.array(solids.bounds, float), run.motion
     frame = motion.mechanism.frame
     more = LINKAGE_ROOM * solids.size
@@ -327,7 +327,7 @@ def _room(run: Run, solids: Solids) -> Real:
 
 
 def _blueprint(scene: Scene, room: Real) -> Any:
-    """The mechanism, and the free coordinates and energies over the time, which the view follows."""
+    """A blueprint of the mechanism, and of free coordinates and energies over time, which follows the newest frame."""
     import rerun.blueprint as rrb
 
     made = made_joints(scene.mechanism)

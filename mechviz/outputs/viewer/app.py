@@ -38,20 +38,20 @@ if TYPE_CHECKING:
     from mechviz.scene.scene import Scene
 
 
-PAUSE_RATIO = 2.0  # a pause of a growing motion is so many times as long as showing it took: most of the time is for computing
-PAUSE_LIMITS = 0.3, 2.0  # the shortest and the longest one [s]
-MOST_FRAMES = 1_000_000  # of a scene that a recording brings along
+PAUSE_RATIO = 2.0  # pause between updates of a growing motion over the time that the last update took: most time is for computing
+PAUSE_LIMITS = 0.3, 2.0  # [s] shortest and longest pause
+MOST_FRAMES = 1_000_000  # of a scene that is solved anew from a recording
 
 
 class Viewer:
     """A run or a recording served at ``url`` until ``close``. All browsers see the same frame, each through its own camera.
 
-    ``port`` 0 takes a free one. Scenes and recordings are saved into ``folder``, where the scene's file is (by default the
-    working folder). A recording is played without computing anything; where it carries its scene, that can be solved and edited.
-    Raises `ViewerError` if the port cannot be had or the recording cannot be shown.
+    ``port`` 0 takes a free port. Scenes and recordings are saved into ``folder``, by default the folder of the recording, or the
+    working folder. A recording is played without computing; if it contains its scene, the scene can be solved and edited.
+    Raises `ViewerError` if the port cannot be used or the recording cannot be shown.
 
-    ``growing``: the run is the beginning of one that is still computed; `grow` takes more of it, `finish` all of it. ``beside``:
-    other designs by their names, pale behind it, their curves beside its own. ``study``: designs of its scene to choose from.
+    ``growing``: the run is the beginning of one that is still being computed; `grow` adds frames, `finish` takes the complete run.
+    ``beside``: other designs by name, drawn pale behind it, their curves beside its own. ``study``: designs to choose from.
     """
 
     def __init__(
@@ -97,7 +97,7 @@ class Viewer:
         self._build(view_model, note, (lambda: self._open_scene(recording)) if recording.scene_text else None)
 
     def _open_scene(self, recording: Recording) -> None:
-        """Solve the scene that a recording carries, and show that in its place, ready to be edited."""
+        """Solve, in a thread, the scene that a recording contains, and show the run, which can be edited, instead of it."""
 
         def solve() -> None:
             try:
@@ -112,7 +112,7 @@ class Viewer:
         self.opening.start()
 
     def _exchange(self, run: Run, note: str) -> None:
-        """Show a run that can be edited instead of what is shown, at the same frame."""
+        """Replace what is shown by a run that can be edited, at the same frame."""
         frame = self.frame
         self.player.close()
         self.inspector.close()
@@ -123,24 +123,24 @@ class Viewer:
 
     @property
     def growth(self) -> Growth:
-        """How far a growing run has come. Raises `ViewerError` of a run that is complete."""
+        """The state of a growing run. Raises `ViewerError` if the run is complete."""
         if self._growth is None:
             raise ViewerError("This run is complete: it does not grow.")
         return self._growth
 
     def grow(self, run: Run, duration: float) -> None:
-        """Take more frames of a growing run, which lasts ``duration`` [s] in the end. Who looks at its last frame goes along."""
+        """Take more frames of a growing run of total ``duration`` [s]. If its last frame is shown, show the new last one."""
         newest = not self.playing and self.frame == self.inspector.view_model.frames - 1
         self.inspector.present(self.growth.take(run, duration))
         if newest:
             self.set_frame(self.inspector.view_model.frames - 1)
 
     def fail(self, error: Exception) -> None:
-        """Say that a growing run ends here, and why."""
+        """Show that a growing run ends early, and why."""
         self.growth.fail(error)
 
     def finish(self, run: Run) -> None:
-        """The growing run is complete: from now on it can be edited."""
+        """Take the complete run in place of the growing one: from now on it can be edited."""
         self._growth = None
         self._exchange(run, "")
 
@@ -184,21 +184,21 @@ class Viewer:
         self.changes.accept(changes)
 
     def _undraw(self, error: Exception) -> None:
-        """A picture failed: go back to what was drawn last."""
+        """Report a failed drawing, and undo the changes since the last complete one."""
         report(self.server, "Drawing", error)
         if self.changes.undo():
             self.player.refresh()
 
     @property
     def session(self) -> EditSession:
-        """Where the scene is edited. Raises `ViewerError` of a recording that is only played."""
+        """The session that edits the scene. Raises `ViewerError` if a recording is only played."""
         if self._session is None:
             raise ViewerError("A recording is played as it is: press 'Edit this scene' first.")
         return self._session
 
     @property
     def run(self) -> Run:
-        """The run as it is shown now."""
+        """The run shown now."""
         return self.session.run
 
     @property
@@ -247,7 +247,7 @@ class Viewer:
         self.player.wait()
 
     def close(self) -> None:
-        """Stop playing and serving; harmless if done before."""
+        """Stop playing and serving; a second call has no effect."""
         if hasattr(self, "player"):
             self.player.close()
         if hasattr(self, "inspector"):
@@ -271,8 +271,10 @@ def serve(
     beside: Mapping[str, Run | Recording] | None = None,
     study: StoredStudy | None = None,
 ) -> None:
-    """Serve a run or a recording until Ctrl-C or SIGTERM, with other designs ``beside`` it, or those of a ``study`` to choose from.
-    Raises `ViewerError` if the port cannot be had."""
+    """Serve a run or a recording until Ctrl-C or SIGTERM; the arguments are those of `Viewer`, and ``open_browser`` opens a page.
+
+    Raises `ViewerError` if the port cannot be used or the recording cannot be shown.
+    """
     with _until_stopped() as stopped, Viewer(shown, port, folder, beside=beside, study=study) as viewer:
         print(f"{viewer.inspector.view_model.title}: {viewer.url}", flush=True)
         print("Open this address in a browser on this machine. Ctrl-C stops the viewer.", flush=True)
@@ -286,10 +288,10 @@ def serve(
 def serve_while(
     solve: Callable[[Callable[[Simulation, float], None]], Run], scene: Scene, port: int = 8080, folder: Path | None = None
 ) -> None:
-    """Serve a motion under forces from its first frames on, while it is found, and then like any run, until Ctrl-C or SIGTERM.
+    """Serve a motion under forces while it is computed, and then like any other run, until Ctrl-C or SIGTERM.
 
-    ``solve(observe)`` finds it in a thread of its own; ``observe`` is to be called as that of `run_scene`. Raises `ViewerError`,
-    and what ``solve`` raises: where frames are known by then, only when the viewer has been stopped.
+    ``solve(observe)`` runs in a thread of its own and calls ``observe`` as `run_scene` does. Raises `ViewerError`, and what
+    ``solve`` raises: at once if no frames are known yet, otherwise after the viewer has been stopped.
     """
     with _until_stopped() as stopped, contextlib.ExitStack() as stack:
         computing = stack.enter_context(Computing(solve, scene))
@@ -313,7 +315,7 @@ def serve_while(
             viewer.fail(computing.error)
             print(f"The motion ends early: {computing.error}", file=sys.stderr, flush=True)
         elif computing.run is not None:
-            if viewer is None:  # it was there before anybody could look
+            if viewer is None:  # the run was complete before any of it was shown
                 viewer = stack.enter_context(Viewer(computing.run, port, folder))
                 print(f"{scene.title or scene.name}: {viewer.url}", flush=True)
             else:
@@ -328,7 +330,7 @@ def serve_while(
 
 @contextlib.contextmanager
 def _until_stopped() -> Iterator[threading.Event]:
-    """An event that Ctrl-C and SIGTERM set instead of ending the program in the middle of something."""
+    """An event that Ctrl-C and SIGTERM set, instead of interrupting the program at any point."""
     stopped = threading.Event()
     if threading.current_thread() is not threading.main_thread():  # only the main thread gets signals
         yield stopped

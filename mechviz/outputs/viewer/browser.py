@@ -1,4 +1,4 @@
-"""Script for the page: its title and layout, keys that would otherwise do two things at once, names for screen readers."""
+"""Scripts for the page: title and layout, keys that would otherwise have two effects at once, names for screen readers."""
 
 from __future__ import annotations
 
@@ -9,12 +9,14 @@ import viser
 
 from mechviz.outputs.viewer.viser_adapter import run_script
 
-# viser listens to hotkeys at the root element and moves the camera on arrow keys and letters at the document, which comes after it.
-# - An arrow key on a slider moves that slider only: stopped at the body, which comes before both.
-# - Elsewhere an arrow key steps through the frames only, and E goes to an event: stopped at the root element, after the hotkeys.
-# - Space presses the button that the keyboard has reached. A button that the mouse has pressed gives up the focus, so that space
-#   means play and pause after it.
-# - Escape cancels a dialog: viser leaves closing to the server.
+# viser listens for hotkeys at the root element, and for arrow keys and letters that move the camera at the document, which an event
+# reaches later.
+# - An arrow key on a slider moves only that slider: the event is stopped at the body, before both.
+# - Elsewhere an arrow key only steps through the frames, and E only goes to an event of the motion: stopped at the root element,
+#   after the hotkeys.
+# - Space presses the button that has the keyboard focus. A button pressed by the mouse loses the focus, so that space then plays
+#   and pauses.
+# - Escape cancels a dialog: viser leaves closing it to the server.
 KEYS_SCRIPT = """
 if (!window.mechvizKeys) {
   window.mechvizKeys = true;
@@ -38,7 +40,7 @@ if (!window.mechvizKeys) {
 """
 
 
-# viser names the row of a control, but neither the thumb of its slider nor the box beside it: screen readers need that.
+# viser labels the row of a control, but neither the thumb of its slider nor the number field beside it: screen readers need labels.
 NAMES_SCRIPT = """
 if (!window.mechvizNames) {
   const ICONS = { "list-search": "Search for a command", "adjustments": "Settings and connection" };
@@ -88,7 +90,7 @@ if (!window.mechvizNames) {
 }
 """
 
-# A mark of a chart that is clicked gives its number to a control, as if that had been moved.
+# A click on a mark of a chart sets a control to the number of the mark, as if the user had moved the control.
 PICK_SCRIPT = """
 if (!window.mechvizPick) {
   window.mechvizPick = true;
@@ -103,7 +105,7 @@ if (!window.mechvizPick) {
 }
 """
 
-# The cursor of the health strip goes where the numbers above the slider say: the strip itself need not be sent again.
+# The cursor of the health strip follows the numbers above the slider: the strip itself need not be sent again.
 CURSOR_SCRIPT = """
 if (!window.mechvizCursor) {
   window.mechvizCursor = true;
@@ -124,10 +126,10 @@ if (!window.mechvizCursor) {
 """
 
 
-# viser takes what has arrived from its queue when the next frame is drawn, and React brings its share of it (vertices, arrows,
-# lines) into the frame after that. Taken as soon as it is there, all of it is in one frame, and that is the next one.
-# After each message viser goes on drawing for a quarter of a second, for textures, letters and the like that come late. Poses,
-# points and panels do not: one frame is enough, with another when all is at rest, and the next move need not wait for the others.
+# viser empties its queue of messages when the next frame is drawn, and React brings its share (vertices, arrows, lines) into the
+# frame after that. If the queue is emptied as soon as messages arrive, everything appears in one frame, the next one.
+# After each message viser keeps drawing for a quarter of a second, for textures, letters and the like that load late. Poses, points
+# and panels do not load late: one frame is enough, and another one after 150 ms, so that the next move need not wait for frames.
 PROMPT_SCRIPT = """
 (() => {
   const viser = window.__viserMutable;
@@ -162,12 +164,12 @@ PROMPT_SCRIPT = """
 
 
 def prepare_page(server: viser.ViserServer, title: str) -> None:
-    """Send the script to every browser, now and later."""
+    """Send the title and the scripts to every browser that is or will be connected."""
     source = f"document.title = {json.dumps(title)};{KEYS_SCRIPT}{NAMES_SCRIPT}{PICK_SCRIPT}{CURSOR_SCRIPT}{PROMPT_SCRIPT}"
     run_script(server, source, "page")
 
 
-# The size of the picture as a control of the page: viser states it in pixels of the screen, which do not scale with the letters.
+# The size of the picture as a control of the page: viser states it in device pixels, which do not scale with the letters.
 SIZE_SCRIPT = """
 { const tell = () => {
     const { clientWidth: wide, clientHeight: high } = window.__viserMutable.canvas, value = `${wide}x${high}`;
@@ -187,11 +189,11 @@ SIZE_SCRIPT = """
 
 
 def tell_size(server: viser.ViserServer, uuid: str) -> None:
-    """Let every browser, now and later, give the size of its picture [px] to a text control, as ``600x500``."""
+    """Let every browser, present and future, write the size of its picture [px] into a text control, as ``600x500``."""
     run_script(server, SIZE_SCRIPT.replace("UUID", json.dumps(uuid)), "size")
 
 
-# viser's tabs can be dragged: they open when a pointer has gone down and up on them, not on a mere click.
+# viser's tabs can be dragged: they open after a pointer has been pressed and released on them, not on a click event alone.
 OPEN_TAB = """
 for (const tab of document.querySelectorAll("[role=tab]")) {
   if (tab.textContent.trim() !== NAME || tab.getAttribute("aria-selected") === "true") continue;
@@ -204,12 +206,12 @@ for (const tab of document.querySelectorAll("[role=tab]")) {
 
 
 def open_tab(client: viser.ClientHandle | None, name: str) -> None:
-    """Open a tab in one browser: viser has no call for it."""
+    """Open a tab in one browser: viser has no function for it."""
     if client is not None:
         run_script(client, OPEN_TAB.replace("NAME", json.dumps(name)), "open tab")
 
 
-# Where a phone is turned on its side, both docks are folded as it opens: the picture has the room, a tap opens one of them.
+# On a phone in landscape format, both docks are folded when the page opens: the picture gets the room, and a tap opens a dock.
 FOLD_SCRIPT = """
 if (!window.mechvizFold) {
   const low = window.mechvizFold = matchMedia("(max-height: 480px) and (min-width: 36.01em)"), folded = new Set();
@@ -226,13 +228,13 @@ if (!window.mechvizFold) {
 }
 """
 
-# the timeline as a strip below the picture, a drawer on phones
+# The timeline is a strip below the picture; on phones it is a drawer.
 LAYOUT_SCRIPT = """{ let own = document.getElementById("mechviz-layout");
   if (!own) { own = document.createElement("style"); own.id = "mechviz-layout"; document.head.append(own); }
   own.textContent = STYLE; }"""
 
 
 def lay_out(server: viser.ViserServer) -> None:
-    """Give the page of every browser, now and later, the layout of ``layout.css``."""
+    """Give the page of every browser, present and future, the layout of ``layout.css``."""
     style = files(__package__).joinpath("layout.css").read_text(encoding="utf-8")
     run_script(server, LAYOUT_SCRIPT.replace("STYLE", json.dumps(style)) + FOLD_SCRIPT, "layout")

@@ -36,29 +36,29 @@ from mechviz.quantities.numbers import Numbers
 from mechviz.quantities.vectors import Scales
 from mechviz.runs import Run
 
-KEPT_SCALE = (0.4, 2.5)  # while a scene is edited, arrows keep their scale as long as the best one is within this of it
+KEPT_SCALE = (0.4, 2.5)  # while a scene is edited, arrows keep their scale as long as best scale / kept scale is in this range
 
 
 @dataclass(frozen=True, eq=False)
 class Built:
-    """Solids, the mechanism and the accuracy that they were built for, and their pieces of one colour."""
+    """Solids, the mechanism and accuracy for which they were built, and their pieces of one colour each."""
 
     mechanism: Mechanism
-    accuracy: Accuracy  # how finely they are drawn follows from it
+    accuracy: Accuracy  # determines the resolution of the solids
     solids: Solids
     bodies: Mapping[str, LinkSolid]
-    poses: Mapping[str, Real]  # over the run for which they were built
+    poses: Mapping[str, Real]  # of the run for which they were built
     cams: Mapping[str, tuple[str, Any]]  # by joint, see `cam_profiles`
 
     def fits(self, run: Run) -> bool:
-        """Whether a run looks the same: masses, loads and the speed of the drives do not change any solid."""
+        """Whether the solids hold for a run too: same geometry, accuracy and poses; masses and load values may differ."""
         if self.accuracy != run.accuracy or not alike(_drawn(self.mechanism), _drawn(run.motion.mechanism)):
             return False
         return all(np.array_equal(pose, run.motion.pose(name)) for name, pose in self.poses.items())
 
 
 def _drawn(mechanism: Mechanism) -> tuple[Any, ...]:
-    """Key of the solids, apart from how the links move: what acts at a point is carried by the link's shape."""
+    """What determines the solids apart from the poses, including the points where forces act: link shapes extend to them."""
     points = [(link.name, link.points) for link in mechanism.links]
     loaded = [(load.link, load.point) for load in mechanism.loads if isinstance(load, Force)]
     return points, mechanism.joints, mechanism.traced, loaded, [drive.joint for drive in mechanism.drives]
@@ -72,23 +72,24 @@ def build(run: Run) -> Built:
 
 
 def bodies_of(nodes: Iterable[BodyNode]) -> dict[str, LinkSolid]:
-    """The solids of links by link."""
+    """The solids of the links, by the name of the link."""
     return {node.parent: LinkSolid(pieces_of(node.mesh), node.poses is not None) for node in nodes if node.group == "solids"}
 
 
 def pieces_of(mesh: Mesh) -> tuple[ColoredPart, ...]:
-    """A solid in pieces of one colour each: viser's meshes have a single one.
+    """A solid in pieces of one colour each: a mesh of viser has a single colour.
 
-    The vertices are split along sharp edges, so that the normals which the browser makes are those of the solid.
+    The vertices are split along sharp edges, so that the normals computed by the browser are those of the solid.
     """
     return tuple(ColoredPart(mesh.vertices[chosen], faces, color) for color, chosen, faces in mesh.pieces())
 
 
 def view_model_of_run(run: Run, built: Built, before: ViewModel | None = None) -> ViewModel:
-    """View model of a run with solids that were built for it, or for the same mechanism with other lengths.
+    """View model of a run with solids that were built for it, or for the same mechanism with other dimensions.
 
-    ``before``: what was shown so far of the same scene. Scales and heights are then kept as far as they still fit, so that
-    dragging is quick and arrows can be compared; events are those of before until there are solids for the new run.
+    ``before``: the view model shown so far of the same scene. Its scales and heights are kept as far as they still fit, so that
+    dragging is quick and arrows can be compared; its events are kept until there are solids for the new run.
+    Raises ValueError if a pose is not finite.
     """
     motion, mechanism, solids = run.motion, run.motion.mechanism, built.solids
     exact = built.mechanism is mechanism
@@ -99,7 +100,7 @@ def view_model_of_run(run: Run, built: Built, before: ViewModel | None = None) -
         if built.cams:
             bodies |= stretched_cams(bodies, built.cams, cam_profiles(motion))
     for name, pose in run.numbers.poses.items():
-        if not np.isfinite(pose).all():  # viser would pass it on to the browsers
+        if not np.isfinite(pose).all():  # viser would send it to the browsers
             raise ValueError(f"the pose of link {name} is not finite in all frames")
     arrows = arrows_of(run, solids.size)
     if before is not None:
@@ -121,12 +122,12 @@ def view_model_of_run(run: Run, built: Built, before: ViewModel | None = None) -
 
 
 def points_of(mechanism: Mechanism) -> dict[str, Mapping[str, tuple[float, float]]]:
-    """The points of all links, those that a joint brings along among them."""
+    """The points of all links, including the links that joints add."""
     return {link.name: link.points for link in build_joints(mechanism).links.values()}
 
 
 def centrodes_of(run: Run) -> dict[str, RollingCentrodes]:
-    """Pole curves that the scene asks for, by link."""
+    """Centrodes that the scene requests, by link."""
     points = {link.name: link.points for link in run.motion.mechanism.links}
     rolling = {}
     for name, centrodes in run.studies.centrodes.items():
@@ -137,7 +138,7 @@ def centrodes_of(run: Run) -> dict[str, RollingCentrodes]:
 
 
 def _kept(old: Scales, new: Scales) -> Scales:
-    """Scales of before where they still fit, else the new ones."""
+    """The old scales where they still fit (`KEPT_SCALE`), otherwise the new ones."""
     low, high = KEPT_SCALE
     names = ("newtons_per_metre", "newton_metres_per_metre", "mps_per_metre", "mps2_per_metre")
     kept = {n: getattr(old, n) for n in names if low <= getattr(new, n) / getattr(old, n) <= high and getattr(old, n) != 1.0}
@@ -145,7 +146,8 @@ def _kept(old: Scales, new: Scales) -> Scales:
 
 
 def alike(a: Any, b: Any) -> bool:
-    """Whether a and b are equal in all their parts; what is neither data nor a value is alike only itself."""
+    """Whether a and b are of one type and equal in all their parts; objects other than arrays, dataclasses, mappings, lists and
+    tuples are compared by ``==``."""
     if a is b:
         return True
     if type(a) is not type(b):
@@ -174,7 +176,7 @@ def view_model_of_recording(recording: Recording) -> ViewModel:
         bodies=bodies_of(shown.picture.of(BodyNode, "solids")),
         catalogue=shown.catalogue,
         events=shown.events,
-        # without the title and what the scene teaches, with headings that fit a panel
+        # without title and learning goal, with headings one level lower
         notes=words.notes_html(html_of(f"### {rest}".replace("\n## ", "\n### ") if cut else head)),
         drawings=shown.drawings,
         charts=cache(RecordedDrawings(recording, ticks).charts),
@@ -183,7 +185,7 @@ def view_model_of_recording(recording: Recording) -> ViewModel:
 
 
 def centrodes_in(picture: Picture, numbers: Numbers) -> dict[str, RollingCentrodes]:
-    """Pole curves of the links of which they were drawn: from the recorded pose and velocity the instant centre follows."""
+    """Centrodes of the links for which the picture shows them, computed from the recorded poses and velocities (instant centre)."""
     rolling = {}
     places = {name: xy for name in numbers.joints if (xy := numbers.values("data", "joints", name, "position")) is not None}
     for _, link in (node.owner for node in picture.of(Lines, "polodes")):

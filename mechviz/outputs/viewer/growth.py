@@ -1,4 +1,4 @@
-"""A run of which more and more is known: what is shown of it, and how far it has come."""
+"""A growing run, shown while it is computed: the view model of its frames so far, and its progress."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ if TYPE_CHECKING:
 
 
 GROWING_NOTE = "This motion is still being computed. When it is complete, the scene can be edited and saved."
-REBUILD_RATIO = 4.0  # solids are made anew when the run is so many times as long as that for which they were made
+REBUILD_RATIO = 4.0  # solids are rebuilt when the run has so many times the frames for which they were built
 
 
 class Growth:
-    """The shown part of a growing run: ``view_model`` at first, then what `take` gives."""
+    """The shown part of a growing run: ``view_model`` is that of the first frames, then the last one from `take`."""
 
     def __init__(self, server: viser.ViserServer, run: Run):
         self._built = build(run)
@@ -37,8 +37,8 @@ class Growth:
         self._bar = server.gui.add_html("", order=-1.0)
 
     def take(self, run: Run, duration: float) -> ViewModel:
-        """View model of more frames; now and then with new solids: slots are as long and layers as many as the run needs.
-        ``duration`` of the whole run [s]."""
+        """View model of a run with more frames, of total ``duration`` [s]; from time to time with new solids, since the lengths of
+        slots and the number of layers depend on the frames."""
         reshaped = run.motion.frames >= REBUILD_RATIO * self._for
         if reshaped:
             self._built, self._for = build(run), run.motion.frames
@@ -48,7 +48,7 @@ class Growth:
         return self.view_model
 
     def fail(self, error: Exception) -> None:
-        """Say why there is no more."""
+        """Show why the run ends early."""
         self._say(f"It ends here: {error}", 1.0, "#d03030")
 
     def _say(self, text: str, part: float, color: str) -> None:
@@ -61,23 +61,23 @@ class Growth:
         )
 
 
-LOOK_INTERVAL = 0.2  # [s] between looks whether there is something new
-# New frames are put together after so many times as long as that took last time: most of the time is for computing
+LOOK_INTERVAL = 0.2  # [s] between checks for new frames
+# Time between two assemblies of new frames over the time that the last one took: most of the time is for computing
 ASSEMBLY_RATIO = 8.0
 
 
 class Stopped(Exception):
-    """Nobody wants to know the rest."""
+    """The computation was stopped before its end."""
 
 
 class Computing:
-    """Calls ``solve(observe)`` in a thread, which ends when it is left. ``run`` is the whole run in the end, ``error`` what went
-    wrong."""
+    """A context that calls ``solve(observe)`` in a thread; on exit the computation is stopped. When it has ended, ``run`` is the
+    complete run, or ``error`` the exception."""
 
     def __init__(self, solve: Callable[[Callable[[Simulation, float], None]], Run], scene: Scene):
         self._solve = solve
         self.running = Running(scene, lambda: time.perf_counter() > self._due)
-        self._due = 0.0  # when new frames are put together again, by the clock
+        self._due = 0.0  # time of ``perf_counter`` [s] from which new frames are assembled again
         self._changed = threading.Condition()
         self._shown = 0
         self._over = self._left = False
@@ -94,22 +94,22 @@ class Computing:
         self._thread.join(timeout=5.0)
 
     def stop(self) -> None:
-        """Nobody wants to know the rest: the computing ends at its next step."""
+        """Stop the computation at its next step."""
         self._left = True
 
     @property
     def duration(self) -> float:
-        """Of the whole motion [s]."""
+        """Duration of the whole motion [s]."""
         return self.running.duration
 
     def wait(self) -> bool:
-        """Until there is something new, or a moment; False when the computing has ended."""
+        """Wait until there are new frames, at most `LOOK_INTERVAL`; False when the computation has ended."""
         with self._changed:
             self._changed.wait_for(lambda: self._over or self.running.sent > self._shown, LOOK_INTERVAL)
             return not self._over
 
     def news(self) -> Run | None:
-        """All frames so far, None where there are no more than last time."""
+        """The run of all frames so far; None if there are no new ones."""
         if self.running.sent == self._shown:
             return None
         run = self.running.so_far()

@@ -1,4 +1,4 @@
-"""All panels of the page around the mechanism, and what happens when something in them or in the picture is used."""
+"""All panels of the page around the mechanism, and the reactions to their controls and to clicks in the picture."""
 
 from __future__ import annotations
 
@@ -36,20 +36,19 @@ from mechviz.outputs.viewer.world.marks import HoverNames
 from mechviz.outputs.viewer.world.scene import Scene3D
 from mechviz.studies.designs.figures import StoredStudy
 
-SLOW_INTERVAL = 0.25  # [s] between changes of what need not follow every move of a slider
-PLOT_INTERVAL = 0.06  # [s] between changes of plots while the next value of a slider waits already
-SENDING_PATIENCE = 0.01  # [s] for what has been drawn to be on its way, before more is computed
+SLOW_INTERVAL = 0.25  # [s] between updates of what need not follow every move of a slider
+PLOT_INTERVAL = 0.06  # [s] between updates of plots while the next value of a slider is already waiting
+SENDING_PATIENCE = 0.01  # [s] to wait for the picture to be sent, before more is computed
 DETAIL_TAB = "Look closer"
 LEFT_WIDTH, RIGHT_WIDTH = 300, 370  # [px]
 
 
 class Inspector:
-    """The panels: editing and switches on the left, plots on the right, the timeline below. ``session`` is None where nothing can
-    be
-    edited: of a recording that does not carry its scene. ``beside``: other designs by their names, which are compared with it;
-    ``study``: designs of the scene to choose from.
+    """The panels: editing and switches on the left, plots on the right, the timeline below.
 
-    ``draw(frame, playing)`` brings everything to a frame, ``present(show)`` takes another run.
+    ``session`` is None if nothing can be edited (a recording that is played). ``beside``: other designs by name, for comparison;
+    ``study``: designs of the scene to choose from. ``draw(frame, playing)`` brings everything to a frame, ``present(view_model)``
+    shows another run.
     """
 
     def __init__(
@@ -77,7 +76,7 @@ class Inspector:
         lay_out(server)
 
         def drawn(what: str, action: Callable[[Any], None]) -> Callable[[Any], Any]:
-            """A callback that changes the picture itself: not while somebody else does."""
+            """A callback that changes the picture itself, under the lock."""
             return callback(what, partial(self._alone, action))
 
         gui.main_panel.dock_left()
@@ -153,7 +152,7 @@ class Inspector:
         server.on_client_connect(self._greet)
         server.on_client_disconnect(playback.forget)
         server.on_client_disconnect(self.diagrams.forget)
-        for client in server.get_clients().values():  # those that have seen something else so far
+        for client in server.get_clients().values():  # browsers that have shown something else so far
             self.scene.cameras.follow(client)
             self.scene.cameras.look(client, "front")
         if beside:
@@ -175,8 +174,8 @@ class Inspector:
             self._server.flush()
 
     def present(self, view_model: ViewModel) -> None:
-        """Take another run of the same scene. The picture changes in one step and is sent first; plots and numbers come right
-        after it, or with the next run where that waits already."""
+        """Show another run of the same scene. The picture changes in one step and is sent first; plots and numbers follow, or come
+        with the next run if that is already waiting."""
         with self._lock:
             self.playback.hold(True)
             self._player.retime(view_model.time)
@@ -204,13 +203,13 @@ class Inspector:
                 self._player.refresh()
 
     def _plot(self, view_model: ViewModel, frame: int) -> None:
-        """Bring along plots and numbers."""
+        """Update plots and numbers."""
         self._drew, self._plotted = time.perf_counter(), view_model
         self.plots.update(view_model, frame)
         self.timeline.place(view_model, frame)
 
     def _follow(self, view_model: ViewModel, frame: int) -> None:
-        """Bring along what need not follow every move of a slider: a closer look, diagrams, health and events, switches."""
+        """Update what need not follow every move of a slider: the detail panel, diagrams, health and events, switches."""
         self._slow = time.perf_counter()
         self._followed = view_model
         self.detail.update(view_model, frame)
@@ -224,7 +223,7 @@ class Inspector:
             self.effects.update(view_model)
 
     def tracks(self) -> Tracks | None:
-        """All that moves while the run is played; None where only the server can draw it."""
+        """Everything that moves while the run is played; None if only the server can draw it."""
         with self._lock:
             scene = self.scene.tracks()
             if scene is None:
@@ -240,13 +239,13 @@ class Inspector:
             )
 
     def show_remotely(self, frame: int) -> None:
-        """The browsers play by themselves and are at a frame now: what only the server can draw follows, if there is any."""
+        """Draw what only the server can draw, a diagram that is seen, while the browsers play on their own and are at a frame."""
         if self.diagrams.watched:
             with self._lock:
                 self.diagrams.show(min(frame, self.view_model.frames - 1), True)
 
     def show_status(self, status: Status) -> None:
-        """Say how an edit went."""
+        """Show the result of an edit."""
         if self.controls is not None:
             with self._lock:
                 self.controls.show_status(status)
@@ -255,7 +254,7 @@ class Inspector:
             self._server.flush()
 
     def _refuse(self, status: Status) -> None:
-        """A refused switch goes back; the reason is shown in any tab."""
+        """Set a refused switch back, and show the reason, whichever tab is open."""
         self.diagrams.mirror(self.view_model)
         if self.effects is not None:
             self.effects.update(self.view_model)
@@ -264,7 +263,7 @@ class Inspector:
             client.add_notification("Not possible", why, color="red", auto_close_seconds=12.0)
 
     def settle(self) -> None:
-        """Nothing has been edited for a while."""
+        """Update everything after a while without edits."""
         with self._lock:
             frame = min(self._player.frame, self.view_model.frames - 1)
             with self._server.atomic():
@@ -294,7 +293,7 @@ class Inspector:
                 self.effects.show_contributions(contributions)
 
     def close(self) -> None:
-        """Something else is to be shown to the browsers."""
+        """Stop the optimiser and the cameras: the browsers will be shown something else."""
         self._closed = True
         if self.optimiser is not None:
             self.optimiser.close()
@@ -327,7 +326,7 @@ class Inspector:
         self.diagrams.show(frame, playing)
 
     def _changed(self) -> None:
-        """Draw what is chosen now, and say so in the legend."""
+        """Draw what is chosen now, and update the legend."""
         self._explain()
         self.hover.update(self.view_model)
         self.playback.change()
@@ -336,7 +335,7 @@ class Inspector:
     def _explain(self) -> None:
         arrows, view_model = self.scene.arrows, self.view_model
         heading = words.heading(view_model.title, view_model.learning_goal) + self._note
-        if heading != self._heading.content:  # synthesis has made another scene of it
+        if heading != self._heading.content:  # synthesis has replaced the scene
             self._heading.content = heading
         shown = [f for f in arrows.families if arrows.is_on(f)]
         names = [name.split(".", 1)[1] for name in view_model.paths]
@@ -348,8 +347,8 @@ class Inspector:
             )
 
     def _offer_comparison(self, words: str, name: str, callback: Callback) -> None:
-        """A box that draws another design behind the mechanism, and its curves beside those of it."""
-        self.compare[name] = self._server.gui.add_checkbox(words, name != OPENED_DESIGN)  # who asks for others wants to see them
+        """Add a checkbox that draws another design behind the mechanism, and its curves beside those of the mechanism."""
+        self.compare[name] = self._server.gui.add_checkbox(words, name != OPENED_DESIGN)  # those ``beside`` are on at first
         self.compare[name].on_update(callback("Comparing", lambda _: self._compare()))
 
     def _compare(self) -> None:
@@ -366,7 +365,7 @@ class Inspector:
             self.plots.compare(chosen)
 
     def _fit(self, event: Any) -> None:
-        """A browser has sent the size of its picture [px]."""
+        """Fit the drawings to the size of its picture [px] that a browser has sent."""
         if event.client_id is not None and re.fullmatch(r"[1-9]\d{1,4}x[1-9]\d{1,4}", self.screen.value):
             width, height = map(int, self.screen.value.split("x"))
             with self._lock, self._server.atomic():
@@ -386,7 +385,7 @@ class Inspector:
         self._tracing = on
 
     def _picked(self, item: str) -> None:
-        """Mark what is looked at."""
+        """Highlight the item chosen in the detail panel."""
         self.playback.change()
         kind, _, name = item.partition(" ")
         self.scene.joints.pick([name] if kind in ("joint", "drive", "cam") else [])
@@ -415,6 +414,6 @@ class Inspector:
 
 
 def theme(server: viser.ViserServer, dark: bool) -> None:
-    """Colours of the page; no logo, no button that would share it."""
-    brand = (74, 136, 216) if dark else (27, 78, 140)  # read on its ground, and white is read on it
+    """Set the colours of the page; viser's logo and share button are off."""
+    brand = (74, 136, 216) if dark else (27, 78, 140)  # legible on its background, and white is legible on it
     server.gui.configure_theme(show_logo=False, show_share_button=False, brand_color=brand, dark_mode=dark)

@@ -1,11 +1,11 @@
-// Plays a motion in the page: see playback.py. Loaded once into a page; `load` takes a motion, `play` and `stop` do what they say.
+// Plays a motion in the page: see playback.py. Loaded once into a page; `load` takes a motion, `play` starts it, `stop` ends it.
 if (!window.mechvizPlayback) {
   const unpack = (text, Type) => {
     const bytes = Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
     return new Type(bytes.buffer);
   };
   const player = { motion: null, running: false, frames: 0, frame: -1, watching: "" };
-  const PANELS = 80; // [ms] between changes of plots and numbers
+  const PANELS = 80; // [ms] between updates of plots and numbers
 
   player.load = (data) => {
     const time = unpack(data.time, Float64Array), count = time.length;
@@ -24,8 +24,8 @@ if (!window.mechvizPlayback) {
   };
 
   // -- one frame ----------------------------------------------------------------------------------------------------
-  // `part` of the way from frame k to the next: slow motion moves smoothly. What leaps from one to the next does not slide there.
-  const FAR = 4; // steps before and after it, which a leap is longer than
+  // `part`: fraction between frame k and the next, so that slow motion is smooth. Jumps between two frames are not interpolated.
+  const FAR = 4; // a jump is longer than this times the sum of the steps before and after it
   const step = (p, k) => Math.hypot(p[3 * k + 3] - p[3 * k], p[3 * k + 4] - p[3 * k + 1], p[3 * k + 5] - p[3 * k + 2]);
   const leaps = (p, k, last) => step(p, k) > 1e-12 + FAR * ((k > 0 ? step(p, k - 1) : 0) + (k < last - 1 ? step(p, k + 1) : 0));
   const between = (values, width, k, part, count = width) => {
@@ -36,7 +36,7 @@ if (!window.mechvizPlayback) {
   const turned = (q, k, part) => {
     const a = q.subarray(4 * k, 4 * k + 4), b = part ? q.subarray(4 * k + 4, 4 * k + 8) : a;
     const dot = a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3];
-    const to = Math.abs(dot) > 0.5 ? part : 0; // a large turn has no way of its own
+    const to = Math.abs(dot) > 0.5 ? part : 0; // a rotation by more than 120° between two frames is not interpolated
     const w = [0, 1, 2, 3].map((i) => (1 - to) * a[i] + to * (dot < 0 ? -b[i] : b[i])), size = Math.hypot(...w) || 1;
     return w.map((value) => value / size);
   };
@@ -72,7 +72,7 @@ if (!window.mechvizPlayback) {
     const said = digits === null ? String(Number(value.toPrecision(5))) : value.toFixed(digits);
     return said.replace("-", "−");
   };
-  // A diagram is drawn by the server, if it is seen
+  // The server draws a diagram only if it is visible in a page
   const watch = (viser, motion) => {
     const diagram = document.querySelector(".mechviz-diagram");
     const watching = diagram && diagram.getClientRects().length ? motion.seen : "";
@@ -121,7 +121,8 @@ if (!window.mechvizPlayback) {
     while (high - low > 1) { const middle = (low + high) >> 1; if (time[middle] <= clock) low = middle; else high = middle; }
     return [low, time[high] > time[low] ? Math.min(Math.max((clock - time[low]) / (time[high] - time[low]), 0), 1) : 0];
   };
-  // Frame k, or the picture `part` of the way from `from` to the next with the numbers of frame k, which is the nearer one
+  // Show frame k; with `part`, the picture at this fraction between `from` and the next frame, and the numbers of the nearer frame
+  // k
   player.show = (k, withPanels, from = k, part = 0) => {
     const viser = window.__viserMutable, motion = player.motion;
     if (!viser || !viser.messageQueue || !motion) return;
@@ -152,8 +153,8 @@ if (!window.mechvizPlayback) {
     for (const track of player.motion.points) track.seen = null;
     if (!player.running) { player.running = true; requestAnimationFrame(tick); }
   };
-  // What the server sends after this comes later in the queue of messages than what is pushed here: so only poses are set, at
-  // once, and nodes that have another visibility than the server will take for granted.
+  // Messages that the server sends after this may already wait in the queue before those pushed here. So only poses are set, at
+  // once, and the visibility of nodes where it differs from what the server assumes for frame k.
   player.stop = (k) => {
     player.running = false;
     const viser = window.__viserMutable, motion = player.motion;

@@ -1,8 +1,7 @@
 """Playing in the browser itself: the whole motion is sent once, and nothing is sent while it plays.
 
-It relies on hooks that viser 1.1.1 happens to show to scripts of the page (``__viserMutable``, ``__viserTestpoints``), which the
-script looks for; a browser without them, a motion that is too large, and drawings that change in ways of their own are played by
-pushing every frame instead.
+It relies on hooks that viser 1.1.1 exposes to scripts of the page (``__viserMutable``, ``__viserTestpoints``), for which the script
+checks. The server pushes every frame instead if the motion is too large or if drawings change that only the server can draw.
 """
 
 from __future__ import annotations
@@ -24,13 +23,13 @@ from mechcore.arrays import Flags, Index, Integers, Real, Single
 from mechcore.records import dataclass
 from mechviz.outputs.viewer.viser_adapter import run_script
 
-LARGEST_MOTION = 16_000_000  # bytes of a motion that are sent to a browser
+LARGEST_MOTION = 16_000_000  # bytes: larger motions are played by the server
 PLAYBACK_SCRIPT = Path(__file__).with_name("playback.js").read_text(encoding="utf-8")
 
 
 @dataclass(frozen=True, eq=False)
 class SentPoses:
-    """A node of the scene: its places (F, 3) [m] and its turns (F, 4) as quaternions, None if it does not turn."""
+    """Poses of a node: positions (F, 3) [m] and orientations (F, 4) as quaternions w, x, y, z, None if it does not rotate."""
 
     name: str
     places: NDArray[Any]
@@ -39,10 +38,11 @@ class SentPoses:
 
 @dataclass(frozen=True, eq=False)
 class PointTrack:
-    """A property of a node, such as its ``points`` or ``vertices``: at frame k the first ``counts[k]`` of ``values[k]`` (F, m).
+    """A property of a node, such as ``points`` or ``vertices``: in frame k the first ``counts[k]`` numbers of ``values[k]``;
+    ``values`` is (F, m).
 
-    Where the count is 0 the node is hidden. ``steady`` (F,): whether the values are of the same things as those of the next frame,
-    so that a page may draw what lies between them; None: they are where the counts are the same.
+    Where the count is 0 the node is hidden. ``steady`` (F,): whether the values belong to the same items as those of the next
+    frame, so that the page may interpolate between them; None: they do wherever the counts are equal.
     """
 
     name: str
@@ -54,8 +54,8 @@ class PointTrack:
 
 @dataclass(frozen=True, eq=False)
 class NumberTrack:
-    """A number in the page, in all elements with ``data-mv`` = ``key``: with ``digits`` after the point, or five significant ones
-    where that is None, and ``suffix`` behind it."""
+    """A number in the page, in all elements with ``data-mv`` = ``key``: ``digits`` decimals, or five significant digits if None,
+    followed by ``suffix``."""
 
     key: str
     values: NDArray[Any]
@@ -65,7 +65,8 @@ class NumberTrack:
 
 @dataclass(frozen=True, eq=False)
 class PlotTrack:
-    """A plot with a cursor as its last series: the points of its curves, all values (F,) and (F, k), and the cursor's ends."""
+    """A plot whose last series is the cursor: the points of its curves ``shown_x`` (n,) and ``shown_y`` (n, k), all values ``x``
+    (F,) and ``y`` (F, k), and the ``ends`` of the cursor line."""
 
     uuid: str
     shown_x: NDArray[Any]
@@ -77,8 +78,8 @@ class PlotTrack:
 
 @dataclass(frozen=True, eq=False)
 class Tracks:
-    """All that moves while a run is played, the slider that shows the frame, and the hidden box through which a page says that
-    somebody sees a diagram, which only the server can draw."""
+    """Everything that moves while a run is played; ``slider``: the control that shows the frame; ``seen``: the hidden checkbox
+    through which a page reports that a diagram, which only the server can draw, is visible."""
 
     time: Real
     slider: str
@@ -90,7 +91,7 @@ class Tracks:
 
     @property
     def bytes(self) -> int:
-        """About how much has to be sent."""
+        """Approximate size of the data that are sent."""
         n = sum(t.places.size + (t.turns.size if t.turns is not None else 0) for t in self.poses)
         n += sum(t.values.size for t in self.points) + sum(t.values.size for t in self.numbers)
         return 4 * (n + sum(t.y.size + t.x.size for t in self.plots))
@@ -123,21 +124,22 @@ class Tracks:
 
 @dataclass
 class _Sent:
-    """Tracks that a browser has."""
+    """Version of the tracks that a browser has."""
 
     version: int = -1
 
 
 @dataclass
 class BrowserPlayback:
-    """Lets all browsers of a server play by themselves.
+    """Lets all browsers of a server play on their own.
 
-    ``make()`` gives what moves, None where only the server can play it; it is asked when playing begins after ``change``.
-    ``begin`` starts from a time of the run and says whether the browsers can do it; ``end`` stops them at a frame.
-    ``shown_remotely(frame)`` is called now and then while they play, for what only the server can draw.
+    ``make()`` returns the tracks, None if only the server can play them; it is called when playing begins after ``change``.
+    ``begin`` starts at a time of the run and returns whether the browsers can play; ``end`` stops them at a frame.
+    ``shown_remotely(frame)`` is called from time to time while they play, for what only the server can draw.
 
-    The word to play goes to each browser, the word to stop to all, and the later one may arrive first. So both have the number of
-    the play: one that has been stopped does not begin. Numbers go on where those of an earlier server end, whose pages may come.
+    The message to play is sent to each browser, the message to stop to all of them together, and the later one may arrive first.
+    Therefore both contain the number of the play: a play that has been stopped does not begin. Numbers start at the time in ms, so
+    that they exceed those of an earlier server, whose pages may reconnect.
     """
 
     server: viser.ViserServer
@@ -154,11 +156,11 @@ class BrowserPlayback:
     _lock: Any = field(default_factory=threading.RLock)
 
     def change(self) -> None:
-        """Tracks are others from now on."""
+        """Mark the tracks as outdated."""
         self._stale = True
 
     def hold(self, held: bool) -> None:
-        """While it is held, the server plays: the motion changes all the time."""
+        """Let the server play while ``held``, because the motion changes all the time."""
         self._held = held
         self._stale = True
 
@@ -190,19 +192,19 @@ class BrowserPlayback:
         """Stop at a frame."""
         with self._lock:
             self._state = None
-            # among the messages to all browsers, so that it comes before what is drawn next
+            # among the messages to all browsers, so that it arrives before the next drawing
             stop = f"if (window.mechvizPlayback) window.mechvizPlayback.stop({int(frame)});"
             run_script(self.server, f"window.mechvizStopped = {self._play_number}; {stop}", "stop")
 
     def send_to(self, client: viser.ClientHandle, clock: float) -> None:
-        """A browser has come: let it play along."""
+        """Let a browser that has just connected join the play."""
         with self._lock:
             if self._state is not None:
                 self._state = (clock, *self._state[1:])
                 self._play(client)
 
     def forget(self, client: viser.ClientHandle) -> None:
-        """A browser has gone."""
+        """Drop the state of a browser that has disconnected."""
         with self._lock:
             self._sent.pop(client.client_id, None)
 
@@ -224,12 +226,13 @@ class BrowserPlayback:
 
 
 def base64_of(values: NDArray[Any], kind: Any = np.float32) -> str:
-    """Numbers for a page: their bytes in base64."""
+    """An array as base64 text of its bytes, for a page."""
     return base64.b64encode(np.ascontiguousarray(values, kind).tobytes()).decode("ascii")
 
 
 def ragged(values: NDArray[Any], seen: Flags) -> tuple[Single, Integers]:
-    """Items (F, n, ...) of which some are seen (F, n) at each frame -> those first, flat (F, m), and how many numbers they are."""
+    """Items (F, n, ...), of which those with ``seen`` (F, n) are visible -> numbers (F, m) of each frame, those of visible items
+    first, and their count (F,)."""
     order = np.argsort(~seen, axis=1, kind="stable")
     sorted_values = np.take_along_axis(values, order.reshape(*order.shape, *[1] * (values.ndim - 2)), axis=1)
     width = int(np.prod(values.shape[2:]))
@@ -238,14 +241,14 @@ def ragged(values: NDArray[Any], seen: Flags) -> tuple[Single, Integers]:
 
 
 # -- curves of plots ---------------------------------------------------------------------------------------------------
-# From four points a pixel on uPlot draws by columns of pixels, in which a gap beside the cursor line swallows it; plots are about
-# 270 pixels wide
+# From four points per pixel on, uPlot draws column by column of pixels, and a gap beside the cursor line then hides the line; plots
+# are about 270 pixels wide
 MOST_POINTS = 900
-LEAST_FILLED = 0.5  # of the range that curves fill at least, for it to stay
+LEAST_FILLED = 0.5  # part of the old range that curves must fill for it to be kept
 
 
 def thinned(values: Real, most: int = MOST_POINTS) -> Index:
-    """Frames (n,) that are enough to draw curves (F, k): all, or the extremes of each curve in equal intervals."""
+    """Frames (n,) that suffice to draw curves (F, k): all, or the minimum and maximum of each curve in equal intervals."""
     frames, curves = values.shape
     if frames <= most:
         return np.arange(frames)
@@ -259,7 +262,7 @@ def thinned(values: Real, most: int = MOST_POINTS) -> Index:
 
 
 def padded_range(values: Real) -> tuple[float, float]:
-    """A range of the vertical axis with some room around all finite values."""
+    """A range of the vertical axis with a margin around all finite values."""
     finite = values[np.isfinite(values)]
     low, high = (float(finite.min()), float(finite.max())) if len(finite) else (0.0, 1.0)
     room = 0.06 * (high - low)
@@ -269,9 +272,9 @@ def padded_range(values: Real) -> tuple[float, float]:
 
 
 class Curves:
-    """Curves ``y`` (F, k) over ``x`` (F,) as arrays for a plot, with a vertical line at one frame as the last of them.
+    """Curves ``y`` (F, k) over ``x`` (F,) as arrays for a plot, whose last series is a vertical cursor line at one frame.
 
-    The line needs two points at the same x. They are put in between the points of the curves, which pass through them.
+    The line needs two points at the same x. They are inserted among the points of the curves, with the curves' values there.
     """
 
     def __init__(self, x: Real, y: Real):
@@ -282,14 +285,14 @@ class Curves:
         self.range = padded_range(self._y)
 
     def keep_range(self, old: tuple[float, float]) -> None:
-        """Take an older range of the vertical axis where the curves still fill it well: while something is dragged, axes that
-        change all the time mean nothing."""
+        """Keep an older range of the vertical axis if the curves still fill it well: axes that change all the time while something
+        is dragged tell nothing."""
         low, high = self.range
         if old[0] <= low and high <= old[1] and high - low >= LEAST_FILLED * (old[1] - old[0]):
             self.range = old
 
     def track(self, uuid: str) -> PlotTrack:
-        """How the line moves through the plot ``uuid`` over the frames."""
+        """The track of the cursor line of the plot ``uuid`` over the frames."""
         return PlotTrack(uuid, self._shown_x, self._shown_y, self._x, self._y, self.range)
 
     def at(self, frame: int) -> tuple[Real, ...]:
@@ -304,7 +307,7 @@ class Curves:
 
 
 def at_places(values: Real, places: Real, wanted: Real) -> Real:
-    """Curves (F, k) at ``places`` (F,), which never decrease or increase, between them at those ``wanted`` (G,); NaN beyond."""
+    """Curves (F, k) over monotonic ``places`` (F,), interpolated linearly at ``wanted`` (G,) -> (G, k); NaN beyond the ends."""
     order = slice(None) if places[-1] >= places[0] else slice(None, None, -1)
     columns = [np.interp(wanted, places[order], column[order], left=np.nan, right=np.nan) for column in values.T]
     return np.column_stack(columns)

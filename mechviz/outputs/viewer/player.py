@@ -12,12 +12,12 @@ import numpy as np
 from mechcore.arrays import Real
 
 LARGEST_RATE = 60.0  # pictures a second
-LOOKS_A_SECOND = 10.0  # looks a second at a run that the browsers play
-LEAST_REST = 0.002  # [s] between pictures, however slow the drawing is: viser's own thread must get its turn
+LOOKS_A_SECOND = 10.0  # updates of the clock per second while the browsers play on their own
+LEAST_REST = 0.002  # [s] pause between pictures, however slow the drawing is: viser's own thread must get its turn
 
 
 class Remote(Protocol):
-    """Who can play by themselves: the browsers, once they have the motion."""
+    """Plays in place of the player: the browsers, once they have the motion."""
 
     def begin(self, clock: float, rate: float, loop: bool) -> bool:
         """Play from ``clock`` [s]; False if they cannot."""
@@ -28,7 +28,7 @@ class Remote(Protocol):
         ...
 
     def show_remotely(self, frame: int) -> None:
-        """It goes on, and is at this frame now."""
+        """Called with the present frame while the remote plays."""
         ...
 
 
@@ -36,9 +36,9 @@ class Player:
     """Plays frames at times ``times`` (F,) [s] by calling ``show(frame, playing)`` from its own thread, and only from there.
 
     ``rate`` is run time per wall time. After a change while paused, ``show`` is called once; nothing else happens while paused.
-    ``failed(error)`` gets an exception in ``show``; the player then pauses and lives on.
+    ``failed(error)`` receives an exception of ``show``; the player then pauses and keeps running.
 
-    While ``remote`` plays, ``show`` is called for requests only, and the clock here just goes along.
+    While ``remote`` plays, ``show`` is called only for requests, and the clock here runs in parallel.
     """
 
     def __init__(
@@ -70,7 +70,7 @@ class Player:
         self._thread.start()
 
     def close(self) -> None:
-        """End the thread; harmless if it has ended or was never started."""
+        """End the thread; no effect if it has ended or was never started."""
         with self._changed:
             self._closed = True
             self._changed.notify_all()
@@ -86,14 +86,14 @@ class Player:
 
     @property
     def clock(self) -> float:
-        """Time of the run now [s]."""
+        """The present time of the run [s]."""
         with self._changed:
             self._catch_up()
             return self._clock
 
     @property
     def aside(self) -> bool:
-        """Whether the browsers play by themselves."""
+        """Whether the browsers play on their own."""
         return self._aside
 
     @property
@@ -112,7 +112,7 @@ class Player:
     def play(self) -> None:
         with self._changed:
             if self._frame == len(self._times) - 1:
-                self._go_to(0)  # at the end, play means play again
+                self._go_to(0)  # at the end, play starts again
             self._playing = True
             self._ask()
 
@@ -130,14 +130,14 @@ class Player:
                 self.play()
 
     def seek(self, frame: int) -> None:
-        """Show a frame and pause there; frames out of range are brought into it."""
+        """Show a frame and pause there; frames out of range are clipped."""
         with self._changed:
             self._playing = False
             self._go_to(frame)
             self._ask()
 
     def step(self, frames: int) -> None:
-        """Go on by some frames, over the ends where the motion loops, and pause."""
+        """Move by a number of frames, beyond the ends if the motion loops, and pause."""
         with self._changed:
             last = len(self._times) - 1
             self._catch_up()
@@ -158,26 +158,26 @@ class Player:
             self._ask()
 
     def retime(self, times: Real) -> None:
-        """Play frames at other times from now on, from the same part of the run, or from the same time where frames are only added.
-        The caller decides what is shown."""
+        """Replace the times of the frames; the clock keeps its fraction of the run, or its time if frames are only appended. The
+        caller decides what is shown."""
         with self._changed:
             if len(times) == len(self._times) and np.array_equal(times, self._times):
                 return
             before, self._times = self._times, np.asarray(times, float)
             if len(before) < len(times) and np.array_equal(times[: len(before)], before):
-                return  # the run goes on: where it is stays what it is
+                return  # frames are appended: clock and frame stay
             part = (self._clock - before[0]) / max(float(before[-1] - before[0]), 1e-300)
             self._clock = float(self._times[0] + part * (self._times[-1] - self._times[0]))
             if len(before) != len(times):
                 self._frame = int(np.argmin(np.abs(self._times - self._clock)))
 
     def refresh(self) -> None:
-        """Show the present frame again: what is drawn of it has changed."""
+        """Show the present frame again after a change of what is drawn."""
         with self._changed:
             self._ask()
 
     def wait(self, timeout: float = 600.0) -> bool:
-        """Until all requests so far have been shown. False if that takes longer than ``timeout`` [s]."""
+        """Wait until all requests so far have been shown; False if that takes longer than ``timeout`` [s]."""
         with self._changed:
             wanted = self._wanted
             return self._changed.wait_for(lambda: self._done >= wanted or self._closed, timeout)
@@ -192,7 +192,7 @@ class Player:
         self._changed.notify_all()
 
     def _advance(self, seconds: float) -> None:
-        """Move on by wall time."""
+        """Advance the clock by ``seconds`` of wall time."""
         first, last = float(self._times[0]), float(self._times[-1])
         clock = self._clock + self._rate * seconds
         if clock >= last and not (self._loop and last > first):
@@ -207,7 +207,7 @@ class Player:
         self._frame = before if nearer else after
 
     def _catch_up(self) -> None:
-        """While the remote plays, the clock is brought to now only when somebody asks."""
+        """Advance the clock to the present while the remote plays: it is otherwise advanced only from time to time."""
         if self._aside and self._playing:
             now = time.perf_counter()
             self._advance(now - self._ticked)
@@ -241,7 +241,7 @@ class Player:
                     if self._aside and self._remote is not None and not playing:
                         self._aside = False
                         self._remote.end(frame)
-                        # What viser takes to be shown already it does not send: from a neighbouring frame on everything is new
+                        # viser does not send values that it takes to be shown already: after a neighbouring frame all are sent
                         self._show(max(frame - 1, 0) if frame else min(1, len(self._times) - 1), playing)
                     self._show(frame, playing)
                     if playing and self._remote is not None:
@@ -255,6 +255,6 @@ class Player:
             with self._changed:
                 self._done = max(self._done, wanted)
                 self._changed.notify_all()
-            # due from one picture to the next, not from when the thread woke up: a late one is not followed by another late one
+            # counted from the due time of the last picture, not from when the thread woke up: delays do not add up
             due = max(due + 1.0 / LARGEST_RATE, now)
             time.sleep(max(LEAST_REST, due - time.perf_counter()))

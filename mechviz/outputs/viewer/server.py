@@ -28,7 +28,7 @@ from mechviz.outputs.viewer.viser_adapter import attribute_replaced, control_of,
 HOST = "127.0.0.1"
 PORT_ATTEMPTS = 5  # for a free port: another program may take it between the probe and the start
 
-# The page of viser holds all that it needs. Nothing else is loaded, whatever a scene or a recording says.
+# viser's page contains everything that it needs. Nothing else is loaded, whatever a scene or a recording contains.
 CONTENT_POLICY = "; ".join(
     (
         "default-src 'none'",
@@ -48,25 +48,25 @@ _starting = threading.Lock()
 
 
 class ViewerError(Exception):
-    """The viewer cannot start. Says why, and what to do."""
+    """The viewer cannot start. The message states why, and the remedy."""
 
 
 def start_server(port: int, label: str) -> tuple[viser.ViserServer, Guard]:
-    """A server on 127.0.0.1, and what guards it. ``port`` 0 takes a free one. Raises `ViewerError` if the port cannot be had."""
+    """A server on 127.0.0.1, and its guard. ``port`` 0 takes a free port. Raises `ViewerError` if the port cannot be used."""
     share_memory()
     for _ in range(PORT_ATTEMPTS):
         probed = _probe(port)
         server, guard = _start_guarded(probed, label)
         if server.get_port() == probed:
             return server, guard
-        stop_server(server)  # it moved to another port, for which the origins are wrong
+        stop_server(server)  # viser took another port, for which the allowed origins are wrong
         if port:
             break
     raise ViewerError(f"Port {port} was taken by another program during the start. Choose another with --port, or --port 0.")
 
 
 def stop_server(server: viser.ViserServer) -> None:
-    """Stop without viser's words on stdout."""
+    """Stop the server without viser's messages on stdout."""
     with contextlib.redirect_stdout(io.StringIO()):
         server.stop()
 
@@ -89,7 +89,7 @@ def safely(server: viser.ViserServer, changes: ControlChanges, what: str, action
 
 
 def report(server: viser.ViserServer, what: str, error: Exception, client: viser.ClientHandle | None = None) -> None:
-    """Log a failure, or a refusal with its remedy, and show it as a notification in the client's browser, or in all."""
+    """Log a failure, or a refusal with its remedy, and show it as a notification in the client's browser, or in all browsers."""
     if isinstance(error, MechanismError):
         title, words = "Not possible", str(error)
         log.warning("%s is not possible: %s", what, error)
@@ -97,7 +97,7 @@ def report(server: viser.ViserServer, what: str, error: Exception, client: viser
         title, words = f"{what} failed", f"{type(error).__name__}: {error}"
         log.error(title, exc_info=error)
     for who in [client] if client is not None else list(server.get_clients().values()):
-        with contextlib.suppress(Exception):  # the browser may have gone; the log has it all
+        with contextlib.suppress(Exception):  # the browser may have disconnected; the log has the message
             who.add_notification(title, words[:LONGEST_TEXT], color="red", auto_close_seconds=15.0)
 
 
@@ -123,8 +123,8 @@ def _probe(port: int) -> int:
 
 
 def _start_guarded(port: int, label: str) -> tuple[viser.ViserServer, Guard]:
-    """Start viser with a `Guard`, with a list of the origins whose pages may open its web socket (no origin at all is no browser),
-    and with a policy for its page."""
+    """Start viser with a `Guard`, a list of the origins whose pages may open its web socket (None: a client that is not a browser),
+    and a content security policy for its page."""
     origins = [None, Origin(f"http://{HOST}:{port}"), Origin(f"http://localhost:{port}")]
     policy = CONTENT_POLICY.format(host=HOST, port=port)
     serve: Any = websockets.asyncio.server.serve
@@ -148,12 +148,12 @@ def _start_guarded(port: int, label: str) -> tuple[viser.ViserServer, Guard]:
 
 # -- messages of browsers ---------------------------------------------------------------------------------------------
 MOST_BYTES = 1 << 16  # of a message
-LONGEST_TEXT = 1000
+LONGEST_TEXT = 1000  # characters of a text of one line
 LONGEST_TABLE = 60_000  # characters of a text of several lines
-LONGEST_NAME = 300  # of a node, or of a control in the page
-LARGEST_NUMBER = 1e15  # of a number: what a slider of whole numbers takes must fit into 64 bits
-MOST_PIXELS = 1e5
-NEARLY_ONE = 1e-3
+LONGEST_NAME = 300  # characters of the name of a node, or of a control in the page
+LARGEST_NUMBER = 1e15  # values of a slider of integers must fit into 64 bits
+MOST_PIXELS = 1e5  # width and height of a picture
+NEARLY_ONE = 1e-3  # tolerance of the norm of a quaternion
 
 FieldCheck = Callable[[Any], bool]
 
@@ -194,7 +194,7 @@ def _is_update(value: object) -> bool:
     return isinstance(value, dict) and set(value) == {"value"}
 
 
-# by kind, the fields that it has; ``owner`` says whose node it is, and may be missing
+# the fields of each kind of message; ``owner``, whose node it is, may be missing
 MESSAGE_FIELDS: Mapping[str, Mapping[str, FieldCheck]] = {
     "ViewerCameraMessage": {
         "wxyz": _is_turn,
@@ -238,7 +238,7 @@ MESSAGE_FIELDS: Mapping[str, Mapping[str, FieldCheck]] = {
 
 
 def is_value(control: object, value: object) -> bool:
-    """Whether a page of ours can give this value to a control. Sliders take numbers beyond their ends, which can be typed."""
+    """Whether our page can give this value to a control. Sliders accept numbers beyond their ends, since values can be typed."""
     if isinstance(control, viser.GuiSliderHandle):
         return is_number(value)
     if isinstance(control, viser.GuiCheckboxHandle | viser.GuiButtonHandle):
@@ -252,8 +252,8 @@ def is_value(control: object, value: object) -> bool:
 
 @dataclass
 class Guard:
-    """Decides on messages. ``control(uuid)`` and ``node(name)`` give what they are about, None if it is not there;
-    ``admitted(control)`` gets before a control gets another value; ``dropped`` counts what was refused, by reason."""
+    """Accepts or refuses messages of browsers. ``control(uuid)`` and ``node(name)`` return what a message refers to, None if that
+    does not exist; ``admitted(control)`` is called before a control takes a new value; ``dropped`` counts refusals by reason."""
 
     control: Callable[[str], Any] = lambda uuid: None
     node: Callable[[str], Any] = lambda name: None
@@ -261,17 +261,17 @@ class Guard:
     dropped: Counter[str] = field(default_factory=Counter)
 
     def admits(self, data: bytes) -> bool:
-        """Whether a message is one that a page of ours can send now."""
+        """Whether a message is one that our page can send now."""
         reason = self._reason(data)
         if reason:
             self.dropped[reason] += 1
             count = self.dropped[reason]
-            if math.log10(count).is_integer():  # the 1st, 10th, 100th ...: a flood of messages is no flood of lines
+            if math.log10(count).is_integer():  # the 1st, 10th, 100th ...: many messages do not make many lines of the log
                 log.warning("refused from a browser: %s (%d so far)", reason, count)
         return not reason
 
     def _reason(self, data: bytes) -> str:
-        """Why a message is refused; empty if it is not."""
+        """Why a message is refused; empty if it is accepted."""
         if len(data) > MOST_BYTES:
             return "a message that is too long"
         try:
@@ -298,11 +298,11 @@ class Guard:
 
 # -- callbacks --------------------------------------------------------------------------------------------------------
 Callback = Callable[[str, Callable[[Any], None]], Callable[[Any], Any]]
-"""``callback(what, action)``: an action for viser; its failures are shown to the user under the name ``what``."""
+"""``callback(what, action)`` returns a callback for viser that runs ``action(event)``; the name ``what`` is shown with failures."""
 
 
 def finite(value: Any, low: float, high: float, otherwise: float) -> float:
-    """A number from a browser brought into its range; what is not a finite number becomes ``otherwise``."""
+    """A number from a browser, clipped to [low, high]; anything but a finite number becomes ``otherwise``."""
     try:
         number = float(value)
     except (TypeError, ValueError, OverflowError):
@@ -315,14 +315,14 @@ WITH_STATE = (viser.GuiCheckboxHandle, viser.GuiSliderHandle, viser.GuiDropdownH
 
 @dataclass(eq=False)
 class ControlChange:
-    """A control that a browser has set, its value before, and what its callback did, None until then."""
+    """A control that a browser has set, its value before, and the action of its callback, None until that has run."""
 
     control: Any
     before: Any
     action: Callable[[], None] | None = None
 
     def undo(self) -> None:
-        """Bring back the value, and what follows from it; nothing of a control that is no more."""
+        """Restore the value, and run the action again; the value of a control that has been removed is ignored."""
         with contextlib.suppress(RuntimeError):
             self.control.value = self.before
         if self.action is not None:
@@ -330,16 +330,16 @@ class ControlChange:
 
 
 class ControlChanges:
-    """Changes of browsers since the last picture that was drawn whole. A change of which the callback or the picture fails
-    is undone, so that what is drawn next does not fail as well."""
+    """Changes of controls by browsers since the last complete drawing. If the callback or the drawing fails, the change is undone,
+    so that the next drawing does not fail as well."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._open: dict[int, ControlChange] = {}  # by control
 
     def remember(self, control: object) -> None:
-        """A browser is about to set a control. Of several changes the value before the first one counts; those of controls that
-        are no more are forgotten."""
+        """Note the value of a control before a browser sets it. Of several changes, the value before the first counts; changes of
+        removed controls are dropped."""
         if isinstance(control, WITH_STATE):
             with self._lock:
                 self._open = {key: change for key, change in self._open.items() if not is_removed(change.control)}
@@ -348,7 +348,7 @@ class ControlChanges:
                     self._open[id(control)] = ControlChange(control, control.value)
 
     def run(self, action: Callable[[Any], None], event: object) -> None:
-        """Do what a callback does; undo the change where that fails, and raise why."""
+        """Run the action of a callback; if it fails, undo the change of its control and raise the error again."""
         with self._lock:
             change = self._open.get(id(getattr(event, "target", None)))
             if change is not None:
@@ -361,18 +361,18 @@ class ControlChanges:
             raise
 
     def open(self) -> Sequence[ControlChange]:
-        """The changes that the next picture shows."""
+        """The changes that the next drawing will show."""
         with self._lock:
             return [change for change in self._open.values() if change.action is not None]
 
     def accept(self, changes: Sequence[ControlChange]) -> None:
-        """They have been drawn."""
+        """Drop changes, which have been drawn."""
         with self._lock:
             for change in changes:
                 self._open.pop(id(change.control), None)
 
     def undo(self) -> bool:
-        """Undo what has not been drawn; whether there was anything."""
+        """Undo the changes that have not been drawn; return whether there were any."""
         changes = self.open()
         self._undo(changes)
         return bool(changes)

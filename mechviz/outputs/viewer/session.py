@@ -1,5 +1,5 @@
-"""Editing: changes of the scene are solved in a thread of their own, the newest one wins, and what cannot be built leaves the last
-good mechanism as it is."""
+"""Editing: changes of the scene are solved in a thread of their own, newer ones replace older ones, and a change that cannot be
+built leaves the last good mechanism in place."""
 
 from __future__ import annotations
 
@@ -25,15 +25,15 @@ from mechviz.scene.assembly.simulation import swinging, swings
 
 DraftChange = Callable[[Draft], Draft]
 
-QUICK_RUN = 0.05  # [s] a run may take for what each effect contributes to be found unasked
+QUICK_RUN = 0.05  # [s] contributions are computed automatically only if a run takes less than this
 TIMING_REPEATS = 5
 
 
 @dataclass(frozen=True)
 class Status:
-    """How the last change went. ``fault``: why it could not be built, empty if it could; ``key`` of the value that was changed,
-    ``reach``: the range over which it can be moved, in its unit, when that is known; ``seconds`` that solving took;
-    ``swings``: the drives that run as far as they can go and back."""
+    """Result of the last change. ``fault``: why it could not be built, empty if it could; ``key``: of the changed value;
+    ``value``: the number refused; ``reach``: the range in which it can be moved, in its unit, if known; ``seconds``: solution time;
+    ``swings``: the drives that oscillate over their reachable range."""
 
     fault: str = ""
     key: str = ""
@@ -45,8 +45,8 @@ class Status:
 
 @dataclass(frozen=True)
 class Contribution:
-    """Contribution of an effect or load: the peak of the driving effort (of a motion without drives: of the reactions) with and
-    without it, and what it costs [s]; NaN: not known, and ``why`` not."""
+    """Contribution of an effect or load: the peak of the driving effort (in a motion without drives: of the reactions) with and
+    without it, and its computing time ``seconds`` [s]. NaN where not known; ``why``: the reason."""
 
     name: str
     on: bool
@@ -64,7 +64,7 @@ class _Value:
     value: float
 
     def written(self) -> float | int | str:
-        """As it stands in the scene. Raises ValueError beyond what can be typed."""
+        """The value as written in the scene. Raises ValueError beyond the limits for typed values."""
         p = self.parameter
         if not p.hard_low <= self.value <= p.hard_high:
             raise ValueError(f"Here it can be {p.text(p.hard_low)} to {p.text(p.hard_high)}; the scene file takes more.")
@@ -72,9 +72,12 @@ class _Value:
 
 
 class EditSession:
-    """A scene in work. ``present(show)`` brings what is shown to the browsers, ``report(status)`` says how a change went,
-    ``contributed(...)`` what each effect does, ``settled()`` that for a while nothing has been changed. They are called from the
-    session's own threads."""
+    """A scene that is being edited.
+
+    The session calls from its own threads: ``present(view_model)`` to show a new run, ``report(status)`` with the result of a
+    change, ``contributed(...)`` with the contributions of the effects, ``settled()`` when nothing has been changed for a while,
+    and ``failed(error)`` with an unexpected error.
+    """
 
     def __init__(
         self,
@@ -87,14 +90,14 @@ class EditSession:
     ):
         self._present, self._report, self._contributed, self._settled = present, report, contributed, settled
         self._lock = threading.RLock()
-        self._asking = threading.Lock()  # not held for long: browsers wait for it
-        self._pending: list[tuple[str, DraftChange | _Value | str]] = []  # in the order in which they were asked for
-        self._working: frozenset[str] = frozenset()  # keys of what is in work and not yet shown
+        self._asking = threading.Lock()  # held only briefly: browsers wait for it
+        self._pending: list[tuple[str, DraftChange | _Value | str]] = []  # in the order of the requests
+        self._working: frozenset[str] = frozenset()  # keys of the changes being solved and not yet shown
         self.history = History(Draft.of(run.scene))
         self._built: Built = build(run)
         self.run = run
         self.source = run.scene  # as opened, with the text of its file
-        self._accuracy = None if run.accuracy == run.scene.accuracy else run.accuracy  # asked for beside the scene
+        self._accuracy = None if run.accuracy == run.scene.accuracy else run.accuracy  # overrides that of the scene
         self.opened = self.view_model = view_model_of_run(run, self._built)
         self.status = Status(swings=swings(run.scene))
         self._patient = False
@@ -103,15 +106,15 @@ class EditSession:
 
     # -- requests, from any thread ------------------------------------------------------------------------------------
     def move(self, parameter: Parameter, value: float) -> None:
-        """Give a value of the scene another number."""
+        """Set a value of the scene."""
         self._ask(parameter.key, _Value(parameter, value))
 
     def change(self, key: str, change: DraftChange) -> None:
-        """Change the draft; ``key`` names what is changed."""
+        """Apply a function to the draft; ``key`` names what it changes."""
         self._ask(key, change)
 
     def follow_scene(self) -> None:
-        """From now on the scene's own accuracy decides, whatever was asked for beside it."""
+        """Use the accuracy of the scene from now on, without the override with which the session was opened."""
         self._accuracy = None
 
     def undo(self) -> None:
@@ -121,25 +124,25 @@ class EditSession:
         self._ask("", "redo")
 
     def reset(self) -> None:
-        """Back to the scene as opened; that can be undone."""
+        """Return to the scene as opened; this can be undone."""
         self._ask("", "reset")
 
     def find_contributions(self, asked: bool = False) -> None:
-        """Find out what each effect and load contributes; if it was not ``asked`` for, only where that is quickly done."""
+        """Compute the contribution of each effect and load; unless the user ``asked`` for it, only if a run is quick."""
         self._patient = asked
         self._builder.submit(self.run)
 
     def wait(self, timeout: float = 600.0, *, rested: bool = False) -> bool:
-        """Until all changes so far are shown; ``rested``: with the solids of the last one."""
+        """Wait until all changes so far are shown, ``rested``: with the solids of the last one; False after ``timeout`` [s]."""
         return self._worker.wait(timeout, rested=rested) and (not rested or self._builder.wait(timeout))
 
     @property
     def overtaken(self) -> bool:
-        """Whether a newer change waits for the one in work."""
+        """Whether a newer change waits for the one being solved."""
         return self._worker.overtaken
 
     def is_pending(self, key: str) -> bool:
-        """Whether a change of this value has been asked for and is neither shown nor refused yet."""
+        """Whether a requested change of this value is neither shown nor refused yet."""
         with self._asking:
             return key in self._working or any(key == waiting for waiting, _ in self._pending)
 
@@ -149,7 +152,7 @@ class EditSession:
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """The values that can be edited, as they are now, loads that are switched off not among them."""
+        """The current values that can be edited, without those of loads that are switched off."""
         return find_parameters(self.run.scene)
 
     # -- the worker's thread ------------------------------------------------------------------------------------------
@@ -157,7 +160,7 @@ class EditSession:
         with self._asking:
             steps = [n for n, (_, other) in enumerate(self._pending) if isinstance(other, str)]
             first = len(self._pending) if isinstance(what, str) else steps[-1] + 1 if steps else 0
-            older, newer = self._pending[:first], self._pending[first:]  # a value takes the place of one that no step has followed
+            older, newer = self._pending[:first], self._pending[first:]  # replaces one after the last step
             self._pending = [*older, *(other for other in newer if other[0] != key), (key, what)]
         self._worker.submit(None)
 
@@ -193,7 +196,7 @@ class EditSession:
                     self._present(view_model)
                 except Exception:
                     self.run, self.view_model = before
-                    self._present(self.view_model)  # instead of the half of another one
+                    self._present(self.view_model)  # instead of the half-drawn new one
                     raise
             if changed:
                 history.change(draft, "+".join(changed))
@@ -208,7 +211,7 @@ class EditSession:
             raise
 
     def _solved(self, draft: Draft) -> tuple[Draft, Run]:
-        """A draft with its run. Its drive runs within its reach from now on if it cannot turn fully."""
+        """A draft and its run. If a drive cannot make full turns, the draft is changed: it oscillates over its reachable range."""
         try:
             return draft, run_scene(draft.scene(), accuracy=self._accuracy)
         except MechanismError as error:
@@ -222,7 +225,7 @@ class EditSession:
                 raise error from None
 
     def _find_reach(self, moved: _Value, fault: str) -> None:
-        """Say how far a value can be moved, unless something newer is to be done."""
+        """Report the range in which a value can be moved, unless a newer change waits."""
         p, present = moved.parameter, self.history.present
 
         def holds(value: float) -> bool:
@@ -243,7 +246,7 @@ class EditSession:
         self._report(status)
 
     def _settle(self) -> None:
-        """For a while nothing has changed: build the solids anew."""
+        """Build the solids anew after a while without changes."""
         self._settled()
         self._builder.submit(self.run)
 
@@ -263,7 +266,7 @@ class EditSession:
         give_back_memory()
 
     def _contributions(self, draft: Draft, run: Run) -> tuple[Contribution, ...] | None:
-        """Contributions of each effect and load: the run with it and without it."""
+        """The contribution of each effect and load, from a run with it and one without it; None if a newer change waits."""
         spent = sum(stage.seconds for stage in run.stages)
         quick = spent < QUICK_RUN or self._patient
         self._patient = False
@@ -286,13 +289,13 @@ class EditSession:
                     cost = _cost(scene)
                     seconds = before - cost if on else cost - before
                 except (MechanismError, ValueError) as error:
-                    why = _words(error)  # without it there is no such mechanism, or friction has no coefficient to act with
+                    why = _words(error)  # the scene cannot be built without it, or friction has no coefficient
             shares.append(Contribution(name, on, here if on else peak, peak if on else here, max(seconds, 0.0), why))
         return tuple(shares)
 
 
 def _cost(scene: Any) -> float:
-    """Processor time of a run [s]: the least of a few, which others on the machine do not change."""
+    """Processor time of a run [s]: the minimum of `TIMING_REPEATS` runs, which other processes hardly affect."""
     times = []
     for _ in range(TIMING_REPEATS):
         start = time.thread_time()
@@ -302,7 +305,7 @@ def _cost(scene: Any) -> float:
 
 
 def _peak(run: Run) -> float:
-    """The largest driving torque or force of a run: of its first drive; of a motion without drives the largest reaction. 0 where no
+    """The largest driving torque [N m] or force [N] of the first drive of a run, without drives the largest reaction [N]; 0 if no
     forces are computed."""
     forces, drives = run.forces, run.motion.mechanism.drives
     if forces is None:
@@ -314,7 +317,7 @@ def _peak(run: Run) -> float:
 
 
 def _words(error: Exception) -> str:
-    """An error for the user: its faults one after the other."""
+    """The text of an error for the user: its faults with their remedies, one after the other."""
     faults: Any = getattr(error, "faults", ())
     texts = [f"{f.message} {f.remedy}".strip() for f in faults]
     return " ".join(texts) or str(error)

@@ -1,4 +1,4 @@
-"""View model: the picture and the catalogue of a solved run or of a recording, with what only the viewer needs."""
+"""View model: the picture and the catalogue of a solved run or a recording, and the data that only the viewer needs."""
 
 from __future__ import annotations
 
@@ -38,13 +38,12 @@ class LinkSolid:
     """The solid of a link, in pieces of one colour each."""
 
     pieces: tuple[ColoredPart, ...]
-    whole: bool = False  # it turns about an axis in the plane, so that no section cuts it
+    whole: bool = False  # it turns about an axis in the plane of motion: sections leave it whole
 
 
 @dataclass(frozen=True, eq=False)
 class DriveWay:
-    """The coordinate ``position`` (F,) of a drive (or of a free coordinate) in the unit in which people read it, and with how many
-    decimals they do."""
+    """The coordinate ``position`` (F,) of a drive, or of a free coordinate, in the display ``unit``, shown with ``decimals``."""
 
     name: str
     sliding: bool
@@ -55,8 +54,8 @@ class DriveWay:
 
 @dataclass(frozen=True, eq=False)
 class RollingCentrodes:
-    """Pole curves of a link as complex numbers (F,) [m]: ``fixed`` in the world, ``moving`` in the link's frame, and an ``outline``
-    (n,) of the link in its frame."""
+    """Centrodes of a link as complex numbers (F,) [m]: ``fixed`` in the world, ``moving`` in the link's frame; ``outline`` (n,) of
+    the link in its frame."""
 
     fixed: Complex
     moving: Complex
@@ -70,15 +69,15 @@ class ViewModel:
     title: str
     learning_goal: str
     picture: Picture
-    bodies: Mapping[str, LinkSolid]  # by link; while a length is dragged they follow it
+    bodies: Mapping[str, LinkSolid]  # by link; deformed to the new length while a length is dragged
     catalogue: Catalogue
-    exact: bool = True  # the solids are of this motion; while a length is dragged they are of another one
+    exact: bool = True  # the solids were built for this motion; False while a length is dragged
     events: tuple[Event, ...] = ()
-    opens_at: int | None = None  # the frame to open at, where it is not the catalogue's
+    opens_at: int | None = None  # the frame to open at; None: that of the catalogue
     notes: str = ""  # what was computed and left out, as HTML
-    run: Run | None = None  # not of a recording
-    drawings: Callable[[], Mapping[str, Drawing]] = dict  # polygons, by name; made when they are asked for
-    charts: Callable[[], Sequence[Diagram]] = tuple  # one quantity against another
+    run: Run | None = None  # None for a recording
+    drawings: Callable[[], Mapping[str, Drawing]] = dict  # drawings beside the mechanism, by name; made on request
+    charts: Callable[[], Sequence[Diagram]] = tuple  # diagrams of one quantity over another
     centrodes: Callable[[], Mapping[str, RollingCentrodes]] = dict  # by link
 
     @property
@@ -87,12 +86,12 @@ class ViewModel:
 
     @property
     def time(self) -> Real:
-        """Of the frames (F,) [s]."""
+        """Times of the frames (F,) [s]."""
         return self.picture.time
 
     @property
     def cycle(self) -> float:
-        """How long a cycle takes [s]."""
+        """Duration of a cycle [s]."""
         return self.numbers.cycle
 
     @property
@@ -107,7 +106,7 @@ class ViewModel:
 
     @property
     def size(self) -> float:
-        """The mechanism's [m]."""
+        """Size of the mechanism [m]."""
         return self.picture.size
 
     @property
@@ -117,12 +116,12 @@ class ViewModel:
 
     @property
     def z_top(self) -> float:
-        """The height before which there is nothing solid [m]."""
+        """The height z [m] above which there is no solid."""
         return self.picture.top
 
     @property
     def units(self) -> Units:
-        """Units in which people read what is shown."""
+        """Display units."""
         return self.numbers.units
 
     @property
@@ -141,13 +140,13 @@ class ViewModel:
 
     @cached_property
     def paths(self) -> Mapping[str, Real]:
-        """Places (F, 3) [m] of traced points by name."""
+        """Positions (F, 3) [m] of traced points by name, of those whose path has a position for every frame."""
         drawn = {node.owner[1]: np.asarray(node.strips[0][0], float) for node in self.picture.of(Lines, "paths")}
         return {name: places for name, places in drawn.items() if len(places) == self.frames}
 
     @cached_property
     def joints(self) -> Mapping[str, Real]:
-        """Places (F, 3) [m] of joints by name."""
+        """Positions (F, 3) [m] of joints by name."""
         return {node.owner[1]: np.asarray(node.places[:, 0], float) for node in self.picture.of(Points, "joints")}
 
     @property
@@ -156,7 +155,7 @@ class ViewModel:
 
     @property
     def families(self) -> frozenset[str]:
-        """Families of arrows of which there is anything."""
+        """Families of arrows that the picture contains."""
         return frozenset(node.group for node in self.picture.nodes if node.group in VECTOR_FAMILIES)
 
     @property
@@ -174,7 +173,7 @@ class ViewModel:
 
     @property
     def first(self) -> tuple[Quantity, ...]:
-        """Quantities that are plotted at the start."""
+        """Quantities that are plotted when the viewer opens."""
         return self.catalogue.first
 
     @property

@@ -1,12 +1,12 @@
-"""All that the viewer needs of viser 1.1.1 beyond its public interface, and the reason for each.
+"""Everything that the viewer uses of viser 1.1.1 beyond its public interface, and the reason for each.
 
-* What goes to all browsers is encoded once and sent to all of them in the same turn of viser's thread (`SharedBuffer`): viser
-  encodes each message anew for every browser, and each browser waits with tasks and timers of its own. The bytes that arrive are
-  those that viser would send, but for a time stamp; slow browsers still skip what has been replaced, later ones still get the
-  newest of everything.
-* Poses of a frame are queued under one lock (`send_poses`): viser takes 60 us a body and frame for it.
-* Messages of browsers pass a check before viser looks at them (`start`): viser believes all of them.
-* Scripts run in the page (`run_script`), and controls have names there (`uuid_of`): viser has no call for either.
+* Messages to all browsers are encoded once and sent to all of them in the same turn of viser's thread (`SharedBuffer`): viser
+  encodes each message anew for every browser, and each browser has its own tasks and timers. The bytes that arrive are those that
+  viser would send, except for a time stamp. As with viser, slow browsers skip messages that have been replaced, and browsers that
+  connect later get the newest state of everything.
+* Poses of a frame are queued under one lock (`send_poses`): viser takes 60 us per body and frame.
+* Messages of browsers are checked before viser reads them (`start`): viser trusts all of them.
+* Scripts run in the page (`run_script`), and controls have names there (`uuid_of`): viser has no public function for either.
 
 The project pins viser. The message types of `viser.infra` are public; so are their names on the wire.
 """
@@ -32,24 +32,24 @@ from viser.infra import _infra
 
 from mechcore.records import dataclass
 
-KEPT_WINDOWS = 4  # encoded windows: browsers that are not in the same turn
-SPARSE_RATIO = 4  # from so many numbers a message on, those that are there are listed
-COMPRESSION_LEVEL = 1  # of compression, as viser's
-MOST_WAITING = 1000  # messages for one browser that does not read; then the oldest are given up
-LEAST_SWEPT = 2000  # messages to all browsers: what has been removed is swept when there are twice as many as after the last sweep
+KEPT_WINDOWS = 4  # encoded windows that are kept, for browsers that are not in the same turn
+SPARSE_RATIO = 4  # above so many message numbers per existing message, `SharedBuffer.take` lists the existing messages instead
+COMPRESSION_LEVEL = 1  # of zstandard, as in viser
+MOST_WAITING = 1000  # messages for one browser that does not read; beyond that the oldest are dropped
+LEAST_SWEPT = 2000  # messages to all browsers: removed nodes are swept out when there are twice as many as after the last sweep
 MESSAGES_IN_ONE_PIECE = 4096  # poses of one frame must arrive together; viser's own limit is 128
-LEAST_MOVE = 1e-10  # [m, or of a quaternion]: less than this is round-off, and far from being seen
+LEAST_MOVE = 1e-10  # [m, or in components of a quaternion]: smaller changes are round-off, and invisible
 
 Posed = tuple[viser.SceneNodeHandle, NDArray[Any], NDArray[Any] | None]
-"""A node, its place (3,) [m] and its turn (4,) as a quaternion w, x, y, z, None if it does not turn."""
+"""A node, its position (3,) [m] and its orientation (4,) as a quaternion w, x, y, z, None if it does not rotate."""
 MessageTarget: TypeAlias = "viser.ViserServer | viser.ClientHandle"
-"""All browsers, now and later, or one."""
+"""All browsers, present and future, or one."""
 
 
 # -- messages ---------------------------------------------------------------------------------------------------------
 @dataclass(eq=False)
 class RunJavascriptMessage(infra.Message):
-    """A script for the page. Of those with one ``key`` only the newest is kept."""
+    """A script for the page. Of several scripts with the same ``key`` only the newest is kept."""
 
     source: str
     key: str
@@ -63,7 +63,7 @@ class RunJavascriptMessage(infra.Message):
 
 @dataclass(eq=False)
 class _PoseMessage(infra.Message):
-    """Where a node is, or how it is turned; says at once what it consists of."""
+    """Position or orientation of a node; `as_serializable_dict` is written out for speed."""
 
     name: str
     values: tuple[float, ...]
@@ -89,8 +89,8 @@ class OrientationMessage(_PoseMessage):
 
 # -- sending ----------------------------------------------------------------------------------------------------------
 class _Turns:
-    """The moments at which all browsers look for messages: a while after one has come, so that those that belong together go
-    together, or at once. Only the thread of the loop deals with it."""
+    """The turns in which the tasks of all browsers look for messages: ``pause`` [s] after the first new message, so that messages
+    that belong together are sent together, or at once. Only the thread of the event loop triggers turns."""
 
     def __init__(self, loop: asyncio.AbstractEventLoop, pause: float):
         self._loop, self._pause = loop, pause
@@ -99,12 +99,12 @@ class _Turns:
         self.thread = -1  # that of the loop, from the first wait on
 
     def soon(self) -> None:
-        """A message has come."""
+        """Schedule a turn: a message has arrived."""
         if threading.get_ident() == self.thread and self._timer is None:
             self._timer = self._loop.call_later(self._pause, self.now)
 
     def now(self) -> None:
-        """Let all look."""
+        """Start a turn at once."""
         if threading.get_ident() == self.thread:
             if self._timer is not None:
                 self._timer.cancel()
@@ -113,21 +113,24 @@ class _Turns:
             self._came.clear()
 
     async def wait(self) -> None:
-        """Until the next one."""
+        """Wait for the next turn."""
         self.thread = threading.get_ident()
         await self._came.wait()
 
 
 class _Signal:
-    """In place of an event of viser's: setting it causes a turn."""
+    """Replaces an event of viser: setting it causes a turn."""
 
     def __init__(self, set_: Any):
         self.set = set_
 
 
 class _OwnEvent(asyncio.Event):
-    """An event that only the thread which waits for it sets. viser sets it from any thread, and then once more from that one: the
-    first in the midst of a wait wakes nobody and lets the second do nothing, so that a browser would hear no more."""
+    """An event that can be set only from the thread that waits for it.
+
+    viser sets it from any thread, and then again from the waiting thread. If the first call comes during the wait, it wakes no task
+    and makes the second call ineffective, so that the browser would receive nothing more.
+    """
 
     _thread = -1
 
@@ -141,18 +144,19 @@ class _OwnEvent(asyncio.Event):
 
 
 class SharedBuffer(_infra.AsyncMessageBuffer):
-    """viser's buffer of messages, to all browsers or to one. It stays bounded: what waits for one browser by number, what is kept
-    for all by sweeping out what has been removed. ``encodings`` counts what was encoded for all, ``sendings`` what was sent."""
+    """viser's buffer of messages, to all browsers or to one. Its size is bounded: messages waiting for one browser by their number,
+    messages kept for all browsers by sweeping out those of removed nodes. ``encodings`` counts the windows encoded for all,
+    ``sendings`` the windows sent."""
 
     def __init__(self, event_loop: asyncio.AbstractEventLoop, persistent_messages: bool):
         super().__init__(event_loop, persistent_messages)
-        if not persistent_messages:  # for one browser only: sending stays viser's
+        if not persistent_messages:  # for one browser only: viser does the sending
             own: Any = _OwnEvent()
             self.message_event = own
             return
         self.max_window_size = MESSAGES_IN_ONE_PIECE
         self.turns = _Turns(event_loop, self.window_duration_sec)
-        self.message_event = _Signal(self.turns.soon)  # all that viser does to them is to set them
+        self.message_event = _Signal(self.turns.soon)  # viser only calls their ``set``
         self.flush_event = _Signal(self.turns.now)
         self.encodings = self.sendings = 0
         self.sweep: Callable[[], None] | None = None
@@ -160,7 +164,7 @@ class SharedBuffer(_infra.AsyncMessageBuffer):
         self._compressor = zstandard.ZstdCompressor(level=COMPRESSION_LEVEL)
         self._encoded: deque[tuple[list[Any], bytes]] = deque(maxlen=KEPT_WINDOWS)  # the newest first
         self._sent = threading.Condition()
-        self._reached: dict[int, int] = {}  # the last message that was sent to each browser
+        self._reached: dict[int, int] = {}  # number of the last message that was sent, by browser
 
     def push(self, message: infra.Message) -> None:
         super().push(message)
@@ -189,13 +193,13 @@ class SharedBuffer(_infra.AsyncMessageBuffer):
                 self.id_from_redundancy_key[key] = number
             self.message_event.set()
         self.atomic_start()
-        self.atomic_end()  # wakes the thread that talks to the browsers, unless more is to come in the same piece
+        self.atomic_end()  # wakes the thread that sends to the browsers, unless an outer atomic block is open
 
     def take(self, after: int, up_to: int, client: int) -> tuple[list[Any], int]:
-        """The messages for a browser after one and up to another, no more than fit into a window, and the number of the last."""
+        """Messages for a browser with numbers above ``after`` up to ``up_to``, at most a window full, and the number reached."""
         window: list[Any] = []
         numbers: Sequence[int] = range(after + 1, up_to + 1)
-        if len(numbers) > SPARSE_RATIO * (len(self.message_from_id) + 1):  # after hours of play nearly all have been replaced
+        if len(numbers) > SPARSE_RATIO * (len(self.message_from_id) + 1):  # after hours of playing nearly all have been replaced
             with self.buffer_lock:
                 numbers = [number for number in self.message_from_id if after < number <= up_to]
         for number in numbers:
@@ -208,7 +212,7 @@ class SharedBuffer(_infra.AsyncMessageBuffer):
         return window, up_to if self.atomic_counter == 0 else after
 
     def encode(self, window: list[Any]) -> bytes:
-        """Messages as viser's pages expect them; the same ones again are not encoded again."""
+        """Messages in the format of viser's pages; a window that was encoded recently is taken from the cache."""
         for known, data in self._encoded:
             if len(known) == len(window) and all(map(operator.is_, known, window)):
                 return data
@@ -230,9 +234,9 @@ class SharedBuffer(_infra.AsyncMessageBuffer):
         return data
 
     async def serve(self, socket: Any, client: int, backlog_done: Any) -> None:
-        """Send to a browser what is there, then ``backlog_done``, then what comes, until the server stops."""
+        """Send to a browser the existing messages, then ``backlog_done``, then new messages, until the server stops."""
         backlog, last = self.message_counter - 1, -1
-        self.generator_cursors[client] = last  # what viser's collection of garbage heeds
+        self.generator_cursors[client] = last  # viser's garbage collection reads it
         self._reached[client] = last
         try:
             while not self.done:
@@ -257,26 +261,26 @@ class SharedBuffer(_infra.AsyncMessageBuffer):
                 self._sent.notify_all()
 
     def wait(self, timeout: float) -> bool:
-        """Until all browsers have been sent what there is now; False if that takes longer than ``timeout`` [s]."""
+        """Wait until all present messages have been sent to all browsers; False if that takes longer than ``timeout`` [s]."""
         newest = self.message_counter - 1
         with self._sent:
             return self._sent.wait_for(lambda: self.done or all(n >= newest for n in self._reached.values()), timeout)
 
 
 async def _produce(websocket: object, buffer: object, client_id: int, backlog_done_message: object = None) -> None:
-    """In place of viser's function of this purpose, which it still is for all other buffers."""
+    """Replaces viser's function of the same purpose for persistent `SharedBuffer`; viser's own still serves all other buffers."""
     if isinstance(buffer, SharedBuffer) and buffer.persistent_messages:
         await buffer.serve(websocket, client_id, backlog_done_message)
     else:
         await _viser_produce(websocket, buffer, client_id, backlog_done_message)
 
 
-_viser_produce, _infra._message_producer = _infra._message_producer, _produce  # viser looks it up whenever a browser comes
+_viser_produce, _infra._message_producer = _infra._message_producer, _produce  # viser looks it up whenever a browser connects
 
 
 # -- starting ---------------------------------------------------------------------------------------------------------
 class _Checked:
-    """Reads messages of browsers in place of viser's ``kinds``: those that ``admits(data)`` refuses become nothing, of which viser
+    """Reads messages of browsers in place of viser's ``kinds``: messages that ``admits(data)`` refuses become None, for which viser
     has no handler."""
 
     def __init__(self, kinds: type[infra.Message], admits: Callable[[bytes], bool]):
@@ -288,7 +292,7 @@ class _Checked:
 
 @contextlib.contextmanager
 def attribute_replaced(owner: object, name: str, value: object) -> Iterator[None]:
-    """Within it an attribute of a module has another value. Not for several threads at once."""
+    """A context in which an attribute of a module has another value. Not thread-safe."""
     before = getattr(owner, name)
     setattr(owner, name, value)
     try:
@@ -298,7 +302,7 @@ def attribute_replaced(owner: object, name: str, value: object) -> Iterator[None
 
 
 def start(host: str, port: int, label: str, admits: Callable[[bytes], bool]) -> viser.ViserServer:
-    """A server of viser with a `SharedBuffer`, which gets only messages that ``admits(data)`` accepts."""
+    """A viser server with a `SharedBuffer`; it receives only messages that ``admits(data)`` accepts."""
     plain = infra.WebsockServer
 
     def checked(*args: object, message_class: type[infra.Message], **options: object) -> infra.WebsockServer:
@@ -312,21 +316,21 @@ def start(host: str, port: int, label: str, admits: Callable[[bytes], bool]) -> 
 
 
 def control_of(server: viser.ViserServer, uuid: str) -> Any:
-    """The control with the name ``uuid`` in pages, of all browsers or of one; None if there is none."""
+    """The control named ``uuid`` in the page, of all browsers or of one; None if there is none."""
     for gui in (server.gui, *(client.gui for client in server.get_clients().values())):
         if uuid in gui._gui_input_handle_from_uuid:
             return gui._gui_input_handle_from_uuid[uuid]
     return None
 
 
-# -- what the viewer does with it -------------------------------------------------------------------------------------
+# -- functions for the viewer -----------------------------------------------------------------------------------------
 def uuid_of(control: Any) -> str:
-    """The name that a control has in pages."""
+    """The name of a control in the page."""
     return str(control._impl.uuid)
 
 
 def is_removed(control: Any) -> bool:
-    """Whether a control has been taken out of the page."""
+    """Whether a control has been removed from the page."""
     return bool(control._impl.removed)
 
 
@@ -335,27 +339,27 @@ def _queue_of(target: MessageTarget) -> infra.WebsockMessageHandler:
 
 
 def buffer_of(server: viser.ViserServer) -> SharedBuffer:
-    """Messages that wait for, and are kept for, all browsers of a server."""
+    """The buffer of messages that wait or are kept for all browsers of a server."""
     buffer = _queue_of(server).get_message_buffer()
     assert isinstance(buffer, SharedBuffer)
     return buffer
 
 
 def run_script(target: MessageTarget, source: str, key: str) -> None:
-    """Run a script in the page of one browser, or of all, now and later. ``key`` names its purpose: of those for one purpose that
-    wait or are kept, only the newest counts."""
+    """Run a script in the page of one browser, or of all browsers, present and future. ``key`` names its purpose: of several
+    waiting or kept scripts with the same key, only the newest runs."""
     _queue_of(target).queue_message(RunJavascriptMessage(source, f"mechviz {key}"))
 
 
 def send_now(server: viser.ViserServer, timeout: float) -> bool:
-    """Send what has been queued for all browsers at once, and wait until it is on its way; False if that takes longer than
-    ``timeout`` [s]. While somebody waits, the thread that talks to the browsers has Python for itself."""
+    """Send the messages queued for all browsers at once, and wait until they are sent; False if that takes longer than ``timeout``
+    [s]. Waiting lets the sending thread have the Python interpreter."""
     server.flush()
     return buffer_of(server).wait(timeout)
 
 
 def send_poses(server: viser.ViserServer, poses: Iterable[Posed]) -> int:
-    """Bring nodes of the server's scene to their poses; the number of messages that this takes."""
+    """Send the poses of nodes of the server's scene to all browsers; return the number of messages."""
     states = [(node._impl, position, turn) for node, position, turn in poses]
     turning = [(state, turn) for state, _, turn in states if turn is not None]
     messages: list[_PoseMessage] = [
@@ -372,14 +376,14 @@ def send_poses(server: viser.ViserServer, poses: Iterable[Posed]) -> int:
 
 
 def _moved(states: list[Any], before: list[NDArray[Any]], after: list[NDArray[Any]]) -> list[tuple[Any, tuple[float, ...]]]:
-    """The nodes that are elsewhere now, with where; their states become that."""
+    """The nodes whose values changed by more than `LEAST_MOVE`, with the new values; the stored states ``before`` are updated."""
     if not states:
         return []
     new = np.array(after, float)
     moved = (np.abs(new - np.array(before)) > LEAST_MOVE).any(axis=1)
     values = new.tolist()
     changed = []
-    for k in np.flatnonzero(moved & np.isfinite(new).all(axis=1)):  # viser draws nothing at all of what is not a number
+    for k in np.flatnonzero(moved & np.isfinite(new).all(axis=1)):  # viser draws nothing of a pose with NaN
         if not states[k].removed:
             before[k][:] = values[k]
             changed.append((states[k], tuple(values[k])))

@@ -1,4 +1,4 @@
-"""Texts of the panels, as HTML. Every text of a scene is escaped: browsers run scripts that stand in attributes."""
+"""Texts of the panels, as HTML. Every text from a scene is escaped: otherwise a browser would run scripts contained in it."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def _colors_by_theme(light: tuple[int, int, int], dark: tuple[int, int, int]) ->
 
 COLOR_OF_PATHS = _colors_by_theme(PATH_COLORS[False], PATH_COLORS[True])
 FAMILY_COLORS = {name: _colors_by_theme(family.color, family.on_dark) for name, family in VECTOR_FAMILIES.items()}
-LEGEND_ARROW = 0.2  # of the mechanism's size: about how long an arrow the legend gives the value for
+LEGEND_ARROW = 0.2  # of the mechanism's size: approximate length of the arrow whose value the legend states
 
 
 def number(value: float) -> str:
@@ -44,12 +44,12 @@ def number(value: float) -> str:
 
 
 def after(unit: str) -> str:
-    """A unit as it stands after a value: nothing where there is none, degrees without a space."""
+    """A unit as written after a value: empty for the unit 1, degrees without a space, other units after a space."""
     return {"1": "", "°": "°"}.get(unit, f" {unit}")
 
 
 def heading(title: str, learning_goal: str) -> str:
-    """Title, and what the scene teaches."""
+    """Title and learning goal."""
     return _block(
         '<div class="mechviz-heading" style="font-size:1.12em;font-weight:650;line-height:1.25;padding-bottom:0.3em">'
         f"{escape(title)}</div>"
@@ -65,8 +65,8 @@ def legend(
     size: float,
     units: Units,
 ) -> str:
-    """Legend: the meaning of each colour, and how long which value is drawn; ``factor`` is the user's enlargement, of all or by
-    family."""
+    """Legend: the meaning of each colour, the scales of the arrows and the grid. ``factor``: the user's enlargement of all arrows,
+    or a function of the family."""
     enlarged = factor if callable(factor) else lambda _: factor
     families, paths = list(families), list(paths)
     rows = [_swatch(FAMILY_COLORS[f], 0.42, f"<b>{VECTOR_FAMILIES[f].label}</b>: {VECTOR_FAMILIES[f].meaning}") for f in families]
@@ -89,7 +89,7 @@ def legend(
 def legend_line(
     families: Iterable[str], paths: Iterable[str], scales: Scales, factor: Callable[[str], float], size: float, units: Units
 ) -> str:
-    """The legend in a line: colours with their names, and how long a force is drawn."""
+    """The legend in one line: colours with their names, and the scale of forces."""
     families, paths = list(families), list(paths)
     entries = [(FAMILY_COLORS[f], VECTOR_FAMILIES[f].label, VECTOR_FAMILIES[f].meaning) for f in families]
     entries += [(COLOR_OF_PATHS, f"Path of {', '.join(paths)}", "")] if paths else []
@@ -106,13 +106,13 @@ def legend_line(
 
 
 def warnings_html(sentences: Iterable[str]) -> str:
-    """Why the run cannot be trusted; nothing where it can."""
+    """Why the run cannot be trusted; empty if there is no warning."""
     rows = "".join(f"<div>Not to be trusted: {escape(text)}</div>" for text in sentences if text)
     return f'<div role="alert" style="color:#c22f2f;font-size:0.8em;line-height:1.35">{rows}</div>' if rows else ""
 
 
 def plan_list(run: Run) -> str:
-    """Stages that were computed or left out, why, and the time that each took."""
+    """Stages that were computed, stages that were left out with the reason, and the total time."""
     done = "".join(f"<li>{escape(step.name)}</li>" for step in run.plan.computed)
     left = "".join(
         f'<li>{escape(step.name)} <span style="opacity:0.65">({escape(step.why)})</span></li>' for step in run.plan.skipped
@@ -127,7 +127,8 @@ def plan_list(run: Run) -> str:
 
 
 def editing(seconds: float, can_undo: bool, can_redo: bool, swings: Iterable[str] = ()) -> str:
-    """That all is well, what can be undone, and which drives run as far as they can and back."""
+    """Status when the scene could be built: a hint before the first edit, the time of the last solution, and the drives that
+    oscillate over their reachable range (``swings``)."""
     text = "Drag a slider, or type a value: everything is computed anew while you drag." if not can_undo and not can_redo else ""
     if seconds > 0.0:
         text = f'<span style="color:#0f8a5f">✓</span> solved in {number(round(seconds * 1e3))} ms{"" if not text else ". " + text}'
@@ -137,7 +138,7 @@ def editing(seconds: float, can_undo: bool, can_redo: bool, swings: Iterable[str
 
 
 def refusal_words(text: str, parameter: Parameter | None, value: float, reach: tuple[float, float] | None) -> str:
-    """Why a value cannot be had, and how far it can be moved."""
+    """Why a value is refused, and the range ``reach`` in which it is possible, if known."""
     rows = [f"<div>{escape(text[:1].upper() + text[1:])}</div>"] if text else []
     if parameter is not None:
         if reach is not None:
@@ -152,8 +153,8 @@ def refusal_words(text: str, parameter: Parameter | None, value: float, reach: t
 
 
 def contributions(items: Iterable[Contribution], effort: str, units: Units) -> str:
-    """A table: what each effect changes in the peak of the ``effort`` (a drive torque, a drive force or a reaction), and what it
-    costs; below it why something is not known."""
+    """A table: by how much each effect changes the peak of the ``effort`` (a drive torque, a drive force or a reaction), and its
+    computing time; below it, why a contribution is not known."""
     items = list(items)
     unit, factor = units.reads("N m" if effort.endswith("torque") else "N")
     rows = []
@@ -179,7 +180,7 @@ def contributions(items: Iterable[Contribution], effort: str, units: Units) -> s
 
 
 def html_table(title: str, lines: Iterable[Iterable[str]]) -> str:
-    """A small table of texts under a sentence."""
+    """A small table of texts below a title."""
     body = "".join(f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in line)}</tr>" for line in lines)
     return _block(
         f'<div>{escape(title)}</div><table style="width:100%" cellpadding="2">{body}</table>', "font-size:0.78em;line-height:1.3"
@@ -187,29 +188,29 @@ def html_table(title: str, lines: Iterable[Iterable[str]]) -> str:
 
 
 def html_rows(lines: Iterable[str]) -> str:
-    """Lines of HTML one below the other."""
+    """Lines of HTML, one below the other."""
     return _block("".join(f"<div>{line}</div>" for line in lines), "font-size:0.8em;line-height:1.35")
 
 
 def notes_html(content: str) -> str:
-    """The notes of a recording, HTML already, on the ground of a panel."""
+    """The notes of a recording, given as HTML, in the style of a panel."""
     return f'<div style="padding:0.2em 0.9em 0.6em;font-size:0.85em;line-height:1.4;overflow-wrap:anywhere">{content}</div>'
 
 
 def hint(text: str) -> str:
-    """A quiet sentence of help."""
+    """A sentence of help in faint letters."""
     return _block(escape(text), "font-size:0.78em;line-height:1.35;opacity:0.7")
 
 
 def values(item: str, rows: Iterable[tuple[str, Iterable[str], Iterable[float], str]]) -> str:
-    """A table of the values of an item: what, its components, in which unit."""
+    """A table of the values of an item. Each row: what it is, the names of its components, their values, the unit."""
     lines = []
     count = itertools.count()
     for what, curves, numbers, unit in rows:
         names = list(curves)
         parts = [
             '<span style="white-space:nowrap">'
-            + (f'<span style="opacity:0.65">{escape(name)}</span> ' if len(names) > 1 else "")  # of a single one it is said already
+            + (f'<span style="opacity:0.65">{escape(name)}</span> ' if len(names) > 1 else "")  # a single component needs no name
             + f'<span data-mv="closer:{next(count)}">{number(value)}</span></span>'
             for name, value in zip(names, numbers, strict=True)
         ]
@@ -243,8 +244,7 @@ def _position(drive: DriveWay, frame: int) -> str:
 
 
 def scale(units: Units, si: str, per_metre: float, size: float) -> str:
-    """A round value of what is counted in ``si`` units, of which ``per_metre`` are drawn as a metre, and its length: "500 N =
-    41 mm"."""
+    """The scale of a drawing, as a round value and its drawn length, "Scale: 500 N = 41 mm"; ``per_metre`` [``si`` per m]."""
     unit, factor = units.reads(si)
     value = round_value(LEGEND_ARROW * size * per_metre * factor)
     long, metre = units.reads("m")

@@ -1,4 +1,4 @@
-"""The tab of accuracy: what the run says of its errors, what other settings would cost, and picking one applies it."""
+"""The tab of accuracy: estimated errors of the run, errors and times of other settings, and a choice that applies one of them."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from mechviz.studies.precision_diagram import diagram, in_use, setting_changes, 
 
 AS_IT_IS = "as it is"
 TARGET_CHOICES = {"as the settings are": None, "1e-2": 1e-2, "1e-3": 1e-3, "1e-4": 1e-4, "1e-6": 1e-6, "1e-8": 1e-8, "1e-10": 1e-10}
-SHOWN_SETTINGS = (  # that change what is shown
+SHOWN_SETTINGS = (  # settings that affect what is shown
     "frames", "differentiation", "integrator", "position tolerance", "friction tolerance", "tessellation", "cam profile"
 )  # fmt: skip
 DIAGRAM_SIZE = (3.4, 2.8)  # of a diagram [in], as wide as the tab
 
-# A click on a setting in the diagram is sent as a choice from the list, as by viser's own controls
+# A click on a setting in the diagram is sent as a choice from the list, like that of viser's own control
 PICK_SCRIPT = """const title = event.target.closest('g[id^=setting]')?.querySelector('title'), viser = window.__viserMutable;
 if (title && viser) {
   const message = { type: 'GuiUpdateMessage', uuid: %s, updates: { value: title.textContent } };
@@ -36,8 +36,8 @@ if (title && viser) {
 
 
 class AccuracyTab:
-    """A wanted error, from which all settings follow; and a button that measures the scene's ladder beside everything else: a
-    point of its diagrams, or of the list, the quickest first, is applied."""
+    """A list of target errors, from which all settings follow; and a button that measures error and time of other settings in a
+    thread. A point of the resulting diagrams, or an entry of the list (the quickest first), can be applied."""
 
     def __init__(self, server: viser.ViserServer, tab: viser.GuiTabHandle, session: EditSession, callback: Callback):
         self._session = session
@@ -60,7 +60,7 @@ class AccuracyTab:
         self.choice.on_update(callback("Applying a setting", self._pick))
 
     def update(self) -> None:
-        """Estimate of the present run's errors; of a motion under forces that takes another one, so that it waits for measuring."""
+        """Show the present run. The error estimate of a motion under forces needs another run: it waits for `measure`."""
         if self._session.run.simulation is None:
             self.errors.content = self._said()
         if self.wanted.value != self._wanted() and not self._edited.is_pending("accuracy", self.wanted):
@@ -73,13 +73,13 @@ class AccuracyTab:
                 self._draw()
 
     def measure(self) -> None:
-        """Start measuring, unless that is going on."""
+        """Start measuring in a thread, unless a measurement is running."""
         if self._measuring is None or not self._measuring.is_alive():
             self._measuring = threading.Thread(target=self._measure, name="mechviz-accuracy", daemon=True)
             self._measuring.start()
 
     def wait(self, timeout: float = 60.0) -> None:
-        """Until what is measured is shown."""
+        """Wait until the measurement is shown, at most ``timeout`` [s]."""
         if self._measuring is not None:
             self._measuring.join(timeout)
 
@@ -97,7 +97,7 @@ class AccuracyTab:
         self.choice.options = (AS_IT_IS, *named)
 
     def _marked(self, points: list[PrecisionPoint] | tuple[PrecisionPoint, ...]) -> tuple[PrecisionPoint, ...]:
-        """The settings, with those in use marked."""
+        """The measured points, with those of the present settings marked."""
         run = self._session.run
         return tuple(replace(p, current=in_use(run, p.setting, p.options)) for p in points)
 
@@ -117,12 +117,12 @@ class AccuracyTab:
             self._session.change("accuracy", lambda draft: draft.changed(setting_changes(draft.document, point.options)))
 
     def _wanted(self) -> str:
-        """The entry of the wanted error of the present run."""
+        """The entry of the list for the target error of the present run."""
         target = self._session.run.accuracy.target
         return next((name for name, value in TARGET_CHOICES.items() if value == target), str(target))
 
     def _errors(self) -> tuple[str, ...]:
-        """All entries, that of the present run among them."""
+        """All entries of the list, including that of the present run."""
         return tuple(dict.fromkeys((*TARGET_CHOICES, self._wanted())))
 
     def _want(self, wanted: object) -> None:

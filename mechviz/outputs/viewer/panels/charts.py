@@ -1,6 +1,7 @@
-"""Diagrams of one quantity against another in the browser: axes with ticks, curves, and a dot where the run is.
+"""Diagrams of one quantity over another in the browser: axes with ticks, curves, and a dot at the present frame.
 
-They are those of a recording: indicator diagrams, phase diagrams, polar plots of bearing forces, torques of all turns overlaid.
+They are the same as in a recording: indicator diagrams, phase diagrams, polar plots of bearing forces, torques of all revolutions
+overlaid.
 """
 
 from __future__ import annotations
@@ -15,25 +16,25 @@ from mechviz.outputs.rerun.plots import CURVE_PALETTE
 from mechviz.outputs.viewer import words
 from mechviz.outputs.viewer.world.constructions import readable_color
 
-HALO_STYLE = 'stroke="var(--mantine-color-body)" stroke-width="3" paint-order="stroke"'  # of the ground's colour: lines stay behind
+HALO_STYLE = 'stroke="var(--mantine-color-body)" stroke-width="3" paint-order="stroke"'  # in the background colour
 
 
 def svg_words(
     x: float, y: float, words: str, size: float, *, anchor: str = "middle", color: str = "currentColor", look: str = HALO_STYLE
 ) -> str:
-    """An SVG element of ``words``, which are markup already, with their middle at a height; ``look``: more of its attributes."""
+    """An SVG text element of ``words``, which are already markup, centred vertically at y; ``look``: further attributes."""
     place = f'x="{x:.1f}" y="{y:.1f}" font-size="{size:g}" text-anchor="{anchor}" dominant-baseline="central"'
     return f'<text {place} fill="{color}" {look}>{words}</text>'
 
 
 AXES_LEFT, AXES_TOP, AXES_WIDTH, AXES_HEIGHT = 46.0, 20.0, 274.0, 236.0  # of the axes [px]
-EQUAL_AXES_HEIGHT = AXES_WIDTH * DRAWING_HEIGHT / DRAWING_WIDTH  # height of the axes where a unit is as long upwards as across [px]
-PICTURE_WIDTH, WORDS_HEIGHT = 330.0, 44.0  # of the picture, and of the words below the axes [px]
-MOST_STRIP_POINTS = 400  # of a strip, at most
+EQUAL_AXES_HEIGHT = AXES_WIDTH * DRAWING_HEIGHT / DRAWING_WIDTH  # height of the axes with equal scales [px]
+PICTURE_WIDTH, WORDS_HEIGHT = 330.0, 44.0  # width of the picture, and height of the text below the axes [px]
+MOST_STRIP_POINTS = 400  # largest number of points of a curve without gaps
 
 
 def moving_diagram_svg(diagram: Diagram, frame: int) -> str:
-    """The picture of a diagram at a frame."""
+    """A diagram at a frame, as SVG."""
     parts = []
     for k, curve in enumerate(diagram.curves):
         place = diagram.place(curve.x[frame : frame + 1], curve.y[frame : frame + 1])[0]
@@ -52,7 +53,7 @@ def moving_diagram_svg(diagram: Diagram, frame: int) -> str:
 
 @lru_cache(maxsize=8)
 def _backdrop(diagram: Diagram) -> str:
-    """Fixed part of a diagram: axes, ticks, curves. Diagrams are distinguished by identity, not by content."""
+    """Fixed part of a diagram: axes, ticks, curves. The cache distinguishes diagrams by identity, not by content."""
     x0, x1, y0, y1 = diagram.ranges
     up = _up(diagram)
     xs = np.arange(0.0, 361.0, 90.0) if diagram.turn == 360.0 else round_ticks(x0, x1, TICK_COUNT)
@@ -89,7 +90,7 @@ def _up(diagram: Diagram) -> float:
 
 
 def _pixels(diagram: Diagram, x: float, y: float) -> tuple[float, float]:
-    """A place of the drawing, whose y runs from -`DRAWING_HEIGHT` at the top to 0, in the picture [px]."""
+    """A point of the drawing, whose y runs from -`DRAWING_HEIGHT` at the top to 0, in the picture [px]."""
     return AXES_LEFT + AXES_WIDTH * float(x) / DRAWING_WIDTH, AXES_TOP + _up(diagram) * (1.0 + float(y) / DRAWING_HEIGHT)
 
 

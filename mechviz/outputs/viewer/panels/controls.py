@@ -1,4 +1,4 @@
-"""The editor's controls: a slider for every number of the scene, a list for every choice, undo and redo, and what went wrong."""
+"""The editor's controls: a slider for every number of the scene, a list for every choice, undo and redo, and error messages."""
 
 from __future__ import annotations
 
@@ -21,22 +21,21 @@ from mechviz.outputs.viewer.viser_adapter import uuid_of
 from mechviz.scene.scene import Scene
 
 OPEN_FIRST = ("Parameters", "Lengths", "Drive", "Cam")
-MOST_OPEN = 12  # controls in the folders that are open at the start
-STATUS_INTERVAL = 0.25  # [s] between words about what goes well
+MOST_OPEN = 12  # folders are opened at the start until they contain so many controls
+STATUS_INTERVAL = 0.25  # [s] between messages about successful changes
 UNDO_LABEL, REDO_LABEL, RESET_LABEL = "↶ Undo", "Redo ↷", "Reset"
 
 
 class EditedControls:
-    """Controls of values of a scene. What a browser has changed stays until it is solved: none goes back under its hand."""
+    """Controls of values of a scene. A value changed by a browser stays until it is solved: no update resets it meanwhile."""
 
     def __init__(self, session: EditSession, callback: Callback):
         self._session, self._callback = session, callback
         self._last: dict[str, object] = {}  # by control: the value that was last read or written
-        self._lock = threading.RLock()  # held while what a browser has changed is passed on
+        self._lock = threading.RLock()  # held while a change of a browser is passed on
 
     def listen(self, key: str, control: Any, label: str, changed: Callable[[Any], None]) -> None:
-        """From now on ``changed(value)`` is called when a browser has changed the control of a value, which changes of the session
-        name by ``key``."""
+        """Call ``changed(value)`` whenever a browser changes the control; ``key`` names the value in changes of the session."""
         self._last[uuid_of(control)] = control.value
 
         def updated(_: object) -> None:
@@ -47,25 +46,25 @@ class EditedControls:
         control.on_update(self._callback(f"Changing {label}", updated))
 
     def is_pending(self, key: str, control: Any) -> bool:
-        """Whether a browser has changed a control and that is still to be solved: no earlier change undoes it."""
+        """Whether a browser has changed a control and the change is not solved yet: no earlier result may overwrite it."""
         with self._lock:
             return control.value != self._last[uuid_of(control)] or self._session.is_pending(key)
 
     def write(self, control: Any, value: float | str | bool) -> None:
-        """Give a control a value."""
+        """Set a control to a value."""
         with self._lock:
             control.value = value
             self._last[uuid_of(control)] = control.value
 
     def follow(self, key: str, control: Any, value: str | bool) -> None:
-        """Give a control the value that the scene has, unless it is pending."""
+        """Set a control to the value of the scene, unless a change is pending."""
         with self._lock:
             if control.value != value and not self.is_pending(key, control):
                 self.write(control, value)
 
 
 class Controls:
-    """The tab in which a scene is edited. ``update(scene)`` takes other values, ``show_status(status)`` says how a change went."""
+    """The tab in which a scene is edited. ``update(scene)`` takes its values, ``show_status(status)`` reports a change."""
 
     def __init__(self, server: viser.ViserServer, tab: viser.GuiTabHandle, session: EditSession, callback: Callback):
         self._gui, self._tab, self._session, self._callback = server.gui, tab, session, callback
@@ -88,7 +87,7 @@ class Controls:
         self.show_status(session.status)
 
     def update(self, scene: Scene) -> None:
-        """Take the values of a scene; where it has other values than before, other controls."""
+        """Take the values of a scene; if it has a different set of values, build the controls anew."""
         parameters, choices, rows = find_parameters(scene), find_choices(scene), find_rows(scene)
         idle = self._session.history.present.idle
         known: list[tuple[object, ...]] = [(p.key, p.unit) for p in self._parameters.values() if not _belongs(p.key, idle)]
@@ -116,8 +115,8 @@ class Controls:
                 self._edited.write(text, r.text)
 
     def show_status(self, status: Status) -> None:
-        """Say how a change went: at the top, and below the slider that went too far. Any other change,
-        and undoing one, may concern any control."""
+        """Show the result of a change: at the top, and below the slider that was refused. After a successful change other than by a
+        slider, such as undo, all controls are updated."""
         if not status.fault and status.key not in self.sliders:
             self.update(self._session.run.scene)
         if self._note is not None:
@@ -127,7 +126,7 @@ class Controls:
         p = self._parameters.get(status.key)
         if not status.fault:
             turned = self._praised is not None and status.swings != self._praised.swings
-            # it need not follow every move of a slider
+            # not for every move of a slider
             if self._faulty or turned or time.perf_counter() - self._said > STATUS_INTERVAL:
                 self._confirm(status)
             return
@@ -140,7 +139,7 @@ class Controls:
                 self._note = self._gui.add_html(text, order=self.sliders[status.key].order + 1e-6)
 
     def settle(self) -> None:
-        """Nothing is dragged any more: a value that could not be built goes back to the one that is shown."""
+        """Update after a while without changes: a value that could not be built returns to the one that is shown."""
         if self._session.status.fault:
             self.update(self._session.run.scene)
         elif self._praised is not self._session.status:
@@ -148,7 +147,7 @@ class Controls:
 
     # -- inside -------------------------------------------------------------------------------------------------------
     def _confirm(self, status: Status) -> None:
-        """Say that all went well."""
+        """Show that a change was successful."""
         self._faulty, self._praised, self._said = False, status, time.perf_counter()
         history = self._session.history
         self.message.content = words.editing(status.seconds, history.can_undo, history.can_redo, status.swings)
@@ -204,7 +203,7 @@ class Controls:
     def _moved(self, key: str, moved: float) -> None:
         p, slider = self._parameters.get(key), self.sliders.get(key)
         if p is None or slider is None:
-            return  # the scene has no such value any more
+            return  # the scene no longer has this value
         value = finite(moved, -math.inf, math.inf, p.value)
         if p.whole:
             value = float(round(value))
@@ -214,7 +213,7 @@ class Controls:
         self._session.move(p, value)
 
     def _widen(self, slider: viser.GuiSliderHandle[float], value: float) -> None:
-        """A typed value may lie beyond the range of the slider, which then reaches as far."""
+        """Extend the range of a slider to a value, which may have been typed beyond it."""
         if value > slider.max:
             slider.max = value
         if value < slider.min:
@@ -236,17 +235,17 @@ class Controls:
 
 
 def _says(text: str, row: NumberRow) -> bool:
-    """Whether a text says the numbers of a row, however it is written."""
+    """Whether a text states the same numbers as a row, in whatever notation."""
     with contextlib.suppress(ValueError):
         return not row.changes(text)
     return False
 
 
 def _current_row(row: NumberRow, scene: Scene) -> NumberRow:
-    """A row with the numbers that a scene has by now; those of a load that is switched off stay."""
+    """The row with the present numbers of a scene; unchanged if the scene does not contain it (a load that is switched off)."""
     return next((r for r in find_rows(scene) if r.key == row.key), row)
 
 
 def _belongs(key: str, names: Collection[str]) -> bool:
-    """Whether a value is one of some loads or joints."""
+    """Whether the second part of a key is one of some names of loads or joints."""
     return key.split(".")[1:2] != [] and key.split(".")[1] in names

@@ -1,4 +1,4 @@
-"""Designs: the search that a scene's goal asks for, watched while it gets better; those of a study, chosen from a chart."""
+"""Designs: a search for the goal of a scene, shown while it improves; and the designs of a study, chosen from a chart."""
 
 from __future__ import annotations
 
@@ -25,23 +25,23 @@ from mechviz.studies.designs.optimise import Search, optimise, rounded
 from mechviz.studies.designs.problem import Problem, problem_of, violation_words
 from mechviz.studies.designs.variables import parameters_of
 
-LOOK_INTERVAL = 0.25  # [s] between looks at the best design so far
+LOOK_INTERVAL = 0.25  # [s] between updates of the best design so far
 HISTORY_HEIGHT = 150  # [px]
 CHART_WIDTH, CHART_HEIGHT = 350.0, 250.0  # of the chart of a study
 MOST_MARKS = 2000
-CROSS_SIZE, WAY_COLOR = 0.012, (214, 40, 90)  # of the mechanism's size; of places that a point has to pass
+CROSS_SIZE, WAY_COLOR = 0.012, (214, 40, 90)  # half size, of the mechanism's size, and colour of crosses on prescribed points
 DESIGN_COLOR, CHOSEN_COLOR = "#2563c9", "#d97706"
 
 
 class Optimiser:
-    """A search for what the scene's goal asks for. The best design so far is shown as it gets better, as an edit that
-    can be undone; Stop keeps it."""
+    """A search for a design that meets the scene's goal. The best design so far is shown as it improves, as an edit that can be
+    undone; Stop keeps it."""
 
     def __init__(self, server: viser.ViserServer, folder: viser.GuiFolderHandle, session: EditSession, callback: Callback):
         self._server, self._session = server, session
         self._stopped = threading.Event()
         self._shown = np.zeros(0)
-        self._history: list[tuple[float, float]] = []  # designs looked at, and the best objective among them
+        self._history: list[tuple[float, float]] = []  # number of designs evaluated, and the best objective among them
         self._reported_at = 0.0
         self.thread: threading.Thread | None = None
         gui = server.gui
@@ -59,7 +59,7 @@ class Optimiser:
                 axes=(uplot.Axis(label="designs looked at", size=34, labelGap=-2, **fonts), uplot.Axis(size=60, space=24, **fonts)),
                 legend=uplot.Legend(show=False),
                 height=HISTORY_HEIGHT,
-                padding=(14, 16, 0, 0),  # or the topmost number is cut off
+                padding=(14, 16, 0, 0),  # otherwise the topmost number is cut off
                 visible=False,
             )
         self.start.on_click(callback("Optimising", lambda _: self.begin()))
@@ -69,7 +69,7 @@ class Optimiser:
         self.update(session.view_model)
 
     def update(self, view_model: ViewModel) -> None:
-        """Mark the places that a traced point has to pass, where the goal is a way, over the mechanism as it is now."""
+        """Draw crosses on the prescribed points of the path, if the goal contains a path, in front of the present mechanism."""
         goal, units = self._session.run.scene.document.goal, self._session.run.scene.units
         if goal is None or goal.path is None:
             return
@@ -83,7 +83,7 @@ class Optimiser:
             self._way.points = segments
 
     def begin(self) -> None:
-        """Search from the scene as it is now, in a thread of its own. Raises `MechanismError` where its goal cannot be had."""
+        """Start a search from the present scene in a thread of its own. Raises `MechanismError` if its goal is not possible."""
         if self.thread is not None and self.thread.is_alive():
             return
         problem = problem_of(self._session.run.scene)
@@ -114,7 +114,7 @@ class Optimiser:
             self.start.visible, self.stop.visible = True, False
 
     def _watch(self, search: Search, stage: str, objective: int, value: float, violation: float) -> None:
-        """Show how far a search is, and its best design where that is a better one. Ends it where that was asked for."""
+        """Show the progress of a search, and an improved best design. Raises KeyboardInterrupt after Stop, to end the search."""
         if self._stopped.is_set():
             raise KeyboardInterrupt
         if time.monotonic() - self._reported_at < LOOK_INTERVAL:
@@ -131,7 +131,7 @@ class Optimiser:
             self._take(search.problem, rounded(search.problem, search.best(0)[0][None])[0])
 
     def _draw(self, problem: Problem, evaluations: int, value: float) -> None:
-        """Add the best objective after so many designs to the chart."""
+        """Add a point to the chart: the best objective after ``evaluations`` designs."""
         term = problem.terms[0]
         self._history.append((float(evaluations), term.sign * value))
         x, y = np.array(self._history).T
@@ -140,7 +140,7 @@ class Optimiser:
         self.chart.visible = True
 
     def _take(self, problem: Problem, design: Real) -> None:
-        """Have a design shown, unless it is."""
+        """Show a design, unless it is shown already."""
         if not np.array_equal(design, self._shown):
             self._shown = design
             values = {v.name: v.stated(float(x)) for v, x in zip(problem.variables, design, strict=True)}
@@ -148,16 +148,16 @@ class Optimiser:
 
 
 def crosses(places: Real, size: float, height: float) -> Real:
-    """Segments (2 n, 2, 3) of crosses on places (n, 2)."""
+    """Line segments (2 n, 2, 3) [m] of crosses on points (n, 2) [m] at a height [m]; ``size``: half the width."""
     strokes = size * np.array([[[-1.0, -1.0], [1.0, 1.0]], [[-1.0, 1.0], [1.0, -1.0]]])
     ends = (places[:, None, None, :] + strokes).reshape(-1, 2, 2)
     return np.concatenate([ends, np.full((len(ends), 2, 1), height)], axis=2)
 
 
 def goal_words(scene: Scene) -> list[str]:
-    """What a scene's goal asks for, and what may vary, as lines of HTML."""
+    """The goal of a scene as lines of HTML: objectives, constraints, and the parameters that may vary."""
     goal = scene.document.goal
-    assert goal is not None  # else there is no such panel
+    assert goal is not None  # otherwise this panel does not exist
     wanted = [f"least {name}" for name in goal.minimise] + [f"greatest {name}" for name in goal.maximise]
     wanted += [f"{goal.follow.quantity} as stated"] if goal.follow is not None else []
     wanted += [f"{goal.path.point} on its stated way"] if goal.path is not None else []
@@ -173,7 +173,7 @@ def goal_words(scene: Scene) -> list[str]:
 
 
 class StudyChart:
-    """A chart of a study, one mark a design: the one that is clicked, or chosen by its number, is shown, as an edit that
+    """A chart of a study with one mark per design. The design that is clicked, or chosen by its number, is shown, as an edit that
     can be undone."""
 
     def __init__(
@@ -197,11 +197,11 @@ class StudyChart:
 
     @property
     def number(self) -> int:
-        """The number of the design that is chosen."""
+        """The number of the chosen design."""
         return int(finite(self.design.value, 0.0, len(self._study.reasons) - 1.0, 0.0))
 
     def choose(self, k: int) -> None:
-        """Show the design of a number."""
+        """Show design number ``k``."""
         values = self._study.stated(k)
         self._session.change("study", lambda draft: draft.with_parameters(values))
         self._draw()
@@ -216,15 +216,15 @@ class StudyChart:
 
 
 def _number(values: Real) -> Real:
-    """A number (D,) of each result: of curves (D, F) the largest amount."""
+    """One number (D,) per design: the values (D,), or the largest magnitude of curves (D, F)."""
     if values.ndim == 1:
         return values
     return np.asarray(np.max(np.abs(values), axis=1))
 
 
 def scatter(x: Real, y: Real, titles: tuple[str, str], chosen: int, picks: str) -> str:
-    """A chart of designs (D,) as SVG; those without values as crosses below. A click on a mark gives its number to the control
-    ``picks`` (see `mechviz.outputs.viewer.browser`)."""
+    """A chart of designs (D,) as SVG; designs without values are crosses below. A click on a mark sets the control ``picks`` to its
+    number (see `mechviz.outputs.viewer.browser`)."""
     left, right, top, low, below = 46.0, CHART_WIDTH - 8.0, 8.0, CHART_HEIGHT - 46.0, CHART_HEIGHT - 36.0
     known = np.isfinite(y)
 

@@ -1,4 +1,4 @@
-"""Looking closer at one link, joint or cam: its values at the present frame, its reactions, a plot, tracing of its points."""
+"""The detail panel of one link, joint, cam or drive: its values at the present frame, and a plot of one of its quantities."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ FIRST_QUANTITIES = ("reaction", "contact force", "torque", "force", "pressure an
 
 
 def items_of(view_model: ViewModel) -> tuple[str, ...]:
-    """Items that can be looked at: ``link crank``, ``joint A``, ``cam K``, ``drive A``."""
+    """Items that can be chosen: ``link crank``, ``joint A``, ``cam K``, ``drive A``."""
     return tuple(dict.fromkeys(q.item for q in view_model.quantities if q.item and q.item != "health"))
 
 
@@ -30,9 +30,9 @@ def members(view_model: ViewModel, item: str) -> tuple[Quantity, ...]:
 
 
 class DetailPanel:
-    """A tab with the values of one item; ``look_at`` chooses it, as does a click on a solid or a joint.
+    """A tab with the values of one item, chosen by ``look_at`` or by a click on a solid or a joint.
 
-    ``picked(item)`` is called with what is looked at.
+    ``picked(item)`` is called with the chosen item.
     """
 
     def __init__(
@@ -60,7 +60,8 @@ class DetailPanel:
         self.show(0, False)
 
     def look_at(self, item: str) -> None:
-        """Show the values of an item; an unknown one changes nothing, nor does one that cannot be shown."""
+        """Show the values of an item. An unknown item changes nothing; if showing fails, the one before stays and the error is
+        raised."""
         before = self.item
         try:
             if item in items_of(self._view_model):
@@ -107,7 +108,7 @@ class DetailPanel:
         self.slot.show(frame)
 
     def tracks(self) -> Iterator[PlotTrack | NumberTrack]:
-        """How the numbers and the cursor of the plot move over the run."""
+        """Tracks of the numbers and of the cursor of the plot."""
         k = 0
         for _, values, least in self._tables.values():
             for column in values.T:

@@ -1,5 +1,5 @@
-"""The tab of diagrams: velocity, acceleration and force polygons, centrodes, paths, and one quantity against another, such
-as pressure against displacement. All move with the frame."""
+"""The tab of diagrams: velocity, acceleration and force polygons, centrodes, paths, and diagrams of one quantity over another, such
+as pressure over displacement. All move with the frame."""
 
 from __future__ import annotations
 
@@ -33,11 +33,11 @@ from mechviz.quantities.vectors import round_value
 from mechviz.scene.kinds.studies import PolygonName
 
 DIAGRAM_WIDTH, DIAGRAM_HEIGHT, DIAGRAM_MARGIN = 330.0, 300.0, 26.0  # [px]
-CENTRODE_RANGE = 1.5  # sizes of the mechanism beyond its bounds, where centrodes are cut off
+CENTRODE_RANGE = 1.5  # centrodes are cut off at this distance beyond the bounds of the mechanism, in its sizes
 PICTURE_RATE = 12.0  # pictures a second while playing
-LEAST_LABELLED = 4.0  # [px] below which an arrow has no label
+LEAST_LABELLED = 4.0  # [px] shorter arrows have no label
 ARROW_HEAD = 8.0  # [px]
-ROOM_OF_LABELS = 3.0  # [px] from what they name
+ROOM_OF_LABELS = 3.0  # [px] distance of labels from their sides and points
 NONE_OF_A_RUN = "The scene asks for no diagrams. Ask for polygons and centrodes below; click on points to trace them."
 POLYGON_HINTS = {
     "velocity": "the images of the points, from a pole: what the method by hand draws",
@@ -48,16 +48,15 @@ POLYGON_HINTS = {
 POLYGON_TITLES = {"graph": "Contour graph"}
 CENTRODE_HINT = "the fixed and the moving centrode: one rolls on the other"
 SECTION_HINT = "normal force, shear force and bending moment along the link, to be seen on it and plotted; needs forces"
-MOST_LINKS = 5  # whose switches are seen at once
+MOST_LINKS = 5  # with more links, the folders of their switches are closed at first
 NONE_OF_A_RECORDING = "The recording holds no diagrams. Press 'Edit this scene', where it carries its own, to ask for some."
 
 
 @dataclass(frozen=True, eq=False)
 class PlaneCurve:
-    """A curve ``points`` (n,) of the plane, cut where it is not finite, with a dot at its place ``at`` (F,), in a ``color`` for a
-    dark ground.
+    """A plane curve ``points`` (n,), interrupted where not finite, with a dot at ``at`` (F,), in a ``color`` for a dark background.
 
-    ``ride``: places and turns (F,) as complex numbers of the link on which the curve lies and with which it moves.
+    ``ride``: positions and rotations (F,), as complex numbers, of the link to which the curve is fixed.
     """
 
     label: str
@@ -67,13 +66,13 @@ class PlaneCurve:
     ride: tuple[Complex, Complex] | None = None
 
     def points_at(self, frame: int) -> Complex:
-        """Where the curve lies at a frame."""
+        """The points of the curve (n,) at a frame."""
         return self.points if self.ride is None else self.ride[0][frame] + self.ride[1][frame] * self.points
 
 
 @dataclass(frozen=True, eq=False)
 class MovingDiagram:
-    """Something flat that moves: a drawing with arrows and points, or curves, in metres of a plane, one of which means
+    """A plane diagram that moves: a drawing with arrows and points, or curves, in metres of the plane; one metre represents
     ``per_metre`` of ``unit``."""
 
     title: str
@@ -85,14 +84,14 @@ class MovingDiagram:
 
     @cached_property
     def places(self) -> LabelPlaces:
-        """Where the labels of the drawing stand: beside each other, and where they were a moment ago."""
+        """Positions of the labels of the drawing: without overlap, and as before where possible."""
         strokes, marks = ((), ()) if self.drawing is None else (self.drawing.strokes, self.drawing.marks)
         sides, points = [i.label for i in strokes if i.label], [m.label for m in marks]
         return LabelPlaces(half_sizes(sides, 1.0), half_sizes(points, 1.0), ROOM_OF_LABELS)
 
 
 def diagrams_of(view_model: ViewModel) -> dict[str, MovingDiagram | Chart]:
-    """All diagrams of what is shown: the polygons that its scene asks for, centrodes, paths of traced points, and charts."""
+    """All diagrams of a view model by title: the polygons of its scene, centrodes, paths of traced points, and charts."""
     diagrams: dict[str, MovingDiagram | Chart] = {}
     for drawing in view_model.drawings().values():
         title = drawing.title.split(":")[0]
@@ -115,7 +114,7 @@ def diagrams_of(view_model: ViewModel) -> dict[str, MovingDiagram | Chart]:
 
 
 def cam_charts(view_model: ViewModel) -> list[Chart]:
-    """Pressure angle and curvature of the profile of every cam over the run."""
+    """Charts of pressure angle and curvature of the profile, for every cam."""
     axis, charts = view_model.axes[0], []
     turn = axis.turn
     if turn is not None and not np.all((axis.values > -1e-8 * turn) & (axis.values < (1.0 + 1e-8) * turn)):
@@ -129,14 +128,14 @@ def cam_charts(view_model: ViewModel) -> list[Chart]:
 
 
 def _centrodes(view_model: ViewModel, centrodes: RollingCentrodes, title: str, name: str) -> MovingDiagram:
-    """Both centrodes of a link and its points: the moving one rolls on the fixed one with the link."""
+    """Diagram of both centrodes of a link, and its outline: the moving centrode is fixed to the link and rolls on the fixed one."""
     pose, size = view_model.poses[name], view_model.size
     fixed, moving = centrodes.fixed, centrodes.moving
     low, high = (bound[0] + 1j * bound[1] for bound in view_model.bounds)
     middle, half = 0.5 * (low + high), 0.5 * (high - low) + CENTRODE_RANGE * size * (1.0 + 1.0j)
     from_middle = np.where(np.isfinite(fixed), fixed - middle, np.inf)
     inside = (np.abs(from_middle.real) < half.real) & (np.abs(from_middle.imag) < half.imag)
-    # judged in the world, so that both are cut at the same frames: far out, and where they jump through infinity
+    # in world coordinates, so that both are cut at the same frames: far outside, and where they pass through infinity
     jumps = np.append(np.abs(np.diff(np.where(inside, fixed, 0.0))) > 0.5 * size, False)
     ride = pose[:, 0] + 1j * pose[:, 1], np.exp(1j * pose[:, 2])
     parts = [np.where(inside & ~jumps, part, np.nan) for part in (fixed, moving)]
@@ -152,7 +151,7 @@ def _centrodes(view_model: ViewModel, centrodes: RollingCentrodes, title: str, n
 
 
 def diagram_svg(diagram: MovingDiagram | Chart, frame: int) -> str:
-    """The picture of a diagram at a frame."""
+    """A diagram at a frame, as SVG."""
     if isinstance(diagram, Chart):
         return moving_diagram_svg(diagram, frame)
     low, high = diagram.bounds
@@ -208,8 +207,8 @@ def diagram_svg(diagram: MovingDiagram | Chart, frame: int) -> str:
 class Diagrams:
     """A tab with one diagram at a time; ``show`` moves it, ``update`` takes another run.
 
-    While the browsers play by themselves, a diagram is the only thing that the server still draws: for those that have said,
-    through the hidden box ``seen``, that their tab is open (see playback.js), and for nobody else.
+    While the browsers play on their own, the server draws nothing but a diagram, and only if a browser has reported through the
+    hidden checkbox ``seen`` that its tab is open (see playback.js).
     """
 
     def __init__(
@@ -270,13 +269,13 @@ class Diagrams:
             self.choice.options = tuple(self._diagrams) or ("none",)
             new = [title for title in self._diagrams if title not in before]
             if self._wanted and new:
-                self.choice.value = new[0]  # what was asked for is what is looked at
+                self.choice.value = new[0]  # show the requested diagram
             elif kept in self._diagrams:
                 self.choice.value = kept
             self._wanted = False
 
     def mirror(self, view_model: ViewModel) -> None:
-        """Take the switches of what is shown: one that could not be had goes back."""
+        """Set the switches to the state of the scene: a refused one is set back."""
         if view_model.run is None:
             return
         for (key, name), box in self.asked.items():
@@ -289,11 +288,11 @@ class Diagrams:
 
     @property
     def watched(self) -> bool:
-        """Whether a browser that plays by itself has the tab open."""
+        """Whether a browser that plays on its own has the tab open."""
         return bool(self._watchers)
 
     def forget(self, client: viser.ClientHandle) -> None:
-        """A browser has gone."""
+        """Drop the state of a browser that has disconnected."""
         self._watchers.discard(client.client_id)
 
     def _watch(self, event: Any) -> None:
@@ -317,7 +316,7 @@ class Diagrams:
 
 
 def _scale_bar(diagram: MovingDiagram, scale: float) -> str:
-    """A line of a round value, about a quarter of the picture long, with ``scale`` pixels a metre."""
+    """A scale bar of a round value, about a quarter of the picture long; ``scale``: pixels per metre."""
     if not (diagram.per_metre > 0.0 and np.isfinite(diagram.per_metre)):
         return ""
     value = round_value(0.3 * DIAGRAM_WIDTH / scale * diagram.per_metre)
@@ -344,7 +343,7 @@ def _text(at: tuple[float, float], text: str, color: str, anchor: str = "middle"
 
 
 def _written(label: str) -> str:
-    """``a_CBⁿ`` with CB below the line, as it is written by hand."""
+    """SVG markup of a label: ``a_CBⁿ`` with CB as a subscript."""
     letter, below, above = (escape(part) for part in parted(label))
     below = f'<tspan dy="3" font-size="8.5">{below}</tspan>' if below else ""
     return letter + below + (f'<tspan dy="-3">{above}</tspan>' if above else "")

@@ -1,4 +1,4 @@
-"""The tab of effects: each on or off, what it changes in the peak of the driving effort, what it costs; and the plan."""
+"""The tab of effects: a switch for each, its influence on the peak of the driving effort, its computing time; and the plan."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ from mechviz.outputs.viewer.session import Contribution, EditSession
 from mechviz.outputs.viewer.view_model import ViewModel
 
 MOTION_STAGES = (StageKind.SIMULATION, StageKind.POSITIONS, StageKind.VELOCITIES, StageKind.ACCELERATIONS)
-MOST_BOXES = 8  # effects and loads that have a box of their own; the rest share one
+MOST_BOXES = 8  # largest number of boxes of effects and loads; if there are more, the last box stands for the rest
 
 CHART_WIDTH, ROW_HEIGHT, BOX_GAP = 276.0, 25.0, 7.0  # [px]
-BOX_COLUMNS = ((1.0, 86.0), (106.0, 76.0), (201.0, 74.0))  # left edges and widths
-BOX_LETTERS = (15, 13, 13)  # in a line of a box
+BOX_COLUMNS = ((1.0, 86.0), (106.0, 76.0), (201.0, 74.0))  # left edges and widths [px]
+BOX_LETTERS = (15, 13, 13)  # letters in a line of a box, by column
 
 
 @dataclass(frozen=True)
@@ -41,14 +41,14 @@ class StageBox:
 
 @dataclass(frozen=True)
 class PlanGraph:
-    """Boxes, and arrows between them by name: the first calls for the second, or the second follows from the first."""
+    """Boxes, and arrows between them by name: the first needs the second, or the second is computed from the first."""
 
     boxes: tuple[StageBox, ...]
     arrows: tuple[tuple[str, str], ...]
 
 
 def plan_graph(mechanism: Mechanism, plan: Plan) -> PlanGraph:
-    """Graph of needs. An arrow goes to the highest derivative of the motion that an effect needs; those below follow."""
+    """Graph of dependencies. An effect's arrow goes to the highest derivative of the motion that it needs; lower ones follow."""
     stages = (*plan.computed, *plan.skipped)
     by_kind = {kind: [s for s in stages if s.kind is kind] for kind in StageKind}
     boxes: list[StageBox] = []
@@ -59,7 +59,7 @@ def plan_graph(mechanism: Mechanism, plan: Plan) -> PlanGraph:
         boxes.append(StageBox(parts[0].name, label, column, on, "; ".join(dict.fromkeys(s.why for s in parts))))
         return parts[0].name
 
-    named = len(mechanism.effects)  # those come first, then the loads
+    named = len(mechanism.effects)  # effects come first, then the loads
     needs = {(StageKind.EFFECT if k < named else StageKind.LOAD, e.name): e.needs for k, e in enumerate(effects_of(mechanism))}
     computed = [kind for kind in MOTION_STAGES if plan.has(kind)]
 
@@ -70,14 +70,14 @@ def plan_graph(mechanism: Mechanism, plan: Plan) -> PlanGraph:
     def level(stage: PlannedStage) -> int:
         return max((k for k, kind in enumerate(MOTION_STAGES) if kind.value in needed(stage)), default=0)
 
-    # from top to bottom as the quantities are, so that few arrows cross; what is left out comes last
+    # in the order of the quantities, so that few arrows cross; stages that are left out come last
     forces = sorted(by_kind[StageKind.EFFECT] + by_kind[StageKind.LOAD], key=lambda s: (s not in plan.computed, level(s)))
     shown, rest = (forces, []) if len(forces) <= MOST_BOXES else (forces[: MOST_BOXES - 1], forces[MOST_BOXES - 1 :])
     for parts in [*([s] for s in shown), *([rest] if rest else [])]:
         source = box(parts, parts[0].item if len(parts) == 1 else f"{len(parts)} more", 0)
         wanted = frozenset().union(*(needed(s) for s in parts if s in plan.computed))
         arrows += [(source, kind.value) for kind in reversed(computed) if kind.value in wanted][:1]
-        if "reactions" in wanted:  # found together with them
+        if "reactions" in wanted:  # computed together with them
             arrows.append((source, StageKind.FORCES.value))
     moving = [box(by_kind[kind], kind.value, 1) for kind in MOTION_STAGES if by_kind[kind]][: len(computed)]
     arrows += list(pairwise(moving))
@@ -101,7 +101,7 @@ def plan_graph(mechanism: Mechanism, plan: Plan) -> PlanGraph:
 
 
 def plan_svg(mechanism: Mechanism, plan: Plan) -> str:
-    """The picture of a plan: what is computed in full lines, what is left out dashed, the reasons where the pointer rests."""
+    """A plan as SVG: computed stages in solid lines, stages left out dashed, the reasons as tooltips."""
     graph = plan_graph(mechanism, plan)
     columns = [[b for b in graph.boxes if b.column == c] for c in range(3)]
     rows = max(len(column) for column in columns)
@@ -137,7 +137,8 @@ def plan_svg(mechanism: Mechanism, plan: Plan) -> str:
 
 
 def _arrow(start: tuple[float, float, float], end: tuple[float, float, float], below: float) -> str:
-    """From box to box: from the right to the left side, within a column downwards, past a column ``below`` all boxes."""
+    """An arrow from box to box as SVG: from the right side to the left side, within a column downwards, across a column at the
+    height ``below`` all boxes."""
     x0, y0, w0 = start
     x1, y1, w1 = end
     if abs(x0 - x1) < 1.0:
@@ -157,7 +158,7 @@ def _arrow(start: tuple[float, float, float], end: tuple[float, float, float], b
 
 
 def _wrapped(text: str, letters: int) -> list[str]:
-    """A label in at most two lines; what does not fit is cut."""
+    """A label in at most two lines; lines that are too long are cut."""
     lines = [""]
     for word in text.split():
         longer = f"{lines[-1]} {word}".strip()
@@ -174,7 +175,7 @@ def _text(x: float, y: float, text: str, more: str = "") -> str:
 
 
 class EffectsTab:
-    """A checkbox for every effect and load; ``show_contributions`` shows what they contribute, ``update`` takes another run."""
+    """A checkbox for every effect and load; ``show_contributions`` shows their contributions, ``update`` takes another run."""
 
     def __init__(self, server: viser.ViserServer, tab: viser.GuiTabHandle, session: EditSession, callback: Callback):
         gui = server.gui
@@ -220,7 +221,7 @@ class EffectsTab:
         return plan_svg(view_model.run.motion.mechanism, view_model.run.plan)
 
     def show_contributions(self, shares: tuple[Contribution, ...]) -> None:
-        """Show what each effect contributes."""
+        """Show the table of contributions."""
         drives = self._session.view_model.drives
         effort = "reaction" if not drives else "drive force" if drives[0].sliding else "drive torque"
         self.table.content = words.contributions(shares, effort, self._session.view_model.units)

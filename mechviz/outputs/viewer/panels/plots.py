@@ -1,4 +1,4 @@
-"""Plots of chosen quantities against the drive or time, each with a cursor that moves with the mechanism."""
+"""Plots of chosen quantities over the drive coordinate or time, each with a cursor that moves with the mechanism."""
 
 from __future__ import annotations
 
@@ -29,32 +29,32 @@ from mechviz.quantities.catalogue import Axis, Quantity, QuantityGroup
 from mechviz.runs import Run
 from mechviz.studies.designs.sensitivity import Bands, bands_of, with_tolerances
 
-MOST_PLOTS = 24  # each is sent anew with every frame
-MOST_WAITING = 4  # plots to be saved; what is asked for beyond is left
+MOST_PLOTS = 24  # each is sent again with every frame
+MOST_WAITING = 4  # plots that wait to be saved; further requests are ignored
 PLOT_HEIGHT = 164  # [px]
 NOTHING_ELSE, REMOVE_LABEL = "nothing else", "Remove"
-LAST_ORDER = 1e9  # the order of what stands below all plots
-LONGEST_NAME = 60  # of a file
+LAST_ORDER = 1e9  # order of the controls below all plots
+LONGEST_NAME = 60  # letters of a file name
 LONGEST_TITLE = 17  # letters along the vertical axis
 DIGIT_WIDTH = 6.8  # [px] width of a digit beside the vertical axis
 AXIS_WIDTHS = (52.0, 96.0)  # [px] least and largest width of the vertical axis
 CURVE_COLORS = ("#2563c9", "#d97706", "#0f8a5f", "#7c3aed", "#64748b", "#0e7490", "#a16207", "#c026d3", "#4d7c0f")  # and again
-# Their names and values on a dark page
+# Colours of their names and values on a dark page
 ON_DARK = ("#7fb0ff", "#f0a545", "#4fc79a", "#b79bff", "#a8b3c4", "#5cc8de", "#d8b04a", "#e879f9", "#a3d05a")
 OPENED_DESIGN = "as opened"
-DESIGN_DASHES = ([6, 4], [2, 3], [10, 3, 2, 3])  # of the designs that are compared, and again
-BAND_FACTORS = {"none": 0.0, "as it is": 1.0, "10 times": 10.0, "100 times": 100.0}  # how wide a tolerance band is drawn
+DESIGN_DASHES = ([6, 4], [2, 3], [10, 3, 2, 3])  # of the compared designs, repeated cyclically
+BAND_FACTORS = {"none": 0.0, "as it is": 1.0, "10 times": 10.0, "100 times": 100.0}  # factors of the width of tolerance bands
 BAND_OPACITY = "38"  # opacity of a band
-ROUND_OFF = 1e-9  # of a quantity's largest value
-PEAK_DIFFERENCE = 0.01  # part by which peaks up and down differ and still count as one
+ROUND_OFF = 1e-9  # of a quantity's largest value: smaller values are shown as zero
+PEAK_DIFFERENCE = 0.01  # relative difference up to which a positive and a negative peak count as equally large
 CURSOR_COLOR = "#c2255c"
 CURSOR_RATE = 12.0  # moves a second while playing: each sends the whole plot
 ANGLE_STEPS = (1, 2, 5, 10, 15, 30, 45, 90, 180, 360, 720, 1440, 3600)
 
 
 def peak_of(values: Real, like: float = 0.0) -> float:
-    """The value (n,) of the largest magnitude, with its sign; of two that are nearly as large the one with the sign of ``like``.
-    NaN where none is finite."""
+    """The value of the largest magnitude among ``values`` (n,), with its sign; if the positive and the negative peak are nearly
+    equal, the one with the sign of ``like``. NaN if no value is finite."""
     known = values[np.isfinite(values)]
     if not len(known):
         return float("nan")
@@ -65,8 +65,8 @@ def peak_of(values: Real, like: float = 0.0) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Beside:
-    """Series of a plot beside its curves (F, k): those of other designs by their names, and half the width (F, k) of the pale
-    band around each, NaN while it is not known, ``enlarged`` so many times."""
+    """Series of a plot in addition to its curves (F, k): ``others``, those of other designs by name; and ``half``, half the width
+    (F, k) of the pale band around each curve, NaN while not known, drawn ``enlarged`` times as wide."""
 
     others: Mapping[str, Real] = field(default_factory=dict)
     half: Real | None = None
@@ -74,7 +74,7 @@ class Beside:
 
     @property
     def kind(self) -> tuple[object, ...]:
-        """The parts of it that need series of their own."""
+        """Key of the additional series that the plot must have."""
         return *self.others, self.half is None
 
 
@@ -82,8 +82,8 @@ NOTHING_BESIDE = Beside()
 
 
 class Plots:
-    """A column of plots in a tab, added and removed at will; ``show`` moves their cursors, ``update`` takes the curves of another
-    run, ``settle`` their bands."""
+    """A column of plots in a tab, which the user adds and removes; ``show`` moves their cursors, ``update`` takes the curves of
+    another run, ``settle`` its tolerance bands."""
 
     def __init__(self, server: viser.ViserServer, tab: viser.GuiTabHandle, view_model: ViewModel, callback: Callback):
         self._server, self._tab, self._callback = server, tab, callback
@@ -118,7 +118,7 @@ class Plots:
         self.show(0, playing=False)
 
     def update(self, view_model: ViewModel, frame: int) -> None:
-        """Draw the same quantities of another run, as far as they are there."""
+        """Draw the same quantities of another run, as far as it has them; otherwise other quantities in their place."""
         with self._lock:
             self._frame = frame
             titles = tuple(self._quantities)
@@ -138,27 +138,27 @@ class Plots:
                     slot.offer(tuple(self._quantities.values()))
 
     def choose_axis(self, title: str) -> None:
-        """Plot against the drive or time; an unknown title changes nothing."""
+        """Plot over the axis with a title (drive coordinate or time); an unknown title changes nothing."""
         with self._lock:
             self._axis = self._axes.get(title, self._axis)
             self._against.value = self._axis.title
             self._redraw()
 
     def enlarge(self, band: str) -> None:
-        """Draw tolerance bands as wide as one of ``BAND_FACTORS`` says; where there are none nothing changes."""
+        """Scale the tolerance bands by one of ``BAND_FACTORS``; no effect without bands."""
         with self._lock:
             if self.band is not None:
                 self.band.value = band
                 self._redraw()
 
     def compare(self, others: Mapping[str, ViewModel]) -> None:
-        """Draw the curves of other designs, too, and say how far the peaks differ; without any: no more."""
+        """Draw the curves of other designs as well, with the differences of the peaks; an empty mapping removes them."""
         with self._lock:
             self._others = others
             self._redraw()
 
     def settle(self, view_model: ViewModel) -> None:
-        """Find the bands of a run that stays for a while."""
+        """Compute the tolerance bands of a run after a while without changes."""
         if self._toleranced and view_model.run is not self._banded:
             self._find_bands(view_model.run)
             with self._lock:
@@ -182,7 +182,7 @@ class Plots:
         slot.plot(quantity, self._axis, self._frame, self._beside(quantity))
 
     def _beside(self, quantity: Quantity | QuantityGroup, known: bool = True) -> Beside:
-        """Series beside curves; bands that are not ``known`` yet have their place."""
+        """Additional series of a plot; bands that are not ``known`` yet are NaN."""
         others = {
             name: values
             for name, view_model in self._others.items()
@@ -198,7 +198,7 @@ class Plots:
         return Beside(others, np.column_stack(parts), enlarged)
 
     def _compared(self, quantity: Quantity | QuantityGroup, other: ViewModel) -> Real | None:
-        """The same curves (F, k) of another design, at the places of the axis; None where it has no such ones."""
+        """The same curves (F, k) of another design, at the values of the present axis; None if it does not have them."""
         known = {q.title: q for q in other.quantities}
         axis = next((a for a in other.axes if a.title == self._axis.title), None)
         parts = tuple(known[q.title] for q in quantity.parts if q.title in known and known[q.title].curves == q.curves)
@@ -207,7 +207,7 @@ class Plots:
         return at_places(QuantityGroup(parts).values(), axis.values, self._axis.values)
 
     def add(self, quantity: Quantity | None = None) -> None:
-        """One plot more, unless there are `MOST_PLOTS`: of a quantity, or of the next one that is not plotted."""
+        """Add a plot, unless there are `MOST_PLOTS`: of a quantity, by default the next one that is not plotted."""
         with self._lock:
             if len(self.slots) >= MOST_PLOTS:
                 return
@@ -225,7 +225,7 @@ class Plots:
         self.changed()
 
     def remove(self, slot: SharedSlot) -> None:
-        """One plot less."""
+        """Remove a plot."""
         with self._lock:
             if slot in self.slots:
                 self.slots.remove(slot)
@@ -242,7 +242,7 @@ class Plots:
         self.changed()
 
     def join(self, slot: SharedSlot, title: str) -> None:
-        """Draw the curves of another quantity of the same unit beside those of a plot, or no more."""
+        """Add the curves of another quantity of the same unit to a plot, or remove them if they are there."""
         with self._lock:
             known, parts = self._quantities.get(title), slot.quantity.parts
             if known is not None and known.unit == slot.quantity.unit:
@@ -252,13 +252,13 @@ class Plots:
         self.changed()
 
     def tracks(self) -> Iterator[PlotTrack | NumberTrack]:
-        """How the cursors and the numbers above the plots move over the run."""
+        """Tracks of the cursors and of the numbers above the plots."""
         with self._lock:
             for slot in self.slots:
                 yield from slot.tracks()
 
     def open(self, title: str) -> None:
-        """Plot a quantity in the first place."""
+        """Plot a quantity in the first plot."""
         if not self.slots:
             self.add()
         self.choose(self.slots[0], title)
@@ -279,11 +279,11 @@ class Plots:
             self._saver.submit(self._save, slot, button, client)
 
     def _save(self, slot: SharedSlot, kind: str, client: viser.ClientHandle) -> None:
-        """Send a plot as a file, beside the thread that all browsers wait for: drawing one takes long."""
+        """Send a plot as a file, in a thread of its own: drawing takes long, and all browsers wait for viser's thread."""
         try:
             words = re.sub(r"[^\w.-]+", "-", slot.quantity.label).strip("-")[:LONGEST_NAME]
             data = self.file(slot, kind)
-            if client.client_id in self._server.get_clients():  # else nobody waits for it any more
+            if client.client_id in self._server.get_clients():  # otherwise the browser has disconnected
                 client.send_file_download(f"{words}.{kind.lower()}", data, save_immediately=True)
         except Exception as error:
             report(self._server, "Saving a plot", error, client)
@@ -292,7 +292,7 @@ class Plots:
             left_over()
 
     def file(self, slot: SharedSlot, kind: str) -> bytes:
-        """A plot as a file, with the curves of the designs that are compared and its bands as they are; ``kind``: one of
+        """A plot as a file, with the curves of the compared designs and its bands, not enlarged; ``kind``: one of
         ``PLOT_FORMATS``."""
         with self._lock:
             quantity, axis, beside = slot.quantity, self._axis, self._beside(slot.quantity)
@@ -300,8 +300,8 @@ class Plots:
 
 
 class PlotSlot:
-    """One plot with the choice of its quantity and the values at the present frame; dashed beside the curves those of other
-    designs that are compared, and around them their bands."""
+    """One plot with a choice of its quantity and the values at the present frame; curves of compared designs are dashed, tolerance
+    bands lie around the curves."""
 
     def __init__(
         self,
@@ -320,14 +320,14 @@ class PlotSlot:
         self.plot(quantity, axis, 0)
 
     def remove(self) -> None:
-        """Take the plot away."""
+        """Remove the plot from the page."""
         for handle in (self.choice, self._readout, self.chart):
             if handle is not None:
                 handle.remove()
 
     def plot(self, quantity: Quantity | QuantityGroup, axis: Axis, frame: int, beside: Beside = NOTHING_BESIDE) -> None:
-        """Draw a quantity with what belongs beside it. A new plot takes the old one's place: data, curves and axes cannot be
-        exchanged in one step."""
+        """Draw a quantity with its additional series in a new plot in place of the old one: data, curves and axes of a plot cannot
+        be exchanged in one step."""
         self._read(quantity, axis, beside)
         series: list[Any] = [uplot.Series(label=axis.title)]
         for name, color in zip(quantity.curves, cycle(CURVE_COLORS), strict=False):
@@ -369,7 +369,7 @@ class PlotSlot:
         self.show(frame)
 
     def take(self, quantity: Quantity | QuantityGroup, axis: Axis, frame: int, beside: Beside = NOTHING_BESIDE) -> None:
-        """Draw a quantity of another run. Where it is the one that is drawn, the plot stays and its data change."""
+        """Draw a quantity of another run. If the same quantity is drawn already, the plot stays and only its data change."""
         drawn = self.quantity.title, self.quantity.curves, self._axis.title, self._beside.kind
         if (quantity.title, quantity.curves, axis.title, beside.kind) != drawn:
             self.plot(quantity, axis, frame, beside)
@@ -394,7 +394,7 @@ class PlotSlot:
         self._least = ROUND_OFF * float(np.max(np.abs(self._values), initial=0.0, where=np.isfinite(self._values)))
 
     def _room(self) -> float:
-        """Width of the vertical axis [px]: its ticks, and numbers as long as they can become."""
+        """Width of the vertical axis [px]: its ticks, and the longest numbers in its range."""
         low, high = self._curves.range
         decimals = int(np.clip(-np.floor(np.log10(high - low) - 0.5), 0, 3))
         letters = max(len(f"{end:,.{decimals}f}") for end in (low, high))
@@ -405,7 +405,7 @@ class PlotSlot:
         return {"x": uplot.Scale(time=False, range=(ends[0], ends[1])), "y": uplot.Scale(range=self._curves.range)}
 
     def show(self, frame: int) -> None:
-        """Move the cursor to a frame and say the values there."""
+        """Move the cursor to a frame and show the values there."""
         assert self.chart is not None
         self.chart.data = self._curves.at(frame)
         unit = html.escape(after(self.quantity.unit))
@@ -423,7 +423,7 @@ class PlotSlot:
         )
 
     def _peaks(self) -> Iterator[str]:
-        """How far the peaks of the curves differ from those of other designs, and how wide their bands are."""
+        """HTML of the peaks of the curves compared with those of other designs, and of the widths of their bands."""
         unit, several = html.escape(after(self.quantity.unit)), len(self.quantity.curves) > 1
         for k, name in enumerate(self.quantity.curves):
             whose = f"{html.escape(name)}: " if several else ""
@@ -439,7 +439,7 @@ class PlotSlot:
                 yield f'<span style="opacity:0.8">{whose}tolerances: ± {number(most)}{unit} at most</span>'
 
     def tracks(self) -> Iterator[PlotTrack | NumberTrack]:
-        """How the cursor and the numbers move over the run."""
+        """Tracks of the cursor and of the numbers."""
         assert self.chart is not None
         yield self._curves.track(uuid_of(self.chart))
         for k in range(len(self.quantity.curves)):
@@ -447,12 +447,12 @@ class PlotSlot:
             yield NumberTrack(f"{self._label}:{k}", values, None, after(self.quantity.unit))
 
     def _rounded(self, value: float) -> float:
-        """Zero for what is only the round-off of a quantity."""
+        """The value, or zero if it is only round-off of the quantity."""
         return 0.0 if abs(value) <= self._least else float(value)
 
 
 class SharedSlot(PlotSlot):
-    """A plot that shows several quantities of one unit, can be saved as a file and taken away."""
+    """A plot that can show several quantities of one unit, be saved as a file, and be removed."""
 
     def __init__(
         self,
@@ -472,7 +472,7 @@ class SharedSlot(PlotSlot):
         self.offer(quantities)
 
     def offer(self, quantities: tuple[Quantity, ...]) -> None:
-        """Offer the quantities of a run, and beside the one that is drawn those of its unit."""
+        """Offer the quantities of a run, and those of the same unit to be added."""
         first, *others = (q.title for q in self.quantity.parts)
         titles = tuple(q.title for q in quantities)
         if tuple(self.choice.options) != titles:

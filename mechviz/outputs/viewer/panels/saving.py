@@ -20,15 +20,15 @@ from mechviz.scene.scene import Scene, dump, loads
 
 
 def file_name(text: str, ending: str, otherwise: str) -> str:
-    """A plain name of a file from what a user typed: no folders, no hidden files, the right ending."""
+    """A plain file name from a user's text: without folders, not hidden, with the right ending; ``otherwise`` if empty."""
     stem = str(text).strip()
     stem = stem[: -len(ending)] if stem.lower().endswith(ending) else stem
     return plain_name(stem, plain_name(otherwise)) + ending
 
 
 def saved_scene(opened: Scene, scene: Scene) -> tuple[Scene, bool]:
-    """An edited scene with the text that is saved, and whether that is the text of ``opened`` with other values. It has been read
-    back: what is saved is a scene."""
+    """An edited scene with the text to be saved, and whether that is the text of ``opened`` with other values. The text has been
+    read back, so that it is known to be a valid scene."""
     text = kept_text(opened, scene)
     if text is None:
         loads(scene.to_toml(), scene.name, scene.folder)
@@ -38,7 +38,7 @@ def saved_scene(opened: Scene, scene: Scene) -> tuple[Scene, bool]:
 class Saver:
     """Buttons that save a scene or a recording into ``folder``, and a dialog that asks for the name.
 
-    ``run()`` gives the run as it is now; ``opened`` is the scene from which its own has been made, whose comments are kept.
+    ``run()`` returns the present run; ``opened`` is the scene that was opened, whose comments are kept.
     """
 
     def __init__(self, server: viser.ViserServer, run: Callable[[], Run], opened: Scene, folder: Path, callback: Callback):
@@ -47,11 +47,11 @@ class Saver:
         self.buttons = server.gui.add_button_group("Save", ("Scene", "Recording"))
         self.buttons.on_click(callback("Saving", lambda event: self._ask(event.client, self.buttons.value)))
         self.last: threading.Thread | None = None
-        self._dialogs: dict[int, viser.GuiModalHandle] = {}  # by browser, the one that is open
+        self._dialogs: dict[int, viser.GuiModalHandle] = {}  # by browser: the open dialog
         server.on_client_disconnect(lambda client: self._dialogs.pop(client.client_id, None))
 
     def _ask(self, client: viser.ClientHandle, what: str) -> None:
-        """A dialog in the browser that asked: the name, and whether a file that is there may be replaced."""
+        """Open a dialog in a browser for the name, and for the confirmation before an existing file is replaced."""
         run, gui = self._run(), client.gui
         self._close(client)
         ending = ".toml" if what == "Scene" else ".rrd"
@@ -90,13 +90,13 @@ class Saver:
         stop.on_click(self._callback("Closing the dialog", lambda _: self._close(client)))
 
     def _close(self, client: viser.ClientHandle) -> None:
-        """Close the dialog that is open in a browser."""
+        """Close the open dialog of a browser."""
         dialog = self._dialogs.pop(client.client_id, None)
         if dialog is not None:
             dialog.close()
 
     def _record(self, client: viser.ClientHandle, run: Run, target: Path) -> None:
-        """Write a recording while the viewer goes on, with its progress as a note in the browser."""
+        """Write a recording while the viewer keeps running, with its progress as a notification in the browser."""
         note: Any = client.add_notification("Recording", f"{target.name} ...", loading=True, with_close_button=False)
 
         def progress(done: int, total: int) -> None:

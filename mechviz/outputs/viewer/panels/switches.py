@@ -1,4 +1,4 @@
-"""The tab of what is drawn: arrows by family with their sizes, marks, the camera, light and dark."""
+"""The tab of what is drawn: arrows by family with their sizes, marks, the camera, a light or dark page."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ SIZE_HINT = "times the size at which the largest one is a third of the mechanism
 
 
 class Switches:
-    """Which arrows and marks are drawn, how large, how solid, from where and on what ground.
+    """Switches for arrows and marks, sizes of arrows, opacity, section, camera and colours of the page.
 
-    ``changed()`` is called when what is drawn is another; ``darken(dark)`` makes the page dark or light.
+    ``changed()`` is called after a change of what is drawn; ``darken(dark)`` makes the page dark or light.
     """
 
     def __init__(
@@ -74,11 +74,11 @@ class Switches:
 
     @property
     def size(self) -> Any:
-        """The slider of the forces' size, or of whatever there is."""
+        """The first slider of a size, that of the forces."""
         return next(iter(self.sizes.values()))
 
     def update(self, view_model: ViewModel) -> None:
-        """Offer what another run has."""
+        """Show the switches for what another run contains."""
         for name, box in self.families.items():
             if box.visible != (name in view_model.families):
                 box.visible = name in view_model.families

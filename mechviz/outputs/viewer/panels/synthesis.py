@@ -1,4 +1,4 @@
-"""The tab in which four-bars are found for what the mouse says: positions of a body that are placed, a curve that is drawn."""
+"""The tab of synthesis: four-bars for positions of a body that are placed with the mouse, or for a curve that is drawn with it."""
 
 from __future__ import annotations
 
@@ -26,19 +26,19 @@ from mechviz.studies.synthesis.four_bars import MotionDesign, motion_choices, mo
 from mechviz.studies.synthesis.paths import MOST_OFFERED, drawn_points, path_choices, path_in, path_solutions
 
 DRAWN_COLOR = (217, 119, 6)  # colour of the curve that was drawn
-SHEET_SIZE = 3.0  # of the mechanism's size: side of the sheet that is drawn on
+SHEET_SIZE = 3.0  # of the mechanism's size: side of the sheet on which the curve is drawn
 SHEET_OPACITY = 0.12  # its opacity
 Release = Callable[[viser.ClientHandle], None]
 
 
 def is_four_bar(mechanism: Mechanism) -> bool:
-    """Whether a mechanism is one four-bar: it can become another one."""
+    """Whether a mechanism is a single four-bar with revolute joints, which synthesis can replace by another one."""
     joints = mechanism.joints
     return len(mechanism.links) == 4 and len(joints) == 4 and all(isinstance(joint, Revolute) for joint in joints)
 
 
 class SynthesisTab:
-    """Positions and a path in one tab; what is found takes the place of the four-bar, as an edit that can be undone."""
+    """Positions and a path in one tab; a solution replaces the four-bar, as an edit that can be undone."""
 
     def __init__(
         self, server: viser.ViserServer, tab: viser.GuiTabHandle, session: EditSession, callback: Callback, release: Release
@@ -49,7 +49,7 @@ class SynthesisTab:
             self.drawing = CurveSketch(server, server.gui.add_folder("Path"), session, callback, release)
 
     def update(self, view_model: ViewModel) -> None:
-        """Take what another run shows."""
+        """Take the positions and the path of another run."""
         self.positions.update(view_model)
         self.drawing.update(view_model)
 
@@ -60,7 +60,7 @@ def solution_rows(choices: Iterable[str]) -> str:
 
 
 def tell(node: viser.GuiHtmlHandle, content: str) -> None:
-    """Write a text, unless it stands there."""
+    """Set the content of a text, unless it is the same."""
     if node.content != content:
         node.content = content
 
@@ -70,33 +70,34 @@ FEWEST_POSITIONS, MOST_POSITIONS = 2, 5
 
 
 def with_moved_pose(poses: BodyPositions, k: int, place: complex, angle: float) -> BodyPositions:
-    """Poses of which one is elsewhere."""
+    """Poses with number ``k`` replaced."""
     places, angles = poses.places.copy(), poses.angles.copy()
     places[k], angles[k] = place, angle
     return BodyPositions(places, angles)
 
 
 def lengthened(poses: BodyPositions) -> BodyPositions:
-    """Poses with one more, about as far behind the last as that is behind the one before. Raises `MechanismError` at the most."""
+    """Poses with one more, about as far beyond the last as that is from the one before. Raises `MechanismError` if there are
+    `MOST_POSITIONS` already."""
     if len(poses.places) >= MOST_POSITIONS:
         raise MechanismError(
             Fault("positions", f"{MOST_POSITIONS} positions leave no four-bar to choose.", "Take one away, or move one.")
         )
     step = poses.places[-1] - poses.places[-2]
     turn = float(np.angle(poses.turns[-1] / poses.turns[-2]))
-    place = poses.places[-1] + 0.8 * step * np.exp(0.5j * turn)  # not in line with the others: that leaves little to choose from
+    place = poses.places[-1] + 0.8 * step * np.exp(0.5j * turn)  # off the line of the others, which has few solutions
     return BodyPositions(np.append(poses.places, place), np.append(poses.angles, poses.angles[-1] + 0.8 * turn))
 
 
 def shortened(poses: BodyPositions) -> BodyPositions:
-    """Poses without the last. Raises `MechanismError` where two are left."""
+    """Poses without the last one. Raises `MechanismError` if there are only two."""
     if len(poses.places) <= FEWEST_POSITIONS:
         raise MechanismError(Fault("positions", "two positions are the fewest.", "Move them instead."))
     return BodyPositions(poses.places[:-1], poses.angles[:-1])
 
 
 def _poses(session: EditSession) -> BodyPositions:
-    """The poses for which a scene was made; of another four-bar those of its coupler in the first quarter of its run."""
+    """The poses for which a scene was synthesized; otherwise three poses of the coupler in the first quarter of the run."""
     scene, mechanism = session.run.scene, session.run.scene.mechanism
     given = poses_in(scene)
     if given is not None:
@@ -110,12 +111,12 @@ def _poses(session: EditSession) -> BodyPositions:
 
 
 class Positions:
-    """Handles on the positions, shown while the box is ticked; a number that chooses among the four-bars."""
+    """Handles on the positions, shown while the checkbox is on; a slider that chooses among the four-bars."""
 
     def __init__(self, server: viser.ViserServer, folder: viser.GuiFolderHandle, session: EditSession, callback: Callback):
         self._server, self._session, self._callback = server, session, callback
         self._nodes: list[Any] = []
-        self._placing = threading.Lock()  # by the session and by who ticks the box
+        self._placing = threading.Lock()  # handles are placed by the session and by the checkbox
         self._held = -1
         self._choices: list[MotionDesign] = []
         self.poses = _poses(session)
@@ -143,25 +144,25 @@ class Positions:
         self._explain()
 
     def drafted(self, draft: Draft, poses: BodyPositions, choice: int) -> Draft:
-        """A draft of the four-bar of a number (1: the best) for poses. Raises `MechanismError` where there is none."""
+        """A draft of four-bar number ``choice`` (1: the best) for poses. Raises `MechanismError` if there is none."""
         choices = motion_choices(poses)
         self._choices = choices
         made = choices[min(max(choice, 1), len(choices)) - 1]
         return replace(draft, document=motion_solutions(poses, [made])[0].scene.document)
 
     def ask(self, what: str, poses: BodyPositions) -> None:
-        """Have the four-bar of other positions shown; ``what`` is changed, so that a drag becomes one step to undo."""
+        """Request the four-bar for other positions; ``what`` names the change, so that a drag is one step of undo."""
         self._session.change(f"positions: {what}", partial(self.drafted, poses=poses, choice=int(self.choice.value)))
 
     def _explain(self) -> None:
-        """Say which four-bars there are."""
+        """List the four-bars that were found."""
         listed = solution_rows(
             one.defects or self._session.view_model.units.text(one.transmission, "rad", 2) for one in self._choices
         )
         tell(self.report, words.hint(f"Least transmission angle, or defects, of each solution. {listed}") if listed else "")
 
     def _place(self, view_model: ViewModel) -> None:
-        """Put a handle on each position, except for the one that is held."""
+        """Move a handle to each position, except for the one being dragged."""
         with self._placing:
             self._placed(view_model)
 
@@ -185,7 +186,7 @@ class Positions:
                 self._nodes[k].position, self._nodes[k].wxyz = position, turned
 
     def _dragged(self, k: int, event: viser.TransformControlsEvent) -> None:
-        """The four-bar follows when the handle is let go: until then the picture under the mouse stays as it is."""
+        """Request a four-bar when the handle is released: until then the picture stays unchanged under the mouse."""
         self._held = k if event.phase != "end" else -1
         x, y, _ = (float(v) for v in event.target.position)
         w, _, _, z = (float(v) for v in event.target.wxyz)
@@ -195,8 +196,8 @@ class Positions:
 
 # -- paths ------------------------------------------------------------------------------------------------------------
 class CurveSketch:
-    """A curve that is drawn with the mouse on a sheet before the mechanism, and a number that chooses among the four-bars that
-    follow it. ``release``: of the browser in which one was drawn, whose view is then fitted to the four-bar."""
+    """A curve that is drawn with the mouse on a sheet in front of the mechanism, and a slider that chooses among the four-bars that
+    follow it. ``release(client)`` is called for the browser in which a curve was drawn: its view is then fitted to the four-bar."""
 
     def __init__(
         self, server: viser.ViserServer, folder: viser.GuiFolderHandle, session: EditSession, callback: Callback, release: Release
@@ -204,7 +205,7 @@ class CurveSketch:
         self._server, self._session, self._callback, self._release = server, session, callback, release
         self._sheet: Any = None
         self._line: Any = None
-        self._under = (0.0, 0.0)  # size and height of the mechanism before which the sheet stands
+        self._under = (0.0, 0.0)  # size and height of the mechanism for which the sheet was made
         self._stroke: list[complex] = []
         self._designs: tuple[Complex, list[PathDesign]] = (np.zeros(0, complex), [])
         gui = server.gui
@@ -223,7 +224,7 @@ class CurveSketch:
 
     @property
     def wanted(self) -> Complex:
-        """The curve (K,) [m] that the scene follows, empty if it was not made for any."""
+        """The curve (K,) [m] for which the scene was synthesized, empty if there is none."""
         points = path_in(self._session.run.scene)
         return np.zeros(0, complex) if points is None else points
 
@@ -236,18 +237,18 @@ class CurveSketch:
         tell(self.report, words.hint(f"Distance (root mean square) and least transmission angle of each. {lines}") if lines else "")
 
     def drafted(self, draft: Draft, points: Complex, choice: int) -> Draft:
-        """A draft of the four-bar of a number (1: the best) for points (K,) [m]. Raises `MechanismError` where there is none."""
+        """A draft of four-bar number ``choice`` (1: the best) for points (K,) [m]. Raises `MechanismError` if there is none."""
         if not self._known(points):
             self._designs = (points, path_choices(points))
         made = self._designs[1][min(max(choice, 1), len(self._designs[1])) - 1]
         return replace(draft, document=path_solutions([made], points)[0].scene.document)
 
     def ask(self, points: Complex) -> None:
-        """Have a four-bar shown that passes points (K,) [m]."""
+        """Request a four-bar whose coupler point passes through points (K,) [m]."""
         self._session.change("path", partial(self.drafted, points=points, choice=int(self.choice.value)))
 
     def _known(self, points: Complex) -> bool:
-        """Whether four-bars have been found for points (K,) [m], which a scene states in its own unit."""
+        """Whether four-bars have been found for points (K,) [m], up to the rounding of the scene's unit."""
         return len(points) == len(self._designs[0]) and np.allclose(points, self._designs[0], rtol=1e-9, atol=0.0)
 
     def _choose(self) -> None:
@@ -255,7 +256,7 @@ class CurveSketch:
             self.ask(self.wanted)
 
     def _place(self, view_model: ViewModel) -> None:
-        """Bring the sheet, and the curve that is wanted."""
+        """Show or remove the sheet and the curve of the scene."""
         if self._sheet is not None and not (self.on.value and self._under == (view_model.size, view_model.z_top)):
             self._sheet.remove()
             self._sheet = None
@@ -288,7 +289,7 @@ class CurveSketch:
             self._line.points = segments
 
     def _drawn(self, event: viser.ScenePointerEvent) -> None:
-        """The mouse has moved; where its button is let go, four-bars are looked for."""
+        """Extend the curve to the mouse; when the button is released, search for four-bars."""
         if event.phase == "start":
             self._stroke = [complex(*event.start_position[:2])]
         end = sheet_place(event.client.camera.position, event.end_position, float(event.start_position[2]))
@@ -303,13 +304,14 @@ class CurveSketch:
 
 
 def _quality(made: PathDesign, units: Units) -> str:
-    """Root mean square distance and least transmission angle of a four-bar, in words."""
+    """Text of the root mean square distance and the least transmission angle of a four-bar."""
     distance, angle = np.sqrt(made.error / len(made.theta)), made.four_bar.least_transmission()
     return f"{units.text(distance, 'm', 3)}, {units.text(angle, 'rad', 2)}"
 
 
 def sheet_place(eye: object, seen: object, height: float) -> complex | None:
-    """Where the line from the eye through a place that is seen meets the sheet of a height; None where it does not. All in m."""
+    """The point x + iy [m] where the line from ``eye`` through ``seen`` [m] meets the plane z = ``height`` [m]; None if it does
+    not."""
     start, along = np.asarray(eye, float), np.asarray(seen, float) - np.asarray(eye, float)
     with np.errstate(all="ignore"):
         x, y, _ = start + along * (height - start[2]) / along[2]

@@ -1,4 +1,4 @@
-"""The panel below the mechanism: where in the run it is, scrubbing, play and pause, steps, speed, events, health."""
+"""The panel below the mechanism: position in the run, scrubbing, play and pause, steps, speed, events, health."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ from mechviz.outputs.viewer.view_model import ViewModel
 from mechviz.quantities.catalogue import Health, time_decimals
 
 STRIP_COLUMNS = 240
-WRONG_SHARE = 0.5  # of the way from sound to bad, on a logarithmic scale
-SHADE_COUNT = 20  # of shades from green to red
+WRONG_SHARE = 0.5  # severity (0: sound, 1: bad, logarithmic scale) from which a run is reported as wrong
+SHADE_COUNT = 20  # number of shades from green to red
 STRIP_WIDTH, ROW_HEIGHT, ROW_GAP, EVENTS_HEIGHT = 1000.0, 11.0, 3.0, 15.0
-NAMES_WIDTH, BOX_WIDTH = 103, 55  # [px] left and right of the track of the slider above
+NAMES_WIDTH, BOX_WIDTH = 103, 55  # [px] to the left and right of the track of the slider above
 GOOD_COLOR, FAIR_COLOR, BAD_COLOR = (46, 160, 96), (230, 168, 23), (208, 48, 48)
 
 
 def shade(severity: float) -> str:
-    """Green where all is well (0) over amber to red (1)."""
+    """Colour of a severity: green (0) through amber to red (1)."""
     part = min(max(severity, 0.0), 1.0) * 2.0
     low, high = (GOOD_COLOR, FAIR_COLOR) if part <= 1.0 else (FAIR_COLOR, BAD_COLOR)
     part = part if part <= 1.0 else part - 1.0
@@ -37,15 +37,15 @@ def shade(severity: float) -> str:
 
 
 def worst_in_columns(severity: Real, count: int = STRIP_COLUMNS) -> Real:
-    """The worst of each of ``count`` equal intervals of frames: a single bad frame is seen."""
+    """The maximum in each of ``count`` equal intervals of frames: a single bad frame stays visible."""
     edges = np.linspace(0, len(severity), min(count, len(severity)) + 1).astype(int)
     return np.maximum.reduceat(severity, edges[:-1])
 
 
 def health_svg(health: Sequence[Health], events: Sequence[Event], time: Real) -> str:
-    """A row for each quantity, and below them a mark for every event, with words for the mouse and for screen readers.
+    """A row for each health quantity, and below them a mark for every event, with texts for tooltips and screen readers.
 
-    The rows lie below the track of the timeline's slider, so that a place in them is a place of the slider.
+    The rows are aligned with the track of the timeline's slider above.
     """
     start, length = float(time[0]), max(float(time[-1] - time[0]), 1e-300)
     height = len(health) * (ROW_HEIGHT + ROW_GAP) + EVENTS_HEIGHT
@@ -83,7 +83,7 @@ def health_svg(health: Sequence[Health], events: Sequence[Event], time: Real) ->
 
 
 def _health(view_model: ViewModel, svg: str) -> str:
-    """A dot for the state of the run, and opens the strips; where something is wrong they are open."""
+    """HTML of a dot for the state of the run, which opens the strips; they are open at first if something is wrong."""
     worst = max((float(h.severity.max(initial=0.0)) for h in view_model.health), default=0.0)
     warned = any(e.level == "WARN" for e in view_model.events)
     word = "health: something is wrong" if worst >= WRONG_SHARE else "health: see the warnings" if warned else "health: all is well"
@@ -98,7 +98,7 @@ def _health(view_model: ViewModel, svg: str) -> str:
 
 
 def in_words(h: Health) -> str:
-    """The worst of a run: "closure: at most 3e-17 m"."""
+    """Text of the largest value of a health quantity: "closure: at most 3e-17 m"."""
     worst = float(np.max(np.abs(h.values), initial=0.0, where=np.isfinite(h.values)))
     lost = int((~np.isfinite(h.values)).sum())
     return f"{h.name}: at most {worst:.2g}{words.after(h.unit)}" + (f", {lost} frames without a finite value" if lost else "")
@@ -109,13 +109,13 @@ CYCLE_SECONDS = (32.0, 16.0, 8.0, 4.0, 2.0, 1.0)  # wall time of one cycle of th
 USUAL_CYCLE = 8.0
 START_LABEL, BACK_LABEL, PLAY_LABEL, PAUSE_LABEL, FORWARD_LABEL = "Start", "◂ Step", "Play", "Pause", "Step ▸"
 LOOP_LABEL, ONCE_LABEL = "Loop ✓", "Loop ✗"
-MOVES_A_SECOND = 12.0  # moves of the slider and changes of the numbers a second while playing: nobody reads faster
+MOVES_A_SECOND = 12.0  # updates per second of slider and numbers while playing: faster ones could not be read
 NO_EVENT = "nothing happens"
 LONGEST_EVENT = 90
 
 
 class Speeds:
-    """Choices of speed by the wall time that a cycle takes, each with its ratio to real time."""
+    """Choices of speed by the wall time of a cycle, each with its ratio to real time."""
 
     def __init__(self, cycle: float):
         """``cycle``: duration of a cycle of the drive [s]."""
@@ -129,7 +129,7 @@ class Speeds:
         return tuple(self._rates)
 
     def rate(self, label: str) -> float:
-        """Run time per wall time; an unknown label gives the first choice's."""
+        """Run time per wall time; for an unknown label that of the first choice."""
         return self._rates.get(label, self._rates[self.first])
 
     @staticmethod
@@ -200,7 +200,7 @@ class Timeline:
             self.strip.content = _health(view_model, svg)
 
     def explain(self, legend: str) -> None:
-        """Say what the colours of the arrows mean."""
+        """Show the legend of the arrows."""
         self._legend.content = legend
 
     @property
@@ -209,15 +209,15 @@ class Timeline:
         return f"{count} event{'s' if count > 1 else ''}" if count else NO_EVENT
 
     def place(self, view_model: ViewModel, frame: int) -> None:
-        """Say where in another run it is."""
+        """Show the position in another run."""
         self._place.content = words.place_in_run(view_model, frame)
         if self.slider.max != max(view_model.frames - 1, 1):
             self.update(view_model)
-        if self.slider.value != frame:  # of a run with other frames the same part of the run has another number
+        if self.slider.value != frame:  # with another number of frames, the same fraction of the run has another frame
             self.slider.value = frame
 
     def show(self, frame: int, playing: bool) -> None:
-        """Bring the numbers, the slider, the buttons and the strip's cursor to a frame; while it plays now and then."""
+        """Move the numbers, the slider, the buttons and the cursor of the strip to a frame; during playing at a limited rate."""
         options = (
             START_LABEL,
             BACK_LABEL,
@@ -235,7 +235,7 @@ class Timeline:
         self.slider.value = frame
 
     def tracks(self) -> Iterator[NumberTrack]:
-        """How the numbers above the slider move over the run."""
+        """Tracks of the numbers above the slider."""
         for k, d in enumerate(self._view_model.drives):
             yield NumberTrack(f"drive:{k}", d.position, d.decimals, words.after(d.unit))
         yield NumberTrack("time", self._view_model.time, time_decimals(self._view_model.time), " s")

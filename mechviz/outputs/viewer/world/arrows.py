@@ -1,4 +1,4 @@
-"""Vectors as arrows and moments as arcs with a head, by family, each family with a switch and all with a common size."""
+"""Vectors as arrows and moments as arcs with a head, by family; each family has a switch and a scale factor."""
 
 from __future__ import annotations
 
@@ -31,9 +31,10 @@ ARC_FACES = arc_faces(ARC_STEPS)
 
 
 def arrow_points(origins: Real, arrows: Real, z: Real | float, least: float) -> Single:
-    """Ends (n, 2, 3) of those of the arrows (N, 2) [m] from ``origins`` (N, 2) [m] at heights ``z`` (N,) [m] that can be seen.
+    """Ends (n, 2, 3) [m] of the visible ones among ``arrows`` (N, 2) [m] from ``origins`` (N, 2) [m].
 
-    viser draws an arrow that is shorter than its head, even one of no length, as a whole head: such arrows are left out.
+    ``z``: heights (N,) or one height [m]. viser draws an arrow that is shorter than its head, even one of zero length, as a whole
+    head: arrows shorter than ``least`` [m] are left out.
     """
     with np.errstate(invalid="ignore"):
         visible = np.hypot(arrows[:, 0], arrows[:, 1]) >= least
@@ -46,14 +47,15 @@ def arrow_points(origins: Real, arrows: Real, z: Real | float, least: float) -> 
 
 
 def arc_vertices(centre: Real, turn: float, radius: float, width: float, z: float) -> Single:
-    """Corners of a flat arc with a head, for `ARC_FACES`: through ``turn`` [rad] about ``centre`` (2,) [m] from the right on."""
+    """Vertices (V, 3) [m] of a flat arc with a head, for `ARC_FACES`: about ``centre`` (2,), from the x axis through ``turn``
+    [rad]."""
     flat = arc_corners(turn, radius, width, ARC_STEPS) + complex(*centre)
     return np.column_stack([flat.real, flat.imag, np.full(len(flat), z)]).astype(np.float32)
 
 
 class ArrowValues(NamedTuple):
-    """The values that a node draws over the run: ``values`` (F, n) in an SI unit ``si``, and where each arrow begins (an arc: its
-    middle) and ends, ``starts`` and ``tips`` (F, n, 3) [m], NaN where it is not drawn."""
+    """The values that a node draws over the run: magnitudes ``values`` (F, n) in the SI unit ``si``, of moments with their sign,
+    and the ends of the arrows, ``starts`` (of an arc: its centre) and ``tips`` (F, n, 3) [m], NaN where an arrow is not drawn."""
 
     node: str
     family: str
@@ -64,14 +66,14 @@ class ArrowValues(NamedTuple):
 
 
 def _ends(starts: Real, tips: Real, z: Real, seen: Flags) -> tuple[Real, Real]:
-    """Places (F, n, 2) at heights (n,) as places (F, n, 3), NaN where they are not ``seen`` (F, n)."""
+    """Starts and tips (F, n, 2) with heights ``z`` (n,) as points (F, n, 3), NaN where not ``seen`` (F, n)."""
     heights = np.broadcast_to(z[None, :, None], (*seen.shape, 1))
     first, last = (np.where(seen[..., None], np.concatenate([at, heights], axis=2), np.nan) for at in (starts, tips))
     return first, last
 
 
 class ArrowNodes:
-    """The arrows of all families: ``show`` draws those of a frame, ``switch`` and ``enlarge`` change what and how large."""
+    """The arrows of all families: ``show`` draws those of a frame, ``switch`` and ``enlarge`` change which and how long."""
 
     def __init__(self, server: viser.ViserServer, view_model: ViewModel):
         self._server = server
@@ -107,11 +109,11 @@ class ArrowNodes:
 
     @property
     def families(self) -> tuple[str, ...]:
-        """Families of which there is anything to draw."""
+        """Families with anything to draw."""
         return self._present
 
     def reach(self, frame: int | None = None) -> Real | None:
-        """The box (2, 2) [m] around the arrows that are on, over all frames or at one, if there are any."""
+        """The box (2, 2) [m] around the arrows that are on, over all frames or at one; None if there are none."""
         some = slice(None) if frame is None else slice(frame, frame + 1)
         ends = [(origins + lengths)[some] for family, (origins, lengths, _) in self._tracks.items() if self._on[family]]
         flat = np.concatenate([e.reshape(-1, 2) for e in ends]) if ends else np.zeros((0, 2))
@@ -119,18 +121,18 @@ class ArrowNodes:
         return np.array([flat.min(axis=0), flat.max(axis=0)]) if len(flat) else None
 
     def factor(self, family: str) -> float:
-        """By how much longer a family is drawn."""
+        """The scale factor of a family."""
         return self._factors[family]
 
     def is_on(self, family: str) -> bool:
         return self._on[family]
 
     def switch(self, family: str, on: bool) -> None:
-        """Draw a family from the next ``show`` on, or no more."""
+        """Show or hide a family from the next ``show`` on."""
         self._on[family] = on
 
     def darken(self, dark: bool) -> None:
-        """Take the colours for a dark page or for a light one."""
+        """Use the colours for a dark or a light page."""
         self._dark = dark
         for family, node in self._nodes.items():
             node.colors = np.array(_linear(self._color(family)), np.uint8)
@@ -138,7 +140,7 @@ class ArrowNodes:
             arc.color = self._color(family)
 
     def enlarge(self, factor: float, families: Iterable[str] = tuple(VECTOR_FAMILIES)) -> None:
-        """Draw the arrows of some families longer by a factor from the next ``show`` on."""
+        """Scale the arrows of some families by a factor from the next ``show`` on."""
         for family in families:
             self._factors[family] = factor
 
@@ -148,7 +150,7 @@ class ArrowNodes:
         return arrow_points(origins[frame], lengths[frame] * self._factors[family], z, LEAST_ARROW * self._size)
 
     def corners(self, key: tuple[str, str], frame: int) -> Single | None:
-        """Corners of an arc at a frame, None where it is too short to be seen."""
+        """Vertices of an arc at a frame; None if it is too short to be seen."""
         arc, origins, turns = self._turns[key]
         turn = float(np.clip(turns[frame] * self._factors[key[0]], -LARGEST_TURN, LARGEST_TURN))
         if not abs(turn) >= ARC_TIP:
@@ -173,7 +175,7 @@ class ArrowNodes:
                 arc.vertices = corners
 
     def tracks(self) -> Iterator[PointTrack]:
-        """How all arrows and arcs that are on move over the run: what ``show`` draws, for all frames at once."""
+        """Tracks of all arrows and arcs that are on: what ``show`` draws, for all frames at once."""
         for family, (origins, lengths, z) in self._tracks.items():
             if self._on[family]:
                 drawn = lengths * self._factors[family]
@@ -250,6 +252,6 @@ def arc_path(family: str, item: str) -> str:
 
 
 def _linear(color: tuple[int, int, int]) -> tuple[int, int, int]:
-    """A colour for viser's arrows: their shader takes it as light, where that of meshes takes it as a screen colour (gamma 2.2)."""
+    """A colour for viser's arrows: their shader takes it as linear light, that of meshes as a screen colour (gamma 2.2)."""
     red, green, blue = (round(255.0 * (c / 255.0) ** 2.2) for c in color)
     return red, green, blue

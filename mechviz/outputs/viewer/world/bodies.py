@@ -1,4 +1,4 @@
-"""Springs, marks that ride on rollers and belts, and lines that deform with the motion, beside the solids of the links."""
+"""Springs, marks that move with rollers and belts, and lines that deform, in addition to the solids of the links."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ BODY_GROUPS = ("springs", "roller", "belt", "sheet")
 
 
 class BodyNodes:
-    """A node for every body, below its link's where it has one; ``poses`` says where they are, ``show`` stretches them, ``update``
-    takes those of another run."""
+    """A node for every body, a child of the link's node where the body has a link; ``poses`` gives their poses, ``show`` scales
+    them, ``update`` takes the bodies of another run."""
 
     def __init__(self, server: viser.ViserServer, view_model: ViewModel):
         self._server = server
@@ -39,7 +39,7 @@ class BodyNodes:
         return frozenset(body.group for body in self._bodies.values())
 
     def update(self, view_model: ViewModel) -> None:
-        """Take the bodies of ``view_model``; a mesh is sent anew only where it is another."""
+        """Take the bodies of ``view_model``; a mesh is sent again only if its vertices differ."""
         before, self._bodies = self._bodies, {body_path(body): body for body in view_model.picture.of(Body, *BODY_GROUPS)}
         for path in [p for p in self._nodes if p not in self._bodies or not _same(before[p].mesh, self._bodies[p].mesh)]:
             self._nodes.pop(path).remove()
@@ -60,12 +60,12 @@ class BodyNodes:
                 )
 
     def switch(self, group: str, on: bool) -> None:
-        """Draw a group, or no more."""
+        """Show or hide a group."""
         self._on[group] = on
         self.cut(self._height)
 
     def cut(self, height: float | None) -> None:
-        """Leave out the bodies before a height [m]; None: none."""
+        """Hide the bodies above a height z [m]; None: hide none."""
         self._height = height
         for path, node in self._nodes.items():
             seen = self._seen(self._bodies[path])
@@ -76,25 +76,25 @@ class BodyNodes:
         return self._on[body.group] and (self._height is None or body.height <= self._height)
 
     def poses(self, frame: int) -> Iterator[Posed]:
-        """Where the bodies are at a frame, if they are drawn."""
+        """Poses at a frame of the bodies that are on."""
         for path, (places, turns) in self.tracks().items():
             if self._on[self._bodies[path].group]:
                 k = min(frame, len(places) - 1)
                 yield self._nodes[path], places[k], turns[k]
 
     def show(self, frame: int) -> None:
-        """Stretch them as at a frame."""
+        """Set the scale factors of the bodies at a frame."""
         for path, body in self._bodies.items():
             if self._on[body.group] and body.poses is not None and body.poses.scales is not None:
                 x, y, z = body.poses.scales[min(frame, len(body.poses.scales) - 1)]
                 self._nodes[path].scale = (float(x), float(y), float(z))
 
     def tracks(self) -> dict[str, tuple[Single, Real]]:
-        """By the name of a node: its places (F, 3) and turns (F, 4) over the frames."""
+        """By name of the node: positions (F, 3) and orientations (F, 4) over the frames."""
         return {path: (body.poses.places, self._turns[path]) for path, body in self._bodies.items() if body.poses is not None}
 
     def stretches(self) -> Iterator[PointTrack]:
-        """How bodies are stretched over the run, if they are on."""
+        """Tracks of the scale factors of the bodies that are on."""
         for path, body in self._bodies.items():
             if self._on[body.group] and body.poses is not None and body.poses.scales is not None:
                 yield PointTrack(path, "scale", body.poses.scales, np.full(len(body.poses.scales), 3))
@@ -120,7 +120,7 @@ LINE_WIDTHS = {"springs": 3.0, "friction": 1.8, "ink": 3.0, "sheet": 1.5}  # [px
 
 
 def segments(node: Lines, frame: int) -> Single:
-    """Lines (n, 2, 3) [m] between the places of all strips at a frame."""
+    """Line segments (n, 2, 3) [m] between successive points of all strips at a frame."""
     strips = (strip[min(frame, len(strip) - 1)] for strip in node.strips)
     return np.concatenate([np.stack([strip[:-1], strip[1:]], axis=1) for strip in strips])
 
@@ -153,7 +153,7 @@ class LineNodes:
             node.visible = path in self._lines and self._on[self._lines[path].group]
 
     def switch(self, group: str, on: bool) -> None:
-        """Draw a group, or no more."""
+        """Show or hide a group."""
         self._on[group] = on
         for path, lines in self._lines.items():
             if lines.group == group:
@@ -174,7 +174,7 @@ class LineNodes:
                     node.points = segments(lines, frame)
 
     def tracks(self, frames: int) -> Iterator[PointTrack]:
-        """How all lines move over the run, if they are on."""
+        """Tracks of the moving lines that are on."""
         for path, lines in self._lines.items():
             if self._on[lines.group] and lines.moves:
                 flat = [np.stack([s[:, :-1], s[:, 1:]], axis=2).reshape(frames, -1) for s in lines.strips]

@@ -1,4 +1,4 @@
-"""The camera: presets, and the whole motion in the free part of the picture, nearly without perspective in 2D. Light and ground."""
+"""The camera: presets, and views that show the whole motion, nearly without perspective in 2D. Lights and grid."""
 
 from __future__ import annotations
 
@@ -17,23 +17,23 @@ from mechviz.outputs.viewer.viser_adapter import run_script
 from mechviz.picture.proportions import ANGLED, is_deep
 from mechviz.scene.units import Units
 
-FIELD_OF_VIEW = np.radians(18.0)  # little perspective: lengths can be compared, and yet plates have thickness
-FLAT_FIELD_OF_VIEW = np.radians(1.5)  # viser has no orthographic camera; from this far away nothing is seen of perspective
+FIELD_OF_VIEW = np.radians(18.0)  # little perspective: lengths can be compared, and the thickness of plates can be seen
+FLAT_FIELD_OF_VIEW = np.radians(1.5)  # viser has no orthographic camera; with this angle perspective is not noticeable
 VIEW_MARGIN = 0.05  # around the mechanism, of its extent
-WIDEST_VIEW = 1.22  # times the mechanism: more of the picture is not left for arrows
-ROOM_STEPS = 16  # in which the room for arrows is made smaller, until the mechanism is large enough
-TOP_VIEW_TILT = 1e-3  # seen from the top, y is still up: the camera stands so little in front of the mechanism
+WIDEST_VIEW = 1.22  # largest height of the view over that of the mechanism alone: limits the room for arrows
+ROOM_STEPS = 16  # steps in which the room for arrows is reduced until the mechanism is large enough
+TOP_VIEW_TILT = 1e-3  # z over y of the direction of the top view: small, but not zero, so that y is still up in the picture
 SETTLING_TIME = 0.25  # [s] without a change before the view is fitted anew
 UNMOVED_DISTANCE = 1e-2  # of the distance: a camera this near to a view that was set has not been moved by the user
-UNSHIFTED_TARGET = 1e-3  # of the height that is seen: nor has one that looks at a place this near to that of the view
-FITTING_TOLERANCE = 2e-3  # of the distance: a view this near to the best one is left alone (the pixels of a picture are rounded)
-MOST_KNOWN = 500  # views that browsers have been given and may still report
-VISER_FIRST = (3.0, 3.0, 3.0)  # [m] from which viser's pages look at the origin, until they have heard of another view
-MOST_NEAR = 1e-3  # of the distance of a view: so near the wheel brings the camera (viser's own limit is 10 mm)
+UNSHIFTED_TARGET = 1e-3  # of the visible height: the same limit for the point at which the camera looks
+FITTING_TOLERANCE = 2e-3  # of the distance: a view this near to the best one is kept (pixel sizes of a picture are rounded)
+MOST_KNOWN = 500  # number of views that have been sent to browsers and may still be reported
+VISER_FIRST = (3.0, 3.0, 3.0)  # [m] camera position in viser's pages, looking at the origin, until they receive another view
+MOST_NEAR = 1e-3  # of the distance of a view: nearest distance by the mouse wheel (viser's own limit is 10 mm)
 USUAL_ASPECT = 0.9  # of the picture between the docked panels, until the browser has sent its own
 
-# In 2D dragging moves the mechanism in its plane and the wheel brings nearer what is below the pointer; elsewhere dragging turns.
-# viser has no call for that: the script looks for the hook that its page shows, and without it dragging turns as ever.
+# In 2D, dragging moves the mechanism in its plane and the wheel zooms at the pointer; in other views dragging rotates. viser has no
+# function for it: the script uses a hook that viser's page exposes; without the hook, dragging rotates in 2D as well.
 DRAGGING_SCRIPT = """
 { const controls = (window.__viserMutable || {}).cameraControl, action = controls && controls.constructor.ACTION;
   if (action && action.TRUCK !== undefined) {
@@ -44,8 +44,8 @@ DRAGGING_SCRIPT = """
   } }
 """
 
-# viser's own button "Reset View" brings the camera to where it first was, but leaves the angle of view and the dragging of 2D: it
-# is made to press our button of the first preset, which brings all of it back.
+# viser's own button "Reset View" moves the camera to its first position, but keeps the field of view and the dragging of 2D: here
+# it is made to press our button of the first preset, which resets everything.
 RESET_SCRIPT = """
 { const viser = window.__viserMutable;
   if (viser && viser.resetCameraPose && viser.sendMessage) {
@@ -62,8 +62,8 @@ RESET_SCRIPT = """
 
 @dataclass(frozen=True)
 class Preset:
-    """A direction from which the mechanism is looked at, ``away`` from it to the camera, and the angle of view [rad]; ``ground``:
-    the grid lies below the mechanism, else behind it."""
+    """A viewing direction, ``away`` from the mechanism towards the camera, and the field of view ``fov`` [rad]; ``ground``: the
+    grid lies below the mechanism, otherwise behind it."""
 
     label: str
     away: tuple[float, float, float]
@@ -84,7 +84,7 @@ VIEW_PRESETS: Mapping[str, Preset] = {
 
 @dataclass(frozen=True)
 class View:
-    """Where the camera is and what it looks at [m], and the angle of view [rad]."""
+    """Position and target of the camera [m], and its field of view [rad]."""
 
     position: Real
     look_at: Real
@@ -96,14 +96,14 @@ class View:
 
     @property
     def height(self) -> float:
-        """Size of the visible part of the plane that is looked at [m]."""
+        """Visible height of the plane through the target [m]."""
         return float(2.0 * self.distance * np.tan(0.5 * self.fov))
 
 
 def fit_view(bounds: Real, aspect: float, preset: Preset = VIEW_PRESETS["front"], core: Real | None = None) -> View:
-    """The view on a box ``bounds`` (2, 3) [m] for a picture of width over height ``aspect``; y is up in all of them.
+    """The view of a box ``bounds`` (2, 3) [m] for a picture of width over height ``aspect``; y is up in all views.
 
-    Of what reaches beyond the box ``core`` only so much is shown as leaves this large.
+    ``core``: a box that must appear large (see `WIDEST_VIEW`); the box ``bounds`` is reduced towards it as far as necessary.
     """
     if core is not None:
         most = WIDEST_VIEW * _view_on(core, aspect, preset).height
@@ -130,23 +130,23 @@ def _view_on(bounds: Real, aspect: float, preset: Preset) -> View:
 
 
 def first_preset(core: Real) -> str:
-    """The preset with which browsers begin: from the front, unless one part of the mechanism in a box (2, 3) [m] hides the
-    others."""
+    """Name of the preset with which browsers begin: front, or angled if the box ``core`` (2, 3) [m] of the mechanism is so deep
+    that one part hides the others."""
     return "angled" if is_deep(core) else "front"
 
 
 def reset_to(server: viser.ViserServer, uuid: str, label: str) -> None:
-    """Let viser's "Reset View" press a button of a group of buttons, in every browser."""
+    """Make viser's "Reset View" press the button ``label`` of the group ``uuid``, in every browser."""
     run_script(server, RESET_SCRIPT.replace("UUID", json.dumps(uuid)).replace("LABEL", json.dumps(label)), "reset")
 
 
 class FittedCameras:
     """Keeps the view of every browser fitted to its window, also when that changes, until its user moves the camera.
 
-    While a page builds up, its window changes several times, and viser itself sets the camera more than once. So the view is
-    looked at only when nothing has changed for a while, and every view that was ever set counts as not moved by the user. So does
-    every first view, which a busy page takes when it comes to that, even after it has been given another one, and every view from
-    the first direction that another browser was given: a page that has lost its connection comes back as a new one.
+    While a page loads, its window changes several times, and viser itself sets the camera more than once. So the view is checked
+    only when nothing has changed for a while, and every view that was ever set counts as not moved by the user. The same holds for
+    the first views, which a busy page may apply late, after it has been sent another view, and for the views of the first preset
+    sent to any browser: a page that lost its connection returns as a new browser.
     """
 
     def __init__(self, server: viser.ViserServer, bounds: Real, core: Real, stage: Backdrop):
@@ -158,11 +158,11 @@ class FittedCameras:
         self._begin_with(bounds, core)
 
     def close(self) -> None:
-        """Let the cameras be: another one looks after them."""
+        """Stop controlling the cameras: another object takes over."""
         self._closed = True
 
     def follow(self, client: viser.ClientHandle) -> None:
-        """From now on, fit the view of a browser that has just come."""
+        """Start fitting the view of a browser that has just connected."""
         if self._closed:
             return
         self._stage.face(client, ground=VIEW_PRESETS[self.preset(client)].ground)
@@ -182,23 +182,23 @@ class FittedCameras:
         client.camera.on_update(update)
 
     def follow_bounds(self, bounds: Real, core: Real) -> None:
-        """The mechanism has another extent: fit the views that nobody moved, and let new browsers begin with it."""
+        """Take a new extent of the mechanism: fit the views that no user has moved, and start new browsers with it."""
         self._begin_with(bounds, core)
         self._between_reports(self._fit_all)
 
     def release(self, client: viser.ClientHandle) -> None:
-        """A browser's view counts as not moved by its user, who has made what is seen another thing."""
+        """Let the present view of a browser count as not moved by its user, because its user has replaced the mechanism."""
         camera = client.camera
         self._own.setdefault(client.client_id, []).append(View(np.asarray(camera.position), np.asarray(camera.look_at)))
 
     def forget(self, client: viser.ClientHandle) -> None:
-        """The browser has gone."""
+        """Drop the state of a browser that has disconnected."""
         self._own.pop(client.client_id, None)
         self._presets.pop(client.client_id, None)
         self._stage.forget(client)
 
     def preset(self, client: viser.ClientHandle) -> str:
-        """The preset that a browser has chosen last."""
+        """The preset last chosen in a browser."""
         return self._presets.get(client.client_id) or self.first
 
     @property
@@ -207,20 +207,21 @@ class FittedCameras:
         return first_preset(self._core)
 
     def look(self, client: viser.ClientHandle, preset: str) -> None:
-        """Bring a browser's camera to one of the ``VIEW_PRESETS``, and follow its window again. In 2D it cannot be turned."""
+        """Move a browser's camera to one of the ``VIEW_PRESETS`` and fit it to its window again. In 2D, dragging does not
+        rotate."""
         self._presets[client.client_id] = preset
         run_script(client, DRAGGING_SCRIPT.replace("FLAT", json.dumps(preset == "flat")), "dragging")
         self._stage.face(client, ground=VIEW_PRESETS[preset].ground)
         self._between_reports(partial(self._bring, client))
 
     def _between_reports(self, act: Callable[[], None]) -> None:
-        """Do what moves cameras on viser's thread, which also takes down what browsers report: a report in the midst of `move_to`
-        that the camera is there already would keep the last step from being sent, and the first would count."""
+        """Run ``act``, which moves cameras, in viser's thread, which also stores the reports of browsers. Otherwise a report during
+        `move_to` that the camera is already there would suppress the last of its messages, and the first would count."""
         with suppress(RuntimeError):  # the server has been stopped
             self._server.get_event_loop().call_soon_threadsafe(act)
 
     def _bring(self, client: viser.ClientHandle) -> None:
-        """Bring a browser's camera to its preset, wherever it is."""
+        """Move a browser's camera to its preset, wherever it is."""
         camera = client.camera
         aspect = camera.image_width / camera.image_height if min(camera.image_height, camera.image_width) > 0 else USUAL_ASPECT
         self._set(client, fit_view(self._bounds, aspect, VIEW_PRESETS[self.preset(client)], self._core))
@@ -230,7 +231,7 @@ class FittedCameras:
             self._fit(client, client.camera)
 
     def _begin_with(self, bounds: Real, core: Real) -> None:
-        """The view of new browsers and of viser's own "Reset View"."""
+        """Set the view of new browsers and of viser's own "Reset View"."""
         self._bounds, self._core = bounds, core
         view = fit_view(bounds, USUAL_ASPECT, VIEW_PRESETS[self.first], core)
         self._share(view)
@@ -243,12 +244,12 @@ class FittedCameras:
         camera.look_at = view.look_at
 
     def _fit(self, client: viser.ClientHandle, camera: viser.CameraHandle) -> None:
-        """Fit the view, unless the user has moved the camera or the view fits already."""
+        """Fit the view, unless the user has moved the camera or the view already fits."""
         if self._closed or camera.image_height <= 0 or camera.image_width <= 0:
             return
         view = fit_view(self._bounds, camera.image_width / camera.image_height, VIEW_PRESETS[self.preset(client)], self._core)
         known = [*self._shared, *self._own.get(client.client_id, [])]
-        # of one known position, and of one known target: viser may have set only one of the two
+        # near any known position and near any known target: viser may have set only one of the two
         near = UNMOVED_DISTANCE * view.distance
         # a 2D view is far away, yet looks at the same extent
         beside = UNSHIFTED_TARGET * 2.0 * view.distance * np.tan(view.fov / 2.0)
@@ -269,17 +270,17 @@ class FittedCameras:
         move_to(client, view)
 
     def _share(self, view: View) -> None:
-        """Browsers are given this view from the first direction."""
+        """Remember a view of the first preset as one that browsers have been sent."""
         self._shared.append(view)
         del self._shared[1 : len(self._shared) - MOST_KNOWN]
 
 
 def move_to(client: viser.ClientHandle, view: View) -> None:
-    """Put a browser's camera to a view, wherever the browser last said that its camera was.
+    """Set a browser's camera to a view, whatever position the browser reported last.
 
-    viser sends nothing to a camera that is there already, by the last message of the browser. A browser that is busy drawing sends
-    later, so that a click right after a turn of the mouse wheel would be lost: hence each value is set to another one first, of
-    which nothing is sent, as only the last one counts.
+    viser sends nothing if the camera is already there according to the last message of the browser. A busy browser reports late, so
+    that a click right after a turn of the mouse wheel would have no effect. Therefore each value is first set to a different one,
+    which is not sent, as only the last value of the block is.
     """
     camera, distance = client.camera, view.distance
     nearest = min(MOST_NEAR * distance, 0.5 * camera.max_orbit_distance)
@@ -300,7 +301,7 @@ GRID_COLORS = {False: ((228, 231, 235), (208, 213, 219)), True: ((44, 48, 55), (
 
 
 def grid_cell(size: float, units: Units) -> float:
-    """A length [m] near a tenth of the mechanism's size that is round (1, 2 or 5 times a power of ten) where people read it."""
+    """A length [m], at most a tenth of the mechanism's size, that is round (1, 2 or 5 times a power of ten) in display units."""
     _, factor = units.reads("m")
     wanted = factor * size / 10.0
     decade = 10.0 ** np.floor(np.log10(wanted))
@@ -308,10 +309,10 @@ def grid_cell(size: float, units: Units) -> float:
 
 
 class Backdrop:
-    """Lights, and a grid below the mechanism or in the plane behind everything, light or dark as the page is.
+    """Lights, and a grid below the mechanism or in the plane behind everything, in the colours of a light or dark page.
 
-    The lights are our own: viser's default environment reflects a city in the arrows, so that they lose the colours of the legend,
-    and shadows double what a picture costs.
+    The lights replace viser's: its default environment map reflects a city in the arrows, so that they lose the colours of the
+    legend, and shadows double the time of drawing.
     """
 
     def __init__(self, server: viser.ViserServer, bounds: Real, size: float, units: Units):
@@ -325,11 +326,11 @@ class Backdrop:
         scene.world_axes.visible = False
         self.cell = grid_cell(size, units)
         self._bounds, self._size = bounds, size
-        self._grids: dict[int, viser.GridHandle] = {}  # by browser: each looks from where it likes
+        self._grids: dict[int, viser.GridHandle] = {}  # by browser: each has its own view
         self._on, self._dark = True, False
 
     def face(self, client: viser.ClientHandle, *, ground: bool) -> None:
-        """Put the grid of a browser below the mechanism, as its ground, or behind it."""
+        """Place the grid of a browser below the mechanism (``ground``) or behind it."""
         section = 5.0 * self.cell
         extent = np.ceil(5.0 * self._size / section) * section
         # Whole sections, so that the lines stand at round coordinates
@@ -355,17 +356,17 @@ class Backdrop:
         )
 
     def forget(self, client: viser.ClientHandle) -> None:
-        """The browser has gone."""
+        """Drop the grid of a browser that has disconnected."""
         self._grids.pop(client.client_id, None)
 
     def switch(self, on: bool) -> None:
-        """Draw the grid, or not."""
+        """Show or hide the grid."""
         self._on = on
         for grid in self._grids.values():
             grid.visible = on
 
     def darken(self, dark: bool) -> None:
-        """Take the colours for a dark page or for a light one."""
+        """Use the colours for a dark or a light page."""
         self._dark = dark
         for grid in self._grids.values():
             grid.cell_color, grid.section_color = GRID_COLORS[dark]

@@ -1,7 +1,7 @@
-"""Graphical constructions beside the mechanism, true to scale in its own metres, and those that are drawn on it.
+"""Graphical constructions beside the mechanism, to scale in the coordinates of the scene, and constructions drawn on it.
 
-Plans, force polygons and polar plots stand side by side with the mechanism, as lines with labels that move with the frame; strings,
-centrodes and substitute masses lie on the mechanism. Every construction has a switch of its own.
+Velocity and acceleration polygons, force polygons and polar plots stand beside the mechanism, as lines with labels that move with
+the frame; funicular polygons, centrodes and substitute masses lie on the mechanism. Every construction has its own switch.
 """
 
 from __future__ import annotations
@@ -26,21 +26,21 @@ from mechviz.picture.constructions import Drawing, grid_columns
 from mechviz.picture.nodes import ArrowSet, Color, Lines, Node, Points
 from mechviz.picture.overlays import HIDDEN_DIAGRAMS, INVERSION_GROUP, INVERSION_TITLE, SECTION_DIAGRAMS
 
-BARB_LENGTH = 0.035  # length of the lines of an arrow's head, in sizes of the mechanism; of short arrows a third of their length
+BARB_LENGTH = 0.035  # length of the lines of an arrowhead, in sizes of the mechanism; at most a third of the arrow's length
 BARB_ANGLE = 0.36  # [rad]
-DRAWING_GAP = 0.22  # between the mechanism and what stands beside it, in its sizes
+DRAWING_GAP = 0.22  # between the mechanism and the drawings beside it, in sizes of the mechanism
 HEADING_LINE = 17.0  # [px] height of a line of the heading above a drawing
-HEADING_LINES = 4  # of a heading: what is drawn, its scale, a legend in up to two rows
+HEADING_LINES = 4  # lines of a heading: title, scale, a legend in up to two rows
 SWATCH_LENGTH = 10.0  # [px] length of a line of the legend
-LAYOUT_ROUNDS = 3  # in which the room of headings and the scale of the picture, each of which follows from the other, are found
+LAYOUT_ROUNDS = 3  # iterations of the layout: the room for headings and the scale of the picture depend on each other
 LEAST_LABEL = 0.035  # a side shorter than this, in sizes of the mechanism, has no label: it would hide its neighbours
-LEAST_SCREEN = 400  # [px] in a picture less wide or high than this there is no room for legends
-USUAL_SCREEN = (560, 520)  # [px] part of a window that the view takes, until a browser has sent its own
-SAME_LABEL_DISTANCE = 0.045  # a point this near to another one, in sizes of the mechanism, leaves the label to that one
+LEAST_SCREEN = 400  # [px] a picture less wide or high than this has no room for legends
+USUAL_SCREEN = (560, 520)  # [px] assumed size of the picture, until a browser has sent its own
+SAME_LABEL_DISTANCE = 0.045  # a point this near to an earlier one, in sizes of the mechanism, has no label of its own
 
 
 DIAGRAM_ANCHORS = dict(zip(SECTION_DIAGRAMS, ("bottom-left", "top-left", "bottom-right"), strict=True))
-"""Of the labels of diagrams whose largest ordinates may lie beside each other."""
+"""Anchors of the labels of section diagrams, whose largest ordinates may lie beside each other."""
 OVERLAY_GROUPS = {
     "Centrodes": ("polodes", "polode"),
     "Funicular polygon": ("funicular",),
@@ -50,11 +50,11 @@ OVERLAY_GROUPS = {
     **{words: (group,) for group, (words, _) in CENTRE_GROUPS.items()},
     **{diagram.title: (group,) for group, diagram in SECTION_DIAGRAMS.items()},
 }
-"""Groups of the picture by the words of their switch."""
+"""Groups of the picture by the label of their switch."""
 
 
 def on_light(color: Color) -> Color:
-    """A colour of the drawings, which are made for a dark ground, on a light one."""
+    """A colour of the drawings, which is chosen for a dark background, for a light background."""
     if min(color) > 200:  # white becomes black
         return (34, 38, 46)
     red, green, blue = (int(0.68 * c) for c in color)
@@ -67,18 +67,18 @@ def readable_color(color: Color) -> str:
 
 
 def faint(color: Color, dark: bool) -> Color:
-    """A colour half way to the ground."""
+    """A colour half way to that of the background."""
     red, green, blue = (int(0.5 * c + (12 if dark else 128)) for c in color)
     return red, green, blue
 
 
 def _as_light(colors: Sequence[Color] | NDArray[Any]) -> NDArray[np.uint8]:
-    """Colours (n, 3) of single lines: viser's shader takes them as light, not as screen colours (gamma 2.2)."""
+    """Colours (n, 3) for lines: viser's shader takes them as linear light, not as screen colours (gamma 2.2)."""
     return np.round(255.0 * (np.array(colors, float) / 255.0) ** 2.2).astype(np.uint8)
 
 
 def arrow_lines(start: Complex, vector: Complex, heads: Flags, barb: float) -> Complex:
-    """Lines (3 n, 2) of arrows (n,): shafts first, then both lines of each head, of no length where there is none."""
+    """Line segments (3 n, 2) of arrows (n,): shafts, then both lines of each head, of zero length for arrows without head."""
     finite = np.isfinite(start) & np.isfinite(vector)
     start, vector = np.where(finite, start, 0.0), np.where(finite, vector, 0.0)
     end = start + vector
@@ -89,8 +89,8 @@ def arrow_lines(start: Complex, vector: Complex, heads: Flags, barb: float) -> C
 
 
 def placed(mechanism: Real, boxes: Sequence[Real], gap: float, caption: float, aspect: float = 1.0) -> list[complex]:
-    """Shifts that put boxes (2, 2) [m] beside and below that of the mechanism, in rows, none over another; as large as can be in a
-    picture of width over height ``aspect``."""
+    """Shifts (complex) [m] that place boxes (2, 2) [m] beside and below that of the mechanism, in rows, without overlap, arranged
+    so that they are as large as possible in a picture of width over height ``aspect``."""
     sizes = [mechanism[1] - mechanism[0], *(b[1] - b[0] for b in boxes)]
     widths, heights = [float(s[0]) + gap for s in sizes], [float(s[1]) + gap + caption for s in sizes]
     shifts: list[complex] = []
@@ -107,7 +107,7 @@ def placed(mechanism: Real, boxes: Sequence[Real], gap: float, caption: float, a
 
 
 def _room(drawing: Drawing, heading: Mapping[str, float], per_pixel: float) -> Real:
-    """The box (2, 2) [m] of a drawing, at least as wide as the lines of its heading, whose sizes are given."""
+    """The box (2, 2) [m] of a drawing, at least as wide as its heading; ``heading``: letter sizes by line."""
     widths = half_sizes(list(heading), per_pixel)[:, 0] * list(heading.values())
     middle, half = drawing.bounds[:, 0].mean(), float(widths.max())
     return np.array(
@@ -116,7 +116,7 @@ def _room(drawing: Drawing, heading: Mapping[str, float], per_pixel: float) -> R
 
 
 def _apart(z: Complex, least: float) -> Complex:
-    """Points (n,), those that are nearer than ``least`` to one before them made NaN: that one has the label."""
+    """Points (n,), with NaN for those that are nearer than ``least`` to an earlier one, which has the label."""
     out = np.array(z, complex)
     for k in range(1, len(out)):
         with np.errstate(invalid="ignore"):
@@ -127,7 +127,7 @@ def _apart(z: Complex, least: float) -> Complex:
 
 @dataclass(frozen=True, eq=False)
 class Construction:
-    """Nodes of one switch: ``nodes`` and how they are brought to a frame."""
+    """The ``nodes`` of one switch, and the function ``show`` that moves them to a frame; ``moves``: whether they change at all."""
 
     nodes: tuple[viser.LineSegmentsHandle | viser.LabelHandle | viser.IcosphereHandle, ...]
     show: Callable[[int], None]
@@ -135,7 +135,7 @@ class Construction:
 
 
 class PolygonNodes:
-    """All constructions of a run by the words of their switches; ``show`` brings those that are on to a frame."""
+    """All constructions of a run by the labels of their switches; ``show`` moves those that are on to a frame."""
 
     def __init__(self, server: viser.ViserServer, view_model: ViewModel):
         self._server = server
@@ -148,7 +148,7 @@ class PolygonNodes:
         self.update(view_model)
 
     def fit(self, screen: tuple[int, int]) -> bool:
-        """Lay the drawings out anew for a picture of this width and height [px]; whether there are any, and they moved."""
+        """Arrange the drawings for a picture of this width and height [px]; return whether they were arranged anew."""
         moved = bool(self.places) and self.screen != screen
         self.screen = screen
         if moved:
@@ -156,15 +156,15 @@ class PolygonNodes:
         return moved
 
     def update(self, view_model: ViewModel) -> None:
-        """Draw the constructions of ``view_model`` instead of those so far; of a recording as it holds them."""
+        """Replace the constructions by those of ``view_model``."""
         for construction in self.constructions.values():
             for node in construction.nodes:
-                if self._server.scene.get_handle_by_name(node.name) is node:  # it goes with the node that it lies below
+                if self._server.scene.get_handle_by_name(node.name) is node:  # a child node is removed with its parent
                     node.remove()
         self.constructions = {}
         self._lines_painted, self._balls_painted = [], []
         self.bounds: Real | None = None
-        """Box (2, 2) [m] around what stands beside the mechanism."""
+        """Box (2, 2) [m] around the drawings beside the mechanism."""
         self.places: Mapping[str, complex] = {}
         self._view_model = view_model
         self._size, self._units = view_model.size, view_model.units
@@ -184,21 +184,21 @@ class PolygonNodes:
 
     @property
     def moves(self) -> bool:
-        """Whether something is drawn that changes from frame to frame."""
+        """Whether any construction that is on changes from frame to frame."""
         return any(self._on[name] and c.moves for name, c in self.constructions.items())
 
     def is_on(self, name: str) -> bool:
-        """Whether a construction is drawn; True of names that are none."""
+        """Whether a construction is on; True for unknown names."""
         return self._on.get(name, True)
 
     def switch(self, name: str, on: bool) -> None:
-        """Draw a construction from the next ``show`` on, or no more."""
+        """Show or hide a construction."""
         self._on[name] = on
         for node in self.constructions[name].nodes:
             node.visible = on
 
     def darken(self, dark: bool) -> None:
-        """Take the colours for a dark page or for a light one."""
+        """Use the colours for a dark or a light page."""
         self._dark = dark
         for lines, colors, pale in self._lines_painted:
             lines.colors = self._shades(colors, pale)
@@ -212,7 +212,7 @@ class PolygonNodes:
 
     # -- inside -------------------------------------------------------------------------------------------------------
     def _lay_out(self, drawings: Mapping[str, Drawing]) -> None:
-        """Places beside the mechanism, with room for headings, whose letters are as large in every window."""
+        """Find the positions of the drawings beside the mechanism, with room for headings, whose letters have a fixed size [px]."""
         box = self._view_model.bounds[:, :2]
         per_pixel = float(np.max(np.ptp(box, axis=0) / self.screen))
         for _ in range(LAYOUT_ROUNDS if drawings else 0):
@@ -229,7 +229,7 @@ class PolygonNodes:
         self._per_pixel = per_pixel
 
     def _titles(self, drawing: Drawing) -> dict[str, float]:
-        """The scale of a drawing, where it has one, and its title, with the sizes of their letters."""
+        """Sizes of letters by line of text: the scale of a drawing, if it has one, and its title."""
         lines = {scale(self._units, drawing.unit, drawing.per_metre, self._size): 0.8} if drawing.per_metre else {}
         return lines | {drawing.title.split(":")[0]: 1.0}
 
@@ -257,7 +257,7 @@ class PolygonNodes:
     def _lines(
         self, path: str, points: Single, colors: Sequence[Color], width: float, *, pale: bool = False
     ) -> viser.LineSegmentsHandle:
-        """Lines (n, 2, 3) of the world in ``colors`` for a dark ground, ``pale``: half way to the ground."""
+        """A node of line segments (n, 2, 3) [m] in ``colors`` for a dark background; ``pale``: half way to the background."""
         node = self._server.scene.add_line_segments(
             path, points, self._shades(colors, pale), thickness=width, thickness_units="screen"
         )
@@ -268,7 +268,7 @@ class PolygonNodes:
         return self._server.scene.add_label(path, typeset(text), anchor=anchor, font_screen_scale=large)
 
     def _drawing(self, name: str, drawing: Drawing, at: complex) -> Construction:
-        """Arrows with labels at their middles, points with names, and a caption with the scale."""
+        """Nodes of a drawing: arrows with labels at their middles, labelled points, curves, and a heading with the scale."""
         strokes, marks, size = drawing.strokes, drawing.marks, self._size
         path = f"/drawings/{name}"
         frames = self._view_model.frames
@@ -312,8 +312,8 @@ class PolygonNodes:
     def _heading(
         self, path: str, drawing: Drawing, at: complex
     ) -> tuple[list[viser.LineSegmentsHandle | viser.LabelHandle], list[tuple[complex, Real]]]:
-        """The title of a drawing, its scale and the meanings of its colours, in lines above it; and where they stand: middles and
-        half sizes."""
+        """Nodes of the title of a drawing, its scale and its legend, in lines above it; and the boxes that they occupy, as centres
+        and half sizes."""
         low, high = drawing.bounds + np.array([at.real, at.imag])
         per_pixel = self._per_pixel
         middle, line, swatch = 0.5 * (low[0] + high[0]), HEADING_LINE * per_pixel, SWATCH_LENGTH * per_pixel
@@ -353,7 +353,7 @@ class PolygonNodes:
         return nodes, taken
 
     def _stand(self, labels: Iterable[Any], places: Iterable[Any]) -> None:
-        """Put labels at places x + iy of the plane; those without a place are hidden."""
+        """Move labels to points x + iy of the plane; labels whose point is NaN are hidden."""
         for label, z in zip(labels, places, strict=True):
             seen = bool(np.isfinite(z))
             if label.visible != seen:
@@ -362,7 +362,7 @@ class PolygonNodes:
                 label.position = (z.real, z.imag, self._z)
 
     def _overlay(self, drawn: Sequence[Node]) -> Construction:
-        """Lines, arrows and points of the picture that a construction draws on the mechanism."""
+        """The construction of lines, arrows and points of the picture that are drawn on the mechanism."""
         nodes: list[viser.LineSegmentsHandle | viser.LabelHandle | viser.IcosphereHandle] = []
         shows: list[Callable[[int], None]] = []
         for node in drawn:
@@ -414,7 +414,7 @@ def _arrow_segments(node: ArrowSet, frame: int, size: float) -> Single:
 
 
 def _bend(node: Lines, lines: Any, named: Sequence[tuple[int, Any]], middle: Real, frame: int) -> None:
-    """Lines of a frame, with labels at the middles of straight ones, of others where they pass nearest to a ``middle`` (2,)."""
+    """Move lines to a frame; labels go to the middles of straight lines, on other lines to the point nearest to ``middle`` (2,)."""
     lines.points = segments(node, frame)
     for k, label in named:
         strip = node.strips[k][frame]
@@ -423,7 +423,7 @@ def _bend(node: Lines, lines: Any, named: Sequence[tuple[int, Any]], middle: Rea
 
 
 def _point(node: ArrowSet, arrows: Any, named: Sequence[tuple[int, Any]], size: float, room: float, frame: int) -> None:
-    """Arrows of a frame, with labels ``room`` [m] beyond their tips; of none that has no length."""
+    """Move arrows to a frame; labels go ``room`` [m] beyond their tips, those of arrows of zero length are hidden."""
     arrows.points = _arrow_segments(node, frame, size)
     for k, label in named:
         vector = node.vectors[frame, k]
@@ -435,7 +435,7 @@ def _point(node: ArrowSet, arrows: Any, named: Sequence[tuple[int, Any]], size: 
 
 
 def _dot(node: Points, dots: Sequence[tuple[Any, Any]], frame: int) -> None:
-    """Balls of a frame with their labels."""
+    """Move balls and their labels to a frame; those without a position are hidden."""
     for k, (ball, label) in enumerate(dots):
         place = node.places[frame, k]
         seen = bool(np.isfinite(place).all())

@@ -1,4 +1,4 @@
-"""Handles in the picture itself: pivots of the fixed link are dragged, and points are traced by a click."""
+"""Handles in the picture itself: pivots of the fixed link can be dragged, and points traced by a click."""
 
 from __future__ import annotations
 
@@ -22,21 +22,21 @@ from mechviz.scene.faults import SceneError
 
 @dataclass(frozen=True)
 class Pivot:
-    """A point of the fixed link whose coordinates stand in the scene."""
+    """A point of the fixed link whose coordinates are values of the scene."""
 
     name: str
     x: Parameter
     y: Parameter
-    metres: tuple[float, float]  # in one unit of x and of y
+    metres: tuple[float, float]  # length of the unit of x and of y [m]
 
     @property
     def place(self) -> tuple[float, float]:
-        """Where it is [m]."""
+        """Position [m]."""
         return self.x.value * self.metres[0], self.y.value * self.metres[1]
 
 
 def pivots_of(session: EditSession) -> dict[str, Pivot]:
-    """The points of the fixed link that joints use, by name: from its table of points, or from the sketch."""
+    """The points of the fixed link that joints use, by name; their coordinates are in its table of points, or in the sketch."""
     scene = session.run.scene
     document = scene.document
     units = document.unit_system
@@ -58,25 +58,25 @@ def pivots_of(session: EditSession) -> dict[str, Pivot]:
 
 
 class Pivots:
-    """Handles that are made when they are first wanted; ``update`` puts them where the pivots are."""
+    """Handles, made when they are first switched on; ``update`` moves them to the pivots."""
 
     def __init__(self, server: viser.ViserServer, session: EditSession, callback: Callback):
         self._server, self._session, self._callback = server, session, callback
         self._nodes: dict[str, Any] = {}
         self._pivots: Mapping[str, Pivot] = {}
         self._held = ""
-        self._asked: dict[str, float] = {}  # values that the drag so far asks for, drawn or not yet
+        self._asked: dict[str, float] = {}  # values that the present drag has requested, whether shown yet or not
         self.on = False
 
     def switch(self, on: bool) -> None:
-        """Show the handles, or no more."""
+        """Show or hide the handles."""
         self.on = on
         self.update(self._session.view_model)
         for node in self._nodes.values():
             node.visible = on
 
     def update(self, view_model: ViewModel) -> None:
-        """Put the handles where the pivots are, except for the one that is held."""
+        """Move the handles to the pivots, except for the one being dragged."""
         if not self.on:
             return
         self._pivots = pivots_of(self._session)
@@ -118,7 +118,8 @@ CLICK_DISTANCE = 0.02  # of the mechanism's size: a click this near to a named p
 def traced_at(
     view_model: ViewModel, link: str, frame: int, origin: Sequence[float], direction: Sequence[float]
 ) -> tuple[float, float, float]:
-    """Where the ray of a click meets a link, x, y [m] in its own frame, and how near a named point would mean that one."""
+    """The point where the ray of a click meets the front plane of a link: x, y [m] in its frame, and the distance [m] within which
+    a named point is taken instead. Raises ValueError for a ray parallel to the plane, or one that is not finite."""
     vertices = np.concatenate([piece.vertices for piece in view_model.bodies[link].pieces])
     height = float(vertices[:, 2].max())
     start, along = np.asarray(origin, float), np.asarray(direction, float)
@@ -131,8 +132,8 @@ def traced_at(
 
 
 def with_traced(draft: Draft, link: str, click: tuple[float, float, float]) -> Draft:
-    """A draft that traces a place of a link: one of its points if one is near, else a new one. Raises `SceneError` where the
-    link's points are placed by the sketch."""
+    """A draft in which the clicked point of a link is traced, or no longer traced: a named point if one is near, otherwise a new
+    one. Raises `SceneError` if a new point is needed and the sketch places the link's points."""
     scene = draft.scene()
     spec = {s.name: s for s in scene.mechanism.links}[link]
     x, y, near = click

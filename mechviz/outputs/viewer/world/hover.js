@@ -1,8 +1,9 @@
-// Names and values at the pointer, and values beside arrows: see marks.py. viser tells nothing of a pointer that only hovers, so the page looks by itself: a ray from
-// the camera through the pointer against the named nodes. Where viser's page does not show its scene, nothing happens.
+// Names and values at the pointer, and values beside arrows: see marks.py. viser sends no events for a hovering pointer. So the
+// page intersects a ray from the camera through the pointer with the named nodes. If viser's page does not expose its scene,
+// nothing is shown.
 if (!window.mechvizHover) {
   const hover = { names: {}, told: {}, found: null };
-  const AGAIN = 150; // [ms] after which is looked again while the pointer rests: what moves may have come below it
+  const AGAIN = 150; // [ms] between checks while the pointer rests: moving parts may pass below it
   const box = document.createElement("div");
   box.id = "mechviz-hover";
   box.setAttribute("role", "tooltip");
@@ -19,7 +20,7 @@ if (!window.mechvizHover) {
   const hide = () => { box.style.display = "none"; hover.found = null; };
   const visible = (node) => { for (; node; node = node.parent) if (!node.visible) return false; return true; };
 
-  // -- values of arrows over the frames, and where they end -------------------------------------------------------------
+  // -- values of arrows over the frames, and their ends -----------------------------------------------------------------
   const unpacked = (text) => new Float32Array(Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0)).buffer);
   hover.tell = (told) => {
     for (const name in told) for (const what of ["values", "starts", "tips"]) told[name][what] = unpacked(told[name][what]);
@@ -32,7 +33,7 @@ if (!window.mechvizHover) {
     return `${String(Number(size.toPrecision(digits))).replace("-", "−")} ${told.unit}`;
   };
   const place = (told, what, k, item) => told[what].subarray(3 * (k * told.count + item), 3 * (k * told.count + item) + 3);
-  // The numbers of those that are drawn
+  // The indices of the arrows that are drawn
   const seen = (told, k) => [...Array(told.count).keys()].filter((item) => Number.isFinite(place(told, "tips", k, item)[0]));
 
   const layer = document.createElement("div");
@@ -65,7 +66,7 @@ if (!window.mechvizHover) {
           const [what, , items] = hover.names[name] ?? ["", "", []], own = (items[item] ?? what).replace(/^[^:]*: /, "");
           const words = `${own}: ${value(told, k, item, 4)}`;
           if (plate.textContent !== words) plate.textContent = words;
-          // beyond the head, so far that it stands beside it, in the picture, and not over another one
+          // beyond the head of the arrow, within the picture, and not over another label
           const long = Math.hypot(to[0] - from[0], to[1] - from[1]) || 1, across = (to[0] - from[0]) / long, down = (to[1] - from[1]) / long;
           const wide = plate.offsetWidth / 2, high = plate.offsetHeight / 2, away = Math.abs(across) * wide + Math.abs(down) * high + 3;
           const x = Math.min(Math.max(to[0] + across * away, edge.left + wide), edge.right - wide), y0 = to[1] + down * away;
@@ -87,7 +88,7 @@ if (!window.mechvizHover) {
     if (on && !was) write();
   };
 
-  // The nearest named node on the ray, with the number of the instance where it draws several things.
+  // The nearest named node on the ray, with the index of the instance if the node draws several items.
   const nearest = (viser, canvas) => {
     const edge = canvas.getBoundingClientRect(), camera = viser.camera, Vector3 = camera.position.constructor;
     const x = (2 * (pointer.x - edge.left)) / edge.width - 1, y = 1 - (2 * (pointer.y - edge.top)) / edge.height;
@@ -113,10 +114,10 @@ if (!window.mechvizHover) {
     const viser = window.__viserMutable, canvas = viser && viser.canvas;
     if (!pointer || !canvas || !viser.camera || !viser.nodeRefFromName) return hide();
     let hit = null;
-    try { hit = nearest(viser, canvas); } catch { /* another version of viser draws in other ways: no names */ }
+    try { hit = nearest(viser, canvas); } catch { /* another version of viser: no names */ }
     if (!hit) return hide();
     let [what, more, items] = hover.names[hit.name];
-    // of several arrows all are drawn, or it is not known which they are
+    // with several items, the instance identifies the item only if as many are drawn as expected
     const drawn = hit.part.instancesCount ?? hit.part.count;
     const told = hover.told[hit.name], k = frame();
     if (told && Number.isFinite(k)) {
@@ -136,7 +137,7 @@ if (!window.mechvizHover) {
   const soon = () => { if (!waiting) { waiting = true; requestAnimationFrame(look); } };
   document.addEventListener("pointermove", (event) => {
     const viser = window.__viserMutable, canvas = viser && viser.canvas;
-    // Buttons: the camera is being turned, a handle dragged. A finger covers what it would be told of.
+    // Nothing is shown while a button is pressed (camera turned, handle dragged), nor for touch, as the finger covers the item.
     const over = canvas && event.pointerType !== "touch" && event.buttons === 0 && (canvas === event.target || canvas.parentElement.contains(event.target));
     pointer = over ? { x: event.clientX, y: event.clientY } : null;
     clearInterval(timer);

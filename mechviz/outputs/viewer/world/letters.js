@@ -1,11 +1,11 @@
-// Labels of the scene: letters below the line, and plates of the page's colours: see labels.py. viser draws each letter of a label
-// by itself with the page's own fonts and knows neither; those below the line have places of their own in Unicode's private area.
-// Where viser draws labels in other ways, they are dark on white, and these letters are boxes.
+// Labels of the scene: subscripts, and plates in the colours of the page: see labels.py. viser draws the letters of a label one by
+// one with the fonts of the page and supports neither; subscripts are characters of Unicode's private use area. If another version
+// of viser draws labels differently, plates stay white and subscripts appear as boxes.
 if (!window.mechvizLetters) {
   const FIRST = 0xe000, SMALL = 0.74, DROP = 0.2; // of the size of the font
   const pen = CanvasRenderingContext2D.prototype, { measureText, fillText } = pen;
   const low = /[\ue000-\ue7ff]/;
-  // The pieces of a text: each as high or as low as it is, where it begins, what it measures.
+  // The pieces of a text, normal or subscript: words, start x, drop y, font and measured size; and the total width.
   const pieces = (g, text) => {
     const font = g.font, size = parseFloat(/([\d.]+)px/.exec(font)[1]), found = [];
     let x = 0;
@@ -51,7 +51,7 @@ if (!window.mechvizLetters) {
     if (document.documentElement.dataset.mantineColorScheme === "dark") for (const white in LIGHT) shader = shader.replace(white, LIGHT[white]);
     if (material.fragmentShader !== shader) Object.assign(material, { fragmentShader: shader, needsUpdate: true });
   };
-  // Whenever plates are drawn, they and the letters on them, which may be new, take the colours of the page.
+  // Before plates are drawn, they and the letters on them, which may be new, get the colours of the page.
   const plates = () => {
     const viser = window.__viserMutable, own = viser && viser.scene && viser.scene.__r3f, found = [];
     if (own) (own.root || own).getState().scene.traverse((o) => { if (o.isMesh && o.material.fragmentShader?.includes("0.85 * vAlpha")) found.push(o); });

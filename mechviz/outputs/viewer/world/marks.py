@@ -21,15 +21,15 @@ from mechviz.picture.nodes import MomentArc, Points
 from mechviz.quantities.vectors import VECTOR_FAMILIES
 
 PATH_COLORS = {False: (32, 78, 138), True: (122, 178, 242)}  # light, dark: colour of paths
-PICKED_COLOR = (194, 37, 92)  # colour of the joint that is looked at
-DOT_RADIUS = 0.0085  # radius of a joint's dot, in sizes of the mechanism: small, and yet to be hit with the mouse
+PICKED_COLOR = (194, 37, 92)  # colour of the selected joint
+DOT_RADIUS = 0.0085  # radius of a joint's dot, in sizes of the mechanism: small, but large enough to click on
 
 NAME_DISTANCE = 0.018  # from a joint to its name, in sizes of the mechanism
-MECHANISM_PIXELS = 600.0  # pixels that a mechanism takes on a usual screen: how large names are beside it
+MECHANISM_PIXELS = 600.0  # assumed size of the mechanism on the screen [px], which determines the size of names beside it
 
 
 def path_segments(places: Real) -> Single:
-    """The lines (F - 1, 2, 3) [m] between places (F, 3) [m] one after the other."""
+    """The line segments (F - 1, 2, 3) [m] between successive points (F, 3) [m]."""
     return np.stack([places[:-1], places[1:]], axis=1).astype(np.float32)
 
 
@@ -65,7 +65,7 @@ class Paths:
         self.switch(self._on)
 
     def darken(self, dark: bool) -> None:
-        """Take the colours for a dark page or for a light one."""
+        """Use the colours for a dark or a light page."""
         self._dark = dark
         for line in self._lines.values():
             line.colors = np.array(PATH_COLORS[dark], np.uint8)
@@ -79,19 +79,19 @@ class Paths:
                 node.visible = on and name in self._places
 
     def poses(self, frame: int) -> Iterator[Posed]:
-        """Where the dots are at a frame."""
+        """Positions of the dots at a frame."""
         for name, xyz in self._places.items():
             yield self._dots[name], xyz[frame], None
 
     def tracks(self) -> dict[str, tuple[Real, None]]:
-        """By the name of a node: its places (F, 3) over the frames."""
+        """By name of the node: positions (F, 3) over the frames."""
         return {dot_path(name): (xyz, None) for name, xyz in self._places.items()}
 
 
 class JointMarks:
-    """A dot at every joint that can be clicked, with the names beside it, driven ones marked.
+    """A clickable dot at every joint, with its name, driven joints marked.
 
-    Joints that stay at one place share a dot and a label. ``clicked(names, event)`` is called when somebody clicks on a dot.
+    Joints that coincide in all frames share a dot and a label. ``clicked(names, event)`` is called on a click on a dot.
     """
 
     def __init__(
@@ -112,7 +112,7 @@ class JointMarks:
         driven = {drive.name for drive in view_model.drives}
         self._groups = [(tuple(names), places) for names, places in joint_groups(view_model.joints, 1e-6 * view_model.size)]
         texts = {key: ", ".join(f"{name} (drive)" if name in driven else name for name in key) for key, _ in self._groups}
-        if texts.keys() != self._corners.keys():  # else each name keeps its corner: none jumps about while a slider is dragged
+        if texts.keys() != self._corners.keys():  # otherwise names keep their corners: none jumps while a slider is dragged
             places = np.array([xyz[:, 0] + 1j * xyz[:, 1] for _, xyz in self._groups])
             sides = (
                 corners(
@@ -137,13 +137,13 @@ class JointMarks:
                 self._labels[key].anchor = anchor
 
     def switch(self, on: bool) -> None:
-        """Write the names beside the joints, or not."""
+        """Show or hide the names beside the joints."""
         self._on = on
         for label in self._labels.values():
             label.visible = on
 
     def pick(self, names: Iterable[str]) -> None:
-        """Mark joints as those that are looked at."""
+        """Mark joints as selected, by their colour."""
         self._picked = frozenset(names)
         for key in self._dots:
             color = PICKED_COLOR if self._picked & set(key) else (236, 239, 243)
@@ -151,14 +151,14 @@ class JointMarks:
                 self._dots[key].color = color
 
     def poses(self, frame: int) -> Iterator[Posed]:
-        """Where the dots are at a frame, and the names, where they are written."""
+        """Positions of the dots at a frame, and of the names if they are shown."""
         for key, xyz in self._groups:
             yield self._dots[key], xyz[frame], None
             if self._on:
                 yield self._labels[key], xyz[frame] + self._beside(key), None
 
     def tracks(self) -> dict[str, tuple[Real, None]]:
-        """By the name of a node: its places (F, 3) over the frames."""
+        """By name of the node: positions (F, 3) over the frames."""
         places: dict[str, tuple[Real, None]] = {}
         for key, xyz in self._groups:
             places[f"{self._names[key]}/dot"] = (xyz, None)
@@ -166,7 +166,7 @@ class JointMarks:
         return places
 
     def _beside(self, key: tuple[str, ...]) -> Real:
-        """From a joint to its name (3,) [m], at the joint's own height."""
+        """Offset (3,) [m] from a joint to its name, without a difference in height."""
         return NAME_DISTANCE * self._size * np.array([*self._corners[key], 0.0])
 
     def _add_dot(self, key: tuple[str, ...]) -> viser.IcosphereHandle:
@@ -185,7 +185,8 @@ class JointMarks:
 
 
 def joint_groups(joints: Mapping[str, Real], near: float) -> list[tuple[list[str], Real]]:
-    """Names of joints that lie within ``near`` [m] of each other in all frames, with the places (F, 3) [m] of the foremost."""
+    """Groups of joints whose x and y differ by at most ``near`` [m] from those of the group in all frames: their names, and
+    positions (F, 3) [m], the maximum of each coordinate."""
     groups: list[tuple[list[str], Real]] = []
     for name, places in joints.items():
         for k, (names, other) in enumerate(groups):
@@ -199,7 +200,7 @@ def joint_groups(joints: Mapping[str, Real], near: float) -> list[tuple[list[str
 
 
 class Masses:
-    """Balls for point masses, below the nodes of their links, with what they weigh."""
+    """Balls for point masses, as children of the nodes of their links, labelled with their masses."""
 
     def __init__(self, server: viser.ViserServer, view_model: ViewModel):
         self._server = server
@@ -228,7 +229,7 @@ class Masses:
                 self._nodes += [ball, scene.add_label(f"{path}/weight", label, visible=self._on)]
 
     def switch(self, on: bool) -> None:
-        """Draw them, or no more."""
+        """Show or hide the masses."""
         self._on = on
         for node in self._nodes:
             node.visible = on
@@ -259,7 +260,7 @@ KIND_WORDS = {"pin_slot": "pin in a slot"}
 
 
 def hover_names(view_model: ViewModel) -> dict[str, JointName]:
-    """By the node that is drawn: what it is called, more words, and the names of its parts where it draws several things."""
+    """By name of the node: title, further text, and the names of the items if the node draws several."""
     hovered: dict[str, JointName] = {}
     for link in view_model.poses:
         hovered[link_path(link)] = (f"link {link}", "the fixed link" if link == view_model.frame else "click to look closer", ())
@@ -283,19 +284,19 @@ def hover_names(view_model: ViewModel) -> dict[str, JointName]:
 
 
 def _joint(view_model: ViewModel, name: str) -> str:
-    """Words for a joint: ``revolute, crank and coupler``."""
+    """Description of a joint: ``revolute, crank and coupler``."""
     joint = view_model.numbers.joints[name]
     return f"{KIND_WORDS.get(joint.kind, joint.kind)}, {' and '.join(joint.links)}"
 
 
-MOST_HOVER_VALUES = 60_000  # arrows times frames of which pages have the values, some 2 MB
-ROUNDING_SHARE = 1e-9  # of the largest value of a node: rounding
+MOST_HOVER_VALUES = 60_000  # largest number of arrows times frames whose values are sent to pages, about 2 MB
+ROUNDING_SHARE = 1e-9  # of the largest value of a node: smaller values are shown as zero
 
 
 def hover_values(view_model: ViewModel, arrows: ArrowNodes) -> dict[str, dict[str, Any]]:
-    """By the node that draws arrows: the unit and the values over the frames, and where the arrows begin and end.
+    """By name of the node that draws arrows: unit, colour, values over the frames, and the ends of the arrows.
 
-    Nothing of a motion of so many arrows and frames that it would be too much to send.
+    Empty for a motion with more than `MOST_HOVER_VALUES` values.
     """
     arrow_values = list(arrows.values())
     if sum(each.values.size for each in arrow_values) > MOST_HOVER_VALUES:
@@ -317,7 +318,7 @@ def hover_values(view_model: ViewModel, arrows: ArrowNodes) -> dict[str, dict[st
 
 
 class HoverNames:
-    """Tells all browsers, now and later, what is called how, and the values of arrows; ``update`` takes another run."""
+    """Sends the names of nodes and the values of arrows to all browsers, present and future; ``update`` takes another run."""
 
     def __init__(self, server: viser.ViserServer, view_model: ViewModel, arrows: ArrowNodes):
         self._server, self._arrows = server, arrows
@@ -326,16 +327,16 @@ class HoverNames:
         self.update(view_model)
 
     def update(self, view_model: ViewModel) -> None:
-        """Take what another run, or another size of its arrows, shows."""
+        """Take the names and values of another run, or of arrows that have changed."""
         self._names, self._values = json.dumps(hover_names(view_model)), json.dumps(hover_values(view_model, self._arrows))
         self._say()
 
     def beside(self, on: bool) -> None:
-        """Write the values beside all arrows that are drawn, or no more."""
+        """Show or hide the values beside all arrows that are drawn."""
         self._beside = on
         self._say()
 
-    def _say(self) -> None:  # all in one, as a browser that comes later hears only the last of it
+    def _say(self) -> None:  # in one message, as a browser that connects later receives only the last one
         script = f"hover.names = {self._names}; hover.tell({self._values}); hover.beside({json.dumps(self._beside)});"
         said = f"{{ const hover = window.mechvizHover; {script} }}"
         if said != self._said:

@@ -1,4 +1,4 @@
-"""Everything that is drawn in 3D: solids, arrows, paths, names, ground, and the camera that looks at it."""
+"""Everything that is drawn in 3D: solids, arrows, paths, names, the grid; and the camera."""
 
 from __future__ import annotations
 
@@ -25,18 +25,18 @@ from mechviz.picture.nodes import Body
 
 NAMES_SWITCH = "Joint names"
 SHOWN_FIRST = ("reaction", "applied", "inertia", "friction", "drive")
-ARROW_ROOM = 0.15  # of the size: so far arrows may widen the view beyond the solids, ...
-FIRST_ARROW_ROOM = 0.4  # ... and so far those of the frame that is shown first
-FITS_STILL = 0.7  # a mechanism whose box has at least this part of the view's is left where it is
+ARROW_ROOM = 0.15  # of the size: arrows widen the view by at most this beyond the solids, ...
+FIRST_ARROW_ROOM = 0.4  # ... and the arrows of the frame that is shown first by at most this
+FITS_STILL = 0.7  # a view is kept if the mechanism's box has at least this fraction of its extent
 
 
 def _ignore(_what: object, _event: object) -> None:
-    """Nobody wants to know of clicks."""
+    """Ignore a click."""
 
 
 class Scene3D:
-    """The picture of what is shown; ``show`` brings it to a frame, ``update`` takes another motion. Only the player's thread calls
-    ``show``, and nobody draws while it is updated."""
+    """The 3D picture; ``show`` brings it to a frame, ``update`` takes another motion. Only the player's thread calls ``show``; the
+    caller must not draw during an update."""
 
     def __init__(
         self,
@@ -85,7 +85,7 @@ class Scene3D:
         return self.current.size
 
     def update(self, view_model: ViewModel) -> None:
-        """Take the solids, the motion and the forces of ``view_model``, which is of the same scene with other values."""
+        """Take the solids, the motion and the forces of ``view_model``, that of the same scene with other values."""
         self.current = view_model
         self.links.update(view_model)
         self.arrows.update(view_model)
@@ -97,7 +97,7 @@ class Scene3D:
         self.polygons.update(view_model)
 
     def refit(self) -> None:
-        """After an edit: look at the new extent, where the old view does not fit it any more, with cameras that nobody moved."""
+        """After an edit, fit the cameras that no user has moved to the new extent, if the old view no longer fits it."""
         box = self._box(self.current)
         inside = (box[0, :2] >= self.bounds[0, :2] - 1e-12).all() and (box[1, :2] <= self.bounds[1, :2] + 1e-12).all()
         part = np.max((box[1] - box[0])[:2] / (self.bounds[1] - self.bounds[0])[:2])
@@ -106,7 +106,7 @@ class Scene3D:
             self.cameras.follow_bounds(box, self._core(self.current))
 
     def fit(self, browser: int, screen: tuple[int, int]) -> None:
-        """A browser's picture has this width and height [px]: the drawings beside the mechanism are laid out for the smallest."""
+        """Take the size [px] of a browser's picture; the drawings beside the mechanism are arranged for the smallest picture."""
         self._screens[browser] = screen
         if self.polygons.fit(min(self._screens.values(), key=min)):
             self.bounds = self._box(self.current)
@@ -121,7 +121,7 @@ class Scene3D:
         self.polygons.show(frame)
 
     def tracks(self) -> tuple[tuple[SentPoses, ...], tuple[PointTrack, ...]] | None:
-        """How everything moves over the run; None where something changes in another way than by poses and points."""
+        """Tracks of everything that moves; None if a construction moves, which only the server can draw."""
         if self.polygons.moves:
             return None
         poses = {name: track for nodes in self._posed for name, track in nodes.tracks().items()}
@@ -130,7 +130,7 @@ class Scene3D:
         return moving, (*self.arrows.tracks(), *self._lines.tracks(frames), *self._bodies.stretches())
 
     def switch_family(self, family: str, on: bool) -> None:
-        """Draw the arrows of a family with what belongs to them, or no more."""
+        """Show or hide the arrows of a family and the lines that belong to them."""
         self.arrows.switch(family, on)
         if family in self._lines.groups:
             self._lines.switch(family, on)
@@ -140,17 +140,17 @@ class Scene3D:
         self._bodies.switch("springs", on)
 
     def cut(self, height: float | None) -> None:
-        """Cut away what lies before a height [m], None: nothing. Bodies that are no plates are removed whole."""
+        """Cut away the parts above a height z [m]; None: nothing. Bodies other than plates are hidden as a whole."""
         self.links.cut(height)
         self._bodies.cut(height)
 
     def darken(self, dark: bool) -> None:
-        """Take the colours for a dark page or for a light one."""
+        """Use the colours for a dark or a light page."""
         for part in (self.stage, self._paths, self._lines, self.arrows, self.polygons):
             part.darken(dark)
 
     def look(self, client: viser.ClientHandle, preset: str) -> None:
-        """Bring a browser's camera to one of the presets, fitted to the mechanism as it is now."""
+        """Move a browser's camera to one of the presets, fitted to the present mechanism."""
         self.bounds = self._box(self.current)
         self.cameras.follow_bounds(self.bounds, self._core(self.current))
         self.cameras.look(client, preset)
@@ -177,7 +177,7 @@ class Scene3D:
         return box
 
     def _core(self, view_model: ViewModel) -> Real:
-        """The box of what a view has to show large: the solids, and the drawings beside them."""
+        """The box that a view must show large: the solids, and the drawings beside them."""
         if self.polygons.bounds is None:
             return view_model.bounds
         beside = np.column_stack([self.polygons.bounds, view_model.bounds[:, 2]])
@@ -192,7 +192,7 @@ class Scene3D:
 
 
 def _joined(bounds: Real, arrows: Real | None, most: float) -> Real:
-    """The box of the solids (2, 3) with that of the arrows (2, 2), as far as that reaches beyond it by no more than ``most``."""
+    """The box of the solids (2, 3), widened to that of the arrows (2, 2) by at most ``most`` [m] on each side."""
     wider = np.array(bounds, float)
     if arrows is not None:
         wider[0, :2] = np.minimum(bounds[0, :2], np.maximum(arrows[0], bounds[0, :2] - most))
@@ -205,7 +205,7 @@ GHOST_OPACITY = 0.28
 
 
 class Ghost:
-    """The links and paths of ``view_model`` in pale grey; ``switch`` draws them, made only when they are first wanted."""
+    """The links and paths of ``view_model`` in pale grey; made when ``switch`` shows them for the first time."""
 
     def __init__(self, server: viser.ViserServer, view_model: ViewModel, base: str):
         self._server, self._view_model, self._path = server, view_model, base
@@ -214,7 +214,7 @@ class Ghost:
         self.on = False
 
     def switch(self, on: bool) -> None:
-        """Draw it, or no more."""
+        """Show or hide the ghost."""
         self.on = on
         if on and self._base is None:
             self._make()
@@ -222,14 +222,14 @@ class Ghost:
             self._base.visible = on
 
     def poses(self, frame: int) -> Iterator[Posed]:
-        """Where its links are at a frame, if it is drawn."""
+        """Poses of its links at a frame, if it is on."""
         if self.on:
             for link, node in self._nodes.items():
                 pose = self._view_model.poses[link][min(frame, self._view_model.frames - 1)]
                 yield node, np.array([pose[0], pose[1], 0.0]), quaternions(pose[2:])[0]
 
     def tracks(self) -> dict[str, tuple[Real, Real | None]]:
-        """By the name of a node: its places (F, 3) and turns (F, 4) over the frames."""
+        """By name of the node: positions (F, 3) and orientations (F, 4) over the frames."""
         if not self.on:
             return {}
         poses = {node.name: self._view_model.poses[link] for link, node in self._nodes.items()}

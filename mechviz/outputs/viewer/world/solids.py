@@ -16,11 +16,11 @@ from mechviz.outputs.viewer.viser_adapter import Posed
 from mechviz.picture.nodes import Body as BodyNode
 from mechviz.picture.proportions import about_z
 
-CUT_SHADE = 0.8  # the cut itself beside the rest of the part
+CUT_SHADE = 0.8  # brightness of the cut surface over that of the rest of the part
 
 
 def shells(piece: ColoredPart) -> Integers:
-    """The number of the closed part that each vertex (V,) of a piece belongs to; vertices at one place belong together."""
+    """The number of the closed shell to which each vertex (V,) of a piece belongs; coincident vertices belong together."""
     places, same = np.unique(piece.vertices, axis=0, return_inverse=True)
     corners = same.reshape(-1)[piece.faces.astype(np.int64)]
     edges = np.concatenate([corners[:, [0, 1]], corners[:, [1, 2]]])
@@ -28,11 +28,11 @@ def shells(piece: ColoredPart) -> Integers:
 
 
 def sectioned(body: LinkSolid, height: float) -> LinkSolid:
-    """A body without what lies before z = ``height`` [m].
+    """A body without its parts above z = ``height`` [m].
 
-    All parts are plates: a part that the plane passes through is pushed flat onto it, which closes it with its own outline, and one
-    that lies before it is left out. The cut itself is a darker piece. Spatial cams, which turn about an axis in the plane, stay
-    whole.
+    All parts are plates: the vertices of a part that the plane intersects are moved down onto the plane, which closes the part with
+    its own outline; a part above the plane is left out. The cut surface is a darker piece. Spatial cams, which turn about an axis
+    in the plane of motion, stay whole.
     """
     pieces = []
     for piece in () if body.whole else body.pieces:
@@ -60,7 +60,7 @@ def _part(vertices: Single, faces: NDArray[np.uint32], color: tuple[int, int, in
 
 
 HAIRLINE = 2e-4  # of the mechanism's size
-HIGHLIGHT_COLOR, HIGHLIGHT_SHARE = (194, 37, 92), 0.5  # colour of the link that is looked at, and how much of it
+HIGHLIGHT_COLOR, HIGHLIGHT_SHARE = (194, 37, 92), 0.5  # colour of the selected link, and its share in the blend
 
 
 def link_path(link: str) -> str:
@@ -69,17 +69,17 @@ def link_path(link: str) -> str:
 
 
 def quaternions(angle: Real) -> Real:
-    """Unit quaternions w, x, y, z (F, 4) of turns about z by ``angle`` (F,) [rad]."""
+    """Unit quaternions w, x, y, z (F, 4) of rotations about z by ``angle`` (F,) [rad]."""
     return np.roll(about_z(angle), 1, axis=-1)
 
 
 def composed(pose: Real, shift: Real, q: Real) -> tuple[Real, Real]:
-    """Turns (F, 4) and places (F, 3) of what is moved by ``shift`` (F, 3) [m] and turned by quaternions ``q`` (F, 4), w last, in a
-    link at poses (F, 3)."""
+    """Orientations (F, 4), w first, and positions (F, 3) of a body that is displaced by ``shift`` (F, 3) [m] and rotated by
+    quaternions ``q`` (F, 4), w last, relative to a link with poses (F, 3)."""
     half, c, s = 0.5 * pose[:, 2], np.cos(pose[:, 2]), np.sin(pose[:, 2])
     k, w = np.sin(half), np.cos(half)
     x, y, z, r = q.T
-    turn = np.column_stack([w * r - k * z, w * x - k * y, w * y + k * x, w * z + k * r])  # about z after the other
+    turn = np.column_stack([w * r - k * z, w * x - k * y, w * y + k * x, w * z + k * r])  # rotation about z after q
     place = np.column_stack(
         [pose[:, 0] + c * shift[:, 0] - s * shift[:, 1], pose[:, 1] + s * shift[:, 0] + c * shift[:, 1], shift[:, 2]]
     )
@@ -87,9 +87,9 @@ def composed(pose: Real, shift: Real, q: Real) -> tuple[Real, Real]:
 
 
 class SolidNodes:
-    """A node for every link, with its solid below it; ``poses`` says where the links are, ``update`` takes another run.
+    """A node for every link, with its solid as a child; ``poses`` gives the poses of the links, ``update`` takes another run.
 
-    ``clicked(link, event)`` is called when somebody clicks on a solid.
+    ``clicked(link, event)`` is called on a click on a solid.
     """
 
     def __init__(self, server: viser.ViserServer, view_model: ViewModel, clicked: Callable[[str, Any], None] | None = None):
@@ -118,21 +118,21 @@ class SolidNodes:
                 self._shape(link, self._cut_body(link, body))
             self._moving[link] = quaternions(pose[:, 2]), np.column_stack([pose[:, :2], np.zeros(len(pose))])
         for solid in view_model.picture.of(BodyNode, "solids"):
-            if solid.poses is not None:  # it turns about an axis in the plane
+            if solid.poses is not None:  # it turns about an axis in the plane of motion
                 shift, turn = (np.asarray(values, float) for values in (solid.poses.places, solid.poses.turns))
                 self._moving[solid.parent] = composed(view_model.poses[solid.parent], shift, turn)
         self._moving = {link: self._moving[link] for link in view_model.poses if link != view_model.frame}
         self._bodies = view_model.bodies
 
     def fade(self, opacity: float) -> None:
-        """Draw all solids with an opacity, 1 is solid."""
+        """Draw all solids with an opacity from 0 to 1 (opaque)."""
         self._opacity = None if opacity >= 1.0 else max(opacity, 0.0)
         for mesh in (mesh for meshes in self._meshes.values() for mesh in meshes):
             if mesh.opacity != self._opacity:
                 mesh.opacity = self._opacity
 
     def cut(self, height: float | None) -> None:
-        """Cut away what lies before a height [m], None: nothing."""
+        """Cut away the parts above a height z [m]; None: nothing."""
         if height != self._height:
             self._height = height
             for link, body in self._bodies.items():
@@ -140,13 +140,13 @@ class SolidNodes:
                     self._shape(link, self._cut_body(link, body))
 
     def _cut_body(self, link: str, body: LinkSolid) -> LinkSolid:
-        """A body without what lies before the cut, a hair apart from those of other links: faces in one plane would flicker."""
+        """A body without its parts above the cut. Cuts of different links differ by `HAIRLINE`: coplanar faces would flicker."""
         if self._height is None:
             return body
         return sectioned(body, self._height - HAIRLINE * self._size * list(self._nodes).index(link))
 
     def pick(self, link: str) -> None:
-        """Mark a link as the one that is looked at, by its colour; the others stay as they are."""
+        """Mark a link as selected, by its colour; the others have their own colours."""
         self._picked = link
         for name, meshes in self._meshes.items():
             for mesh, piece in zip(meshes, self._drawn[name].pieces, strict=True):
@@ -161,16 +161,16 @@ class SolidNodes:
         return red, green, blue
 
     def poses(self, frame: int) -> Iterator[Posed]:
-        """Where the links are at a frame."""
+        """Poses of the links at a frame."""
         for link, (turn, position) in self._moving.items():
             yield self._nodes[link], position[frame], turn[frame]
 
     def tracks(self) -> dict[str, tuple[Real, Real]]:
-        """By the name of a node: its places (F, 3) and turns (F, 4) over the frames."""
+        """By name of the node: positions (F, 3) and orientations (F, 4) over the frames."""
         return {link_path(link): (position, turn) for link, (turn, position) in self._moving.items()}
 
     def _shape(self, link: str, body: LinkSolid) -> None:
-        """Draw a link's pieces: other vertices where the faces are the same, else other meshes."""
+        """Draw a link's pieces: only the vertices are sent if the faces are the same, otherwise new meshes."""
         meshes = self._meshes.get(link, [])
         old, self._drawn[link] = self._drawn.get(link), body
         if old is not None and len(meshes) == len(body.pieces) and _same_faces(old, body):
@@ -203,7 +203,7 @@ class SolidNodes:
 
 
 def _same_faces(a: LinkSolid, b: LinkSolid) -> bool:
-    """Whether two bodies differ in the places of their vertices only."""
+    """Whether two bodies differ only in the positions of their vertices."""
     return len(a.pieces) == len(b.pieces) and all(
         p.faces is q.faces and p.color == q.color for p, q in zip(a.pieces, b.pieces, strict=True)
     )

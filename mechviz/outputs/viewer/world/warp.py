@@ -1,4 +1,4 @@
-"""Solids that follow a length while it is dragged: every vertex goes with the points of its link that are near to it."""
+"""Solids that follow a length while it is dragged: every vertex moves with the nearby points of its link."""
 
 from __future__ import annotations
 
@@ -23,10 +23,11 @@ WEIGHT_POWER = 2  # weights fall with this power of the squared distance: around
 
 
 def warped(xy: Real, before: Real, after: Real) -> Real:
-    """Places (V, 2) in a plane in which points ``before`` (P, 2) have moved to ``after`` (P, 2).
+    """Points (V, 2) of a plane that deforms as its points ``before`` (P, 2) move to ``after`` (P, 2).
 
-    Two points carry the plane with them: lengths along their line are stretched, those across it stay. In general each place
-    moves by the mean of what the points move, weighted by inverse distance (Shepard's interpolation, 1968).
+    One point translates the plane. Two points move it as a bar: the segment between them is stretched along its line, lengths
+    across it stay. With more points, each ``xy`` moves by the mean of the displacements of the points, weighted by inverse distance
+    (Shepard's interpolation, 1968).
     """
     moves = after - before
     if not len(before) or not np.any(moves):
@@ -34,7 +35,7 @@ def warped(xy: Real, before: Real, after: Real) -> Real:
     if len(before) == 1:
         return np.asarray(xy + moves[0])
     turn = np.ones(1, complex)
-    if len(before) == 2:  # a bar: turned as a whole, then stretched between its ends
+    if len(before) == 2:  # a bar: rotated as a whole, and stretched between its ends
         a, b = (complex(*(p[1] - p[0])) for p in (before, after))
         if abs(a) > 0.0 and abs(b) > 0.0:
             turn = np.array([b / a / abs(b / a)])
@@ -50,7 +51,7 @@ def warped(xy: Real, before: Real, after: Real) -> Real:
 
 
 def warped_body(body: LinkSolid, before: PointPlaces, after: PointPlaces) -> LinkSolid:
-    """A body whose link's points have moved; itself where they have not."""
+    """A body deformed as the points of its link move; the body itself if they do not move."""
     names = [name for name in before if name in after]
     old, new = (np.array([p[n] for n in names], float).reshape(-1, 2) for p in (before, after))
     if np.array_equal(old, new):
@@ -64,12 +65,12 @@ def warped_body(body: LinkSolid, before: PointPlaces, after: PointPlaces) -> Lin
 
 
 PROFILE_POINTS = 720  # points of a profile
-HUB_RADIUS = 0.4  # of the least radius: what is nearer to the shaft stays as it is
-DISC_EDGE = 1.01  # of a radius: up to here a place belongs to the disc
+HUB_RADIUS = 0.4  # of the least radius: points nearer to the shaft stay
+DISC_EDGE = 1.01  # of the radius of the profile: points within this belong to the disc
 
 
 def cam_profiles(motion: Motion) -> dict[str, tuple[str, Any]]:
-    """By cam joint: its link, and the placed cam whose profile can be followed."""
+    """By cam joint: the cam's link, and the placed cam, for plate cams without a mate."""
     if not any(r.geometry is not None for r in motion.model.relations):
         return {}
     links = {joint.name: joint.links[0] for joint in motion.mechanism.joints}
@@ -79,7 +80,7 @@ def cam_profiles(motion: Motion) -> dict[str, tuple[str, Any]]:
 def stretched_cams(
     bodies: Mapping[str, LinkSolid], before: Mapping[str, tuple[str, Any]], after: Mapping[str, tuple[str, Any]]
 ) -> dict[str, LinkSolid]:
-    """The bodies of cams whose profiles are others now, by link; the rest is not among them."""
+    """The deformed bodies, by link, of the cams whose profiles have changed; other bodies are not contained."""
     new_bodies: dict[str, LinkSolid] = {}
     for name, (link, old) in before.items():
         if name not in after or link not in bodies:
@@ -104,11 +105,11 @@ def stretched_cams(
 
 
 def stretched(z: Complex, before: Complex, after: Complex, *, wedge: bool = False, groove: bool = False) -> Complex | None:
-    """Places ``z`` (V) [m] of a cam whose profile was ``before`` (n) and is ``after`` (m), counter-clockwise about the shaft at
-    the origin, or of a wedge from left to right: they go onto the new profile from the old one, the hub (of a wedge its base)
-    stays, and in between they are stretched. None for profiles that run back on themselves.
+    """Points ``z`` (V,) [m] of a cam, moved as its profile changes from ``before`` (n,) to ``after`` (m,): points on the old
+    profile move onto the new one, those of the hub (of a wedge: its base) stay, those between are interpolated linearly.
 
-    ``groove``: what lies outside goes along with the profile.
+    Profiles run counter-clockwise about the shaft at the origin, those of a wedge from left to right; None for profiles whose polar
+    angle (of a wedge: x) is not increasing. ``groove``: points outside the profile move with it.
     """
     if wedge:
         if np.any(np.diff(before.real) <= 0.0) or np.any(np.diff(after.real) <= 0.0):
