@@ -284,7 +284,7 @@ def _improved(costs: Costs, order: Layers) -> Layers:
             trials = without_empty_layers(_applied(current[0], chunks[chunk]))
             prices = costs(trials)
             best = int(np.argmin(prices))
-            if prices[best] < cost - 1e-9:
+            if prices[best] < cost - _LEAST_GAIN:
                 current, cost, start, moved = trials[best : best + 1], float(prices[best]), chunk, True
                 break
         if not moved:

@@ -110,15 +110,15 @@ def polygon_views(drawings: dict[str, Drawing], enlarged: float, background: tup
     return views
 
 
-def _space(z: Complex, height: float = 0.0) -> Single:
-    """Complex points x + iy (...) as (..., 3) with z = ``height``; coordinates that are not finite become 0."""
-    out = np.full((*z.shape, 3), height, np.float32)
+def _space(z: Complex) -> Single:
+    """Complex points x + iy (...) as (..., 3) with z = 0; coordinates that are not finite become 0."""
+    out = np.zeros((*z.shape, 3), np.float32)
     for k, part in enumerate((z.real, z.imag)):
         out[..., k] = np.where(np.isfinite(part), part, 0.0)
     return out
 
 
-def _arrows(items: list[tuple[Complex, Complex]], height: float = 0.0) -> Any:
+def _arrows(items: list[tuple[Complex, Complex]]) -> Any:
     """A function that makes the columns of arrows (start, vector) for a slice of frames, the same number in every row."""
     import rerun as rr
 
@@ -127,17 +127,17 @@ def _arrows(items: list[tuple[Complex, Complex]], height: float = 0.0) -> Any:
 
     def columns(frames: slice) -> Any:
         a, v = starts[frames].reshape(-1), vectors[frames].reshape(-1)
-        return archetype_columns(rr.Arrows3D.from_fields(origins=_space(a, height), vectors=_space(v)), starts.shape[1])
+        return archetype_columns(rr.Arrows3D.from_fields(origins=_space(a), vectors=_space(v)), starts.shape[1])
 
     return columns
 
 
-def _strips(items: list[Complex], height: float = 0.0) -> Any:
+def _strips(items: list[Complex]) -> Any:
     """A function that makes the columns of plane strips (F, points) for a slice of frames, the same number in every row."""
     import rerun as rr
 
     def columns(frames: slice) -> Any:
-        rows = line_strips([_space(strip[frames], height) for strip in items])
+        rows = line_strips([_space(strip[frames]) for strip in items])
         return archetype_columns(rr.LineStrips3D.from_fields(strips=rows), len(items))
 
     return columns

@@ -46,7 +46,6 @@ WIDE_MASS = 10.0  # sizes of the mechanism: no radius of gyration is larger, tha
 
 if TYPE_CHECKING:
     from mechviz.scene.scene import Scene
-    from mechviz.scene.units import Units
 
 
 @in_scene_words

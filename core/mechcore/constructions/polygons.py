@@ -312,7 +312,7 @@ def centrodes(motion: Motion, link: str) -> Centrodes:
     """Fixed and moving centrode of a link against the frame, in the given motion (its only drive may stand still)."""
     model = motion.model
     if link not in model.index or link == model.mechanism.frame:
-        raise MechanismError(Fault("polodes", f"'{link}' is no moving link.", "Name a moving link."))
+        raise MechanismError(Fault("centrodes", f"'{link}' is no moving link.", "Name a moving link."))
     k, n = model.index[link], motion.frames
     unit = along_motion(motion)
     turn = np.real(frames_of(unit.speeds.angular[model.angles.rotation_class[k]], n))

@@ -35,7 +35,7 @@ def fail(text: str, code: int = 2) -> NoReturn:
 
 UNTRUSTED = 3  # exit code where results do not balance or close
 UNFORESEEN = 70  # exit code of a fault of the program, as in sysexits.h
-NAMED = ("path", "joint", "joint", "link", "load", "drive", "name")  # names of variables that hold the item being worked on
+NAMED = ("path", "joint", "link", "load", "drive", "name")  # names of variables that hold the item being worked on
 
 
 def unforeseen(error: BaseException, *, shown: bool) -> int:

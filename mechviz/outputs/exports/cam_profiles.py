@@ -24,7 +24,6 @@ from mechviz.files import OutputError, replacing
 from mechviz.scene.kinds.cam_files import biarcs
 
 if TYPE_CHECKING:
-    from mechcore.cams.placement.spatial import PlacedSpatial
     from mechcore.cams.spatial import SpatialCam
     from mechviz.runs import Run
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -25,9 +25,6 @@ from mechviz.picture.surface_marks import MARK_KINDS
 from mechviz.quantities.items import ItemTable, JointInfo
 from mechviz.quantities.numbers import TOLERANCE, LoadInfo, Numbers
 from mechviz.quantities.vectors import Scales
-
-if TYPE_CHECKING:
-    from mechviz.outputs.rerun.reader import Recording
 
 # -- numbers ----------------------------------------------------------------------------------------------------------
 TABLE_ROOTS = ("data", "health", "polygons")

@@ -59,7 +59,6 @@ if TYPE_CHECKING:
 
     from mechcore.dynamics.simulation import Simulation
     from mechviz.meshes.solids import Solids
-    from mechviz.runs import Run
     from mechviz.scene.scene import Scene
 
 BLOCK_FRAMES = 5000

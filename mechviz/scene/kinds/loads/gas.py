@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
@@ -21,9 +21,6 @@ from mechviz.scene.fields import (
 )
 from mechviz.scene.kinds.kind import AtLeastOne, LoadKind, LoadMaker, NotNegative, Positive
 from mechviz.scene.names import Reference
-
-if TYPE_CHECKING:
-    pass
 
 
 class CompressorDocument(DocumentTable):
