@@ -105,17 +105,17 @@ def ladders(quick: bool) -> dict[str, tuple[PrecisionPoint, ...]]:
 
 
 def cheapest_table(result: dict[str, tuple[PrecisionPoint, ...]]) -> str:
-    """The cheapest setting of every dial that reaches the target."""
-    lines = ["| scene | dial | cheapest setting | error | time |", "|---|---|---|---|---|"]
+    """The cheapest value of every setting that reaches the target."""
+    lines = ["| scene | setting | cheapest value | error | time |", "|---|---|---|---|---|"]
     for name, points in result.items():
-        for dial in dict.fromkeys(p.setting for p in points):
-            best = cheapest([p for p in points if p.setting == dial], TARGET)
+        for setting in dict.fromkeys(p.setting for p in points):
+            best = cheapest([p for p in points if p.setting == setting], TARGET)
             words = (
                 "none of the ladder | |"
                 if best is None
                 else f"{best.method}, {best.value} | {best.error:.1e} | {1e3 * best.seconds:.3g} ms"
             )
-            lines.append(f"| `{name}` | {dial} | {words} |")
+            lines.append(f"| `{name}` | {setting} | {words} |")
     return "\n".join([*lines, "", f"Measured on {machine()}."])
 
 

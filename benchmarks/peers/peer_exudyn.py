@@ -153,7 +153,7 @@ ROWS = {
 }
 
 STEPS = (1, 2, 5, 10, 100)
-DIALS = {
+SETTINGS = {
     (problem, panel): {"exudyn": lambda build=build: {f"{k} step{'s' * (k > 1)} a position": build(steps=k) for k in STEPS}}
     for problem, panel, build in (("four-bar", "rates", four_bar), ("slider-crank", "forces", slider_crank))
 }

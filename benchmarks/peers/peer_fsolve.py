@@ -83,7 +83,7 @@ def differences():
     return {f"differences of order {k}": partial(with_rates, solve, k, FOUR_BAR.speed) for k in DIFFERENCES}
 
 
-DIALS = {
+SETTINGS = {
     ("four-bar", "positions"): {"scipy fsolve": partial(tolerances, four_bar)},
     ("triad", "positions"): {"scipy fsolve": partial(tolerances, triad)},
     ("four-bar", "rates"): {"scipy fsolve": differences},

@@ -53,4 +53,4 @@ def four_bar():
 
 
 ROWS = {"four-bar": {"mechanism": four_bar}}
-DIALS = {("four-bar", "rates"): {"mechanism": lambda: {"as it is": four_bar()}}}
+SETTINGS = {("four-bar", "rates"): {"mechanism": lambda: {"as it is": four_bar()}}}

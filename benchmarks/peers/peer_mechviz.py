@@ -159,7 +159,7 @@ def between_frames(order):
     return {f"{n} frames": partial(joined, n) for n in FEW}
 
 
-DIALS = {
+SETTINGS = {
     ("four-bar", "positions"): {"mechviz": lambda: {"as it is": four_bar(rates=(0,))}},
     ("four-bar", "rates"): {
         "mechviz": lambda: {"exact": four_bar()},

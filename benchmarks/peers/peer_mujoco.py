@@ -101,4 +101,4 @@ def tolerances():
     return {f"Newton to {stop:.0e}": partial(solve, stop=stop) for stop in (1e-1, 1e-2, 1e-4, 1e-8, 1e-14)}
 
 
-DIALS = {("slider-crank", "forces"): {"MuJoCo": tolerances}}
+SETTINGS = {("slider-crank", "forces"): {"MuJoCo": tolerances}}

@@ -140,7 +140,7 @@ def tolerances(build):
     return {f"Newton to {stop:.0e}": partial(solve, stop=stop) for stop in STOPS}
 
 
-DIALS = {
+SETTINGS = {
     ("four-bar", "rates"): {"Pinocchio": partial(tolerances, four_bar)},
     ("slider-crank", "forces"): {"Pinocchio": partial(tolerances, slider_crank)},
 }

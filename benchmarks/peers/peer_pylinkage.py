@@ -63,7 +63,7 @@ def any_angle():
     return {**from_fewer(solve, FOUR_BAR.speed), "computed there": solve}
 
 
-DIALS = {  # a closed form, compiled: there is nothing to turn
+SETTINGS = {  # a closed form, compiled: there is nothing to turn
     ("four-bar", "positions"): {"pylinkage with numba": lambda: {"as it is": four_bar(numba=True, rates=False)}},
     ("four-bar", "rates"): {"pylinkage with numba": lambda: {"as it is": four_bar(numba=True)}},
     ("four-bar", "any angle"): {"pylinkage with numba": any_angle},

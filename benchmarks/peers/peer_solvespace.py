@@ -82,7 +82,7 @@ def differences():
     return {f"differences of order {k}": partial(with_rates, solve, k, FOUR_BAR.speed) for k in DIFFERENCES}
 
 
-DIALS = {  # its tolerance cannot be set
+SETTINGS = {  # its tolerance cannot be set
     ("four-bar", "positions"): {"python-solvespace": lambda: {"as it is": four_bar()}},
     ("four-bar", "rates"): {"python-solvespace": differences},
     ("triad", "positions"): {"python-solvespace": lambda: {"as it is": triad()}},

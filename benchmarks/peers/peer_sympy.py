@@ -178,7 +178,7 @@ def tolerances(build, solver=None):
     return {f"Newton to {stop:.0e}": partial(solve, stop=stop) for stop in STOPS}
 
 
-DIALS = {
+SETTINGS = {
     ("four-bar", "rates"): {
         "sympy": partial(tolerances, four_bar, np.linalg.solve),
         "by hand: sympy, all positions at once": partial(tolerances, four_bar),

@@ -54,8 +54,8 @@ PANELS = (
 
 def settings(module, problem: str, panel: str, who: str) -> dict:
     """Setting -> a function of the wanted angles."""
-    if who in getattr(module, "DIALS", {}).get((problem, panel), {}):
-        return module.DIALS[problem, panel][who]()
+    if who in getattr(module, "SETTINGS", {}).get((problem, panel), {}):
+        return module.SETTINGS[problem, panel][who]()
     from problem import FOUR_BAR, SLIDER_CRANK
     from spread import from_fewer
 
@@ -64,7 +64,7 @@ def settings(module, problem: str, panel: str, who: str) -> dict:
 
 def rows(module, problem: str, panel: str) -> list[str]:
     """Who takes part: where other angles are wanted than are computed, the first row of every package that names none."""
-    result = list(getattr(module, "DIALS", {}).get((problem, panel), {}))
+    result = list(getattr(module, "SETTINGS", {}).get((problem, panel), {}))
     return result or ([*module.ROWS.get(problem, {})][:1] if panel == "any angle" else [])
 
 
