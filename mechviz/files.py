@@ -107,7 +107,7 @@ def _is_open_as(number: int, path: Path) -> bool:
         return False
 
 
-def is_locked(handle: int, path: Path) -> bool:
+def try_lock(handle: int, path: Path) -> bool:
     """Whether an exclusive lock on an open file or folder is obtained (until it is closed), and its path still leads to it."""
     try:
         fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)

@@ -31,7 +31,7 @@ def digest(data: bytes) -> str:
 def is_cached(identity: str, ending: str) -> bool:
     """Whether an intact file is in the cache."""
     folder = cache_folder()
-    return _owned(folder) and _is_intact(folder, identity, ending) is not None
+    return _owned(folder) and _intact_file(folder, identity, ending) is not None
 
 
 @contextmanager
@@ -39,7 +39,7 @@ def cached_file(identity: str, ending: str, make: Callable[[Path], None]) -> Ite
     """The file of an identity (a `digest` of all that it depends on) and an ending such as ".so"; ``make`` writes it where the
     cache has none. It is in a temporary folder where the cache cannot be made or others could access it. Raises `OSError`."""
     with _folder() as folder:
-        yield _is_intact(folder, identity, ending) or _made(folder, identity, ending, make)
+        yield _intact_file(folder, identity, ending) or _made(folder, identity, ending, make)
 
 
 @contextmanager
@@ -65,7 +65,7 @@ def _owned(folder: Path) -> bool:
     return not hasattr(os, "getuid") or (state.st_uid == os.getuid() and not state.st_mode & 0o077)
 
 
-def _is_intact(folder: Path, identity: str, ending: str) -> Path | None:
+def _intact_file(folder: Path, identity: str, ending: str) -> Path | None:
     """The file of an identity whose name has its checksum, None where there is none; damaged files of the identity are deleted."""
     for path in folder.glob(f"{identity}-*{ending}"):
         with suppress(OSError):

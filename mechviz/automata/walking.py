@@ -71,13 +71,13 @@ def walk_of(scene: Scene, feet: Sequence[tuple[str, str]], touch: float) -> Walk
     x = np.concatenate([[0.0], np.cumsum(np.where(step > 0.0, back, 0.0))])
     body = x - 1j * z[foot, frames].imag
     above = z.imag - z.imag.min(axis=0) - touch
-    slips = [_way_where(np.abs((v[k] + speed).real), above[k], step) for k in range(len(feet))]
+    slips = [_distance_while(np.abs((v[k] + speed).real), above[k], step) for k in range(len(feet))]
     stands = [float(np.sum(step[(foot[1:] == k) & (foot[:-1] == k)]) / (t[-1] - t[0])) for k in range(len(feet))]
     bounce = float(np.ptp(body.imag))
     return Walk(names, t, body, speed, foot, float(x[-1]), bounce, tuple(stands), tuple(slips), touch)
 
 
-def _way_where(speed: Real, above: Real, step: Real) -> float:
+def _distance_while(speed: Real, above: Real, step: Real) -> float:
     """The distance [m] covered at speeds (F,) [m/s] while a height (F,) is not above zero; both are linear between frames, ``step``
     (F - 1,) [s] apart."""
     a, b = above[:-1], above[1:]

@@ -306,7 +306,7 @@ def _range(document: SceneDocument, path: Place, value: float, kind: str, least:
     if least and value > 0.0 and kind != "angle":
         return _round_out(value / 4.0, value * 2.5)
     if path[-1] == "angle" or kind == "angle":
-        reach = 0.5 * _turn(document, path)
+        reach = 0.5 * _half_turn(document, path)
         return _round_out(value / 10.0 if least else value - reach, value + reach)
     if kind == "length" and path[0] in ("links", "sketch"):
         reach = max(size, 0.6 * _link_size(document, path)) or 1.0
@@ -334,7 +334,7 @@ def _plane_cam(document: SceneDocument, path: Place) -> bool:
     return all(getattr(profile, kind, None) is None for kind in SOLIDS)
 
 
-def _turn(document: SceneDocument, path: Place) -> float:
+def _half_turn(document: SceneDocument, path: Place) -> float:
     """Half a turn in the unit of an angle in the document."""
     return math.pi / _unit_at(document, path, "angle")
 

@@ -103,7 +103,7 @@ class Latest(Generic[T]):
                 self._changed.notify_all()
 
 
-def left_over() -> None:
+def release_garbage() -> None:
     """To be called when objects that refer to each other are no longer used, such as those of a browser or of a saved plot. Every
     `OFTEN`-th call collects garbage. Python itself waits until such objects are a quarter of all, however much memory they hold."""
     if next(_left) % OFTEN == 0:

@@ -18,7 +18,7 @@ from mechviz.quantities.events import line_of
 from mechviz.quantities.items import ERROR_COLUMNS
 from mechviz.scene.units import MILLIMETRES, Units
 
-CLOSURE_UNITS = (
+HEALTH_UNITS = (
     ("closure", "m"),
     ("velocity_closure", "m/s"),
     ("acceleration_closure", "m/s²"),
@@ -228,7 +228,7 @@ def _loss_lines(inspection: Inspection) -> list[str]:
 
 
 def _health(recording: Recording) -> list[Peak]:
-    peaks = [_peak(recording, ("health", name), name.replace("_", " "), unit, [0]) for name, unit in CLOSURE_UNITS]
+    peaks = [_peak(recording, ("health", name), name.replace("_", " "), unit, [0]) for name, unit in HEALTH_UNITS]
     path = ("health", "error_estimate")
     peaks += [_peak(recording, path, f"estimated error: {name.replace('_', ' ')}", "", [k]) for k, name in enumerate(ERROR_COLUMNS)]
     return [p for p in peaks if p is not None]

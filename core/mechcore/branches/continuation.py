@@ -39,7 +39,7 @@ SMALLEST_STEP = 1e-7  # of the range: below, the path has met a limit, which is 
 LIMIT_DISTANCE = 1e-5
 SECOND_PLACE = 1e-3  # along the curve, relative: second starting point of the search for a fold
 FARTHEST_FOLD = 0.2  # along the curve: a fold farther off is not the one at which the path stopped
-LIMIT_ACCURACY = 1e-13  # relative
+LIMIT_TOLERANCE = 1e-13  # relative
 MOST_HALVINGS = 60
 
 
@@ -105,8 +105,8 @@ class ContinuationPath:
     ``ends``: the range that was reached (all of it, or up to a limit); ``known``: the part of it that the path's rows cover, which
     ends just before a limit. ``passed``: singular positions through which the motion continues along its tangent, and the group
     that is singular there. ``loose``: the groups that have more than one degree of freedom where the path stopped; ``singular``:
-    whether it stopped at a limit; ``dead_point_ends``: whether, at each end of the range reached without a limit, a continued group
-    is nearly singular, so that the path should be extended.
+    whether it stopped at a limit; ``nearly_singular_ends``: whether, at each end of the range reached without a limit, a continued
+    group is nearly singular, so that the path should be extended.
     """
 
     ends: tuple[float, float]
@@ -115,7 +115,7 @@ class ContinuationPath:
     passed: tuple[tuple[float, str], ...] = ()
     loose: tuple[str, ...] = ()
     singular: bool = False
-    dead_point_ends: tuple[bool, bool] = (False, False)
+    nearly_singular_ends: tuple[bool, bool] = (False, False)
 
     def starts(self, parameter: Real) -> dict[str, Real]:
         """Newton starts for parameters (F,)."""
@@ -384,7 +384,7 @@ def _fold(branch: Branch, block: Block, row: PathPoint, near: float) -> float | 
                 return None
             step, tangent = np.linalg.lstsq(matrix, both, rcond=None)[0].T
             x, p = x + step[:-1], p + float(step[-1])
-            if np.abs(step[:-1]).max() < LIMIT_ACCURACY and abs(step[-1]) < LIMIT_ACCURACY * max(near / LIMIT_DISTANCE, abs(p)):
+            if np.abs(step[:-1]).max() < LIMIT_TOLERANCE and abs(step[-1]) < LIMIT_TOLERANCE * max(near / LIMIT_DISTANCE, abs(p)):
                 break
         return x, p, float(tangent[-1])
 

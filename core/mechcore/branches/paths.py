@@ -43,7 +43,7 @@ COARSE = {"angle": 0.2, "slide": 0.1}  # the same, between points over which New
 SAMPLES_A_TURN = 720  # per turn or cycle, at which groups with a closed form are checked for dead points
 SAMPLES_OF_STEP = 12  # the same, per step
 MOST_SAMPLES = 20_000
-MOST_WAYPOINTS = 200  # most steps from a waypoint; a point farther off is a trial of the integrator
+MOST_WAYPOINT_STEPS = 200  # most steps from a waypoint; a point farther off is a trial of the integrator
 SAMPLES_OF_LAW = 2001
 CLOSURE_AT_DEAD_POINT = 1e-11  # of the size: largest closure error of the loops at a dead point that a drive just reaches
 STUCK_MARGIN = 1e-9  # `dead_point_margin` below which a group is involved in what stopped a path
@@ -51,8 +51,8 @@ STUCK_MARGIN = 1e-9  # `dead_point_margin` below which a group is involved in wh
 START_BESIDE = 0.3
 # Relative decrease of `dead_point_margin` from a thousandth of a step before to one after: beyond, the dead point lies ahead
 MARGIN_GROWTH = 2e-4
-DEAD_POINT = 1e-4  # `dead_point_margin` of a group below which a start counts as a dead point
-LIMIT_ACCURACY = 1e-11  # relative: a generous bound of the error of a located limit
+START_AT_DEAD_POINT = 1e-4  # `dead_point_margin` of a group below which a start counts as a dead point
+LIMIT_ERROR = 1e-11  # relative: a generous bound of the error of a located limit
 CYCLES = (1, 2, 3, 4, 6, 12)  # turns after which groups may be back in their first position
 SAME_POSITION = 1e-8  # largest difference of rotations, and of displacements over the size, that are the same after a cycle
 
@@ -266,12 +266,12 @@ def branch_path(
         begin = start + aside * START_BESIDE * step
         branch = _beside(branch, begin)
         behind, ahead = min(low, start - more), max(high, start + more)  # the path must cover both sides of the start
-    edge = LIMIT_ACCURACY * max(10.0 * step, abs(low), abs(high))
+    edge = LIMIT_ERROR * max(10.0 * step, abs(low), abs(high))
     for _ in range(len(branch.model.blocks) + 3):
         continuation = continuation_path(branch, begin, behind, ahead, step)
         path = BranchPath(branch, continuation, start, (low, high), edge, by_time)
         dead_point, unreachable = _dead_point_groups(path, sample)
-        wider = (behind == low and continuation.dead_point_ends[0], ahead == high and continuation.dead_point_ends[1])
+        wider = (behind == low and continuation.nearly_singular_ends[0], ahead == high and continuation.nearly_singular_ends[1])
         if not dead_point and not any(wider):
             break
         if dead_point:
@@ -302,10 +302,10 @@ def _start_at_dead_point(branch: Branch, start: float, step: float) -> float:
         return np.array(least)
 
     here = margins(start)
-    if not (here < DEAD_POINT).any() or _singular(branch, start):
+    if not (here < START_AT_DEAD_POINT).any() or _singular(branch, start):
         return 0.0
     off = 1e-3 * step
-    before, after = margins(start - off)[here < DEAD_POINT], margins(start + off)[here < DEAD_POINT]
+    before, after = margins(start - off)[here < START_AT_DEAD_POINT], margins(start + off)[here < START_AT_DEAD_POINT]
     grows = after - before
     return -1.0 if (grows < -MARGIN_GROWTH * (abs(after) + abs(before))).any() else 1.0
 
@@ -455,7 +455,7 @@ def _continued(model: Model, assembly: Assembly, first: Real, starts: Starts, dr
     steps."""
     with np.errstate(invalid="ignore"):
         far = np.nan_to_num(np.abs(drives - first) / largest_steps(model, COARSE)).max(initial=0.0)
-    count = int(np.clip(np.ceil(far), 1, MOST_WAYPOINTS))
+    count = int(np.clip(np.ceil(far), 1, MOST_WAYPOINT_STEPS))
     for k in range(1, count + 1):
         q = first + k / count * (drives - first)
         state = place_all(model, list(q.T), assembly.modes, starts, constants=assembly.constants)

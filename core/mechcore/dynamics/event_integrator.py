@@ -272,7 +272,7 @@ class EventIntegrator:
             made.append(segment)
             if limited or self.progress is not None or self.observe is not None:
                 self._tell(segment, limited)
-            if phase.ending is Ending.FLIGHT and phase.decided:
+            if phase.ending is Ending.IMPACT and phase.decided:
                 self.stops.record_bounce(phase.number, phase.end, phase.rate, phase.lost)
         self.friction.go_on(run.time, run.signs)
         self.segments += made
@@ -281,7 +281,7 @@ class EventIntegrator:
         t, q, v, last = run.time, run.q, run.v, run.phases[-1]
         if last.decided:
             return t, q, v
-        if last.ending is Ending.FLIGHT:
+        if last.ending is Ending.IMPACT:
             return t, *self._end_stop(last.number, t, q, v)
         loose = None if last.ending is Ending.SLIP else (last.number, last.sense)
         return t, *self._slide(t, q, v, loose)

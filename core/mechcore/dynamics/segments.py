@@ -112,7 +112,7 @@ class MotionSegment:
         boundaries = np.linspace(self.start, self.end, int(np.ceil(far)) + 5)
         return Known(boundaries, np.zeros(len(boundaries) - 1, bool), lambda t: self.solution(t)[2])
 
-    def goes_on(self, later: MotionSegment) -> bool:
+    def is_continued_by(self, later: MotionSegment) -> bool:
         """Whether a ``later`` segment continues this one: windows of the same integration."""
         if not (isinstance(self.solution, Solution) and isinstance(later.solution, Solution)):
             return False

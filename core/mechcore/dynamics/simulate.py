@@ -47,7 +47,7 @@ LEAST_PUSH = 1e-4  # part of the largest force in a table: a larger force is no 
 BALANCE_ROUNDING = 1e-13  # part of the reference forces: a smaller force in an equilibrium is rounding
 
 
-LOOKED_AT = 100  # windows after which the number for the whole motion is predicted
+TRIAL_WINDOWS = 100  # windows after which the number for the whole motion is predicted
 QUIET_SECONDS = 5.0  # [s] of processor time without a warning
 MANY_WINDOWS = 2_000  # predicted windows of a motion that call for a warning
 MOST_WINDOWS = 1_000_000  # windows of a motion, at most: each takes about a kilobyte
@@ -191,8 +191,8 @@ def _tables(_: Compiled) -> dict[float, tuple[CurveEquations, tuple[float, float
 
 
 def _counted(duration: float, warn: Callable[[str], None], reported: Callable[[float], None] | None) -> Callable[[float], None]:
-    """A progress callback that warns once: if the first `LOOKED_AT` windows predict very many in all, or if the work done and the
-    work left are long. It raises `MechanismError` for a motion of more than `MOST_WINDOWS` windows."""
+    """A progress callback that warns once: if the first `TRIAL_WINDOWS` windows predict very many in all, or if the work done and
+    the work left are long. It raises `MechanismError` for a motion of more than `MOST_WINDOWS` windows."""
     counts, warned, begun, marked = 0, False, time.process_time(), (0.0, 0.0)
 
     def progress(until: float) -> None:
@@ -203,10 +203,10 @@ def _counted(duration: float, warn: Callable[[str], None], reported: Callable[[f
             raise MechanismError(Fault("run.duration", why, f"Give at most {until:.3g} s, or a larger tolerance."))
         share, spent = until / duration, time.process_time() - begun
         worked, gained = spent - marked[0], share - marked[1]
-        if not warned and counts == LOOKED_AT and share * MANY_WINDOWS < LOOKED_AT:
+        if not warned and counts == TRIAL_WINDOWS and share * MANY_WINDOWS < TRIAL_WINDOWS:
             warned = True
-            needed = LOOKED_AT / max(share, 1e-300)
-            warn(f"{LOOKED_AT:,} windows led to {until:.3g} s of {duration:.6g} s: it takes about {needed:.2g} of them in all.")
+            needed = TRIAL_WINDOWS / max(share, 1e-300)
+            warn(f"{TRIAL_WINDOWS:,} windows led to {until:.3g} s of {duration:.6g} s: it takes about {needed:.2g} of them in all.")
         elif not warned and worked > QUIET_SECONDS:
             # The pace of the last seconds counts, as windows may have become short; the mean one if a time is run through again
             rate = gained / worked if gained > 0.0 else max(share, 1e-300) / spent

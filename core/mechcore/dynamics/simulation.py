@@ -81,7 +81,7 @@ class Simulation:
         parts = (self, *others)
         runs: list[list[MotionSegment]] = []
         for segment in (segment for s in parts for segment in s.segments):
-            if runs and runs[-1][-1].goes_on(segment):
+            if runs and runs[-1][-1].is_continued_by(segment):
                 runs[-1].append(segment)
             else:
                 runs.append([segment])

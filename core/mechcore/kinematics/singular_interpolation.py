@@ -97,7 +97,7 @@ def tail_of(values: Real) -> float:
 
 
 @dataclass
-class _Through:
+class _SingularFit:
     """The fit at a singular point ``change``, by numbers of nodes: ``own`` are its nodes, ``near`` those of other points at which
     its group is ill conditioned."""
 
@@ -143,12 +143,12 @@ def make_interpolants(
     values = [law(nodes) for law in singular_points.laws]
     near = starts(nodes) if starts is not None else {}
     state = initial_state(model, [v[0] for v in values], constants, near)
-    throughs: dict[int, list[_Through]] = {}
+    throughs: dict[int, list[_SingularFit]] = {}
     for c in needed:
         beside = np.flatnonzero(_distance(singular_points, c, nodes) < NEAR_STEPS * c.step)
         away = _signed(singular_points, c, nodes[beside]) / (c.step * FAR_STEPS)
         own = np.searchsorted(nodes, _nodes(c))
-        throughs.setdefault(c.block, []).append(_Through(c, own, beside, away))
+        throughs.setdefault(c.block, []).append(_SingularFit(c, own, beside, away))
     with np.errstate(**QUIET):
         for i, (block, mode) in enumerate(zip(model.blocks, modes, strict=True)):
             place_block(model, block, state, mode * singular_points.signs(i, nodes), near.get(block.name))

@@ -40,7 +40,7 @@ CURVE_PALETTE = (
 )
 """Colours of curves on a dark background; neighbours differ in hue and lightness."""
 
-CLOSURE_UNITS = {"closure": "m", "velocity_closure": "m/s", "acceleration_closure": "m/s^2"}
+HEALTH_UNITS = {"closure": "m", "velocity_closure": "m/s", "acceleration_closure": "m/s^2"}
 """Closure errors of the loops, of positions and derivatives, and their units."""
 
 MOST_OUTPUTS = 3  # outputs in one plot
@@ -299,11 +299,11 @@ def health_outputs(run: Run) -> list[Output]:
 
 
 def _closures(run: Run) -> Gathered:
-    reads = {name: run.scene.units.reads(si, small=True) for name, si in CLOSURE_UNITS.items()}
+    reads = {name: run.scene.units.reads(si, small=True) for name, si in HEALTH_UNITS.items()}
     units, factors = zip(*reads.values(), strict=True)
-    values = np.column_stack([run.numbers.tables["health", name].values for name in CLOSURE_UNITS]) * factors
-    data = tuple((entity("health", name), ()) for name in CLOSURE_UNITS) if set(factors) == {1.0} else ()
-    names = tuple(f"{name.replace('_', ' ')} [{unit}]" for name, unit in zip(CLOSURE_UNITS, units, strict=True))
+    values = np.column_stack([run.numbers.tables["health", name].values for name in HEALTH_UNITS]) * factors
+    data = tuple((entity("health", name), ()) for name in HEALTH_UNITS) if set(factors) == {1.0} else ()
+    names = tuple(f"{name.replace('_', ' ')} [{unit}]" for name, unit in zip(HEALTH_UNITS, units, strict=True))
     return Gathered(("plots", "closure"), f"Health: closure [{', '.join(units)}]", names, values, data)
 
 

@@ -30,7 +30,7 @@ TAIL_MAGIC, MAGIC_IN_TAIL = b"RRF2FOOT", slice(20, 28)
 END_MESSAGE, STORE_MESSAGE, CHUNK_MESSAGE, LAYOUT_MESSAGE = range(4)  # kinds of messages
 RECORDING_STORE, LZ4_COMPRESSION, ARROW_ENCODING = 1, 2, 1  # kind of a store, compression and encoding of a chunk
 PAYLOAD_FIELD = 5  # the field of a chunk with its rows
-MOST_PACKED = 255  # largest compression ratio of LZ4
+LARGEST_COMPRESSION_RATIO = 255  # largest compression ratio of LZ4
 INDEX_COLUMNS = ("time", "drive_mdeg", "drive_um")
 REPAIR_REMEDY = "Record the scene again; what rerun can save of it is saved with: rerun rrd optimize FILE.rrd -o repaired.rrd"
 
@@ -197,7 +197,7 @@ def _arrow(packed: bytes, compressed: bool, size: int) -> Any:
 
     data = pa.py_buffer(packed)
     if compressed:
-        if size > MOST_PACKED * data.size:
+        if size > LARGEST_COMPRESSION_RATIO * data.size:
             raise ValueError("a chunk claims to be larger than it can be")
         data = pa.Codec("lz4_raw").decompress(data, size)
     batch = next(iter(pa.ipc.open_stream(data)), None)

@@ -16,7 +16,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mechviz.files import OutputError, check_target, is_locked, put_in_place, reason
+from mechviz.files import OutputError, check_target, put_in_place, reason, try_lock
 from mechviz.outputs.rerun.entities import APPLICATION_ID, RecordingError
 from mechviz.outputs.rerun.rerun_adapter import send_blueprint
 
@@ -282,7 +282,7 @@ def _claim(temporary: Path) -> int:
         except FileExistsError:
             _clear_away(temporary)
             continue
-        if is_locked(claim, temporary):
+        if try_lock(claim, temporary):
             return claim
         os.close(claim)
         raise _busy(temporary)
@@ -298,7 +298,7 @@ def _clear_away(temporary: Path) -> None:
     except FileNotFoundError:
         return
     try:
-        if not is_locked(old, temporary):
+        if not try_lock(old, temporary):
             raise _busy(temporary)
         temporary.unlink(missing_ok=True)
     finally:

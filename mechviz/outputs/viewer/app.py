@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mechviz.editor.worker import left_over
+from mechviz.editor.worker import release_garbage
 from mechviz.outputs.rerun.reader import Recording
 from mechviz.outputs.viewer.browser import prepare_page
 from mechviz.outputs.viewer.build import build, view_model_of_recording, view_model_of_run
@@ -77,7 +77,7 @@ class Viewer:
         self.server, self.guard = start_server(port, "mechviz")
         self.changes = ControlChanges()
         self.guard.admitted = self.changes.remember
-        self.server.on_client_disconnect(lambda _: left_over())
+        self.server.on_client_disconnect(lambda _: release_garbage())
         try:
             if isinstance(shown, Recording):
                 assert view_model is not None

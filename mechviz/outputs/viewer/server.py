@@ -153,7 +153,7 @@ LONGEST_TABLE = 60_000  # characters of a text of several lines
 LONGEST_NAME = 300  # characters of the name of a node, or of a control in the page
 LARGEST_NUMBER = 1e15  # values of a slider of integers must fit into 64 bits
 MOST_PIXELS = 1e5  # width and height of a picture
-NEARLY_ONE = 1e-3  # tolerance of the norm of a quaternion
+NORM_TOLERANCE = 1e-3  # tolerance of the norm of a quaternion
 
 FieldCheck = Callable[[Any], bool]
 
@@ -179,7 +179,7 @@ def _is_direction(value: Any) -> bool:
 
 
 def _is_turn(value: Any) -> bool:
-    return _is_vector(4)(value) and abs(math.hypot(*value) - 1.0) < NEARLY_ONE
+    return _is_vector(4)(value) and abs(math.hypot(*value) - 1.0) < NORM_TOLERANCE
 
 
 def _is_extent(value: Any) -> bool:

@@ -42,7 +42,7 @@ class LinkSolid:
 
 
 @dataclass(frozen=True, eq=False)
-class DriveWay:
+class DriveCoordinate:
     """The coordinate ``position`` (F,) of a drive, or of a free coordinate, in the display ``unit``, shown with ``decimals``."""
 
     name: str
@@ -129,13 +129,13 @@ class ViewModel:
         return self.picture.scales
 
     @cached_property
-    def drives(self) -> tuple[DriveWay, ...]:
+    def drives(self) -> tuple[DriveCoordinate, ...]:
         ways = []
         for name in self.numbers.drives:
             slides = self.numbers.slides(name)
             si = "m" if slides else "rad"
             unit, factor = self.units.reads(si)
-            ways.append(DriveWay(name, slides, factor * self.catalogue.coordinate(name), unit, self.units.decimals(si)))
+            ways.append(DriveCoordinate(name, slides, factor * self.catalogue.coordinate(name), unit, self.units.decimals(si)))
         return tuple(ways)
 
     @cached_property

@@ -17,7 +17,7 @@ from mechviz.quantities.vectors import FORCE_FAMILIES, VECTOR_FAMILIES, Scales, 
 if TYPE_CHECKING:
     from mechviz.editor.parameters import Parameter
     from mechviz.outputs.viewer.session import Contribution
-    from mechviz.outputs.viewer.view_model import DriveWay, ViewModel
+    from mechviz.outputs.viewer.view_model import DriveCoordinate, ViewModel
     from mechviz.runs import Run
     from mechviz.scene.units import Units
 
@@ -239,7 +239,7 @@ def place_in_run(view_model: ViewModel, frame: int) -> str:
     )
 
 
-def _position(drive: DriveWay, frame: int) -> str:
+def _position(drive: DriveCoordinate, frame: int) -> str:
     return f"{drive.position[frame]:.{drive.decimals}f}{after(drive.unit)}".replace("-", "−", 1)
 
 

@@ -234,7 +234,7 @@ class FreeDocument(DocumentTable):
     omega: AngularSpeed = 0.0
     """Planar joint: rate of the angle at the start."""
 
-    def strangers(self, planar: bool) -> list[str]:
+    def foreign_keys(self, planar: bool) -> list[str]:
         """Stated keys that do not belong to the start of this kind of joint: ``planar``, or any other."""
         own = {"x", "y", "angle", "vx", "vy", "omega"}
         return sorted(self.model_fields_set - own if planar else self.model_fields_set & own)

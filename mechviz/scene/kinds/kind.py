@@ -78,11 +78,11 @@ class KindTable(DocumentTable):
     def misfits(self, what: str) -> list[tuple[str, str, str]]:
         """The faults of keys that do not go with the kind, and of those that it lacks; ``what``: the table in a sentence."""
         kind = self.KINDS[self.kind]
-        strangers = self.model_fields_set - {*self.KINDS, *self.EVERY, *kind.keys}
-        order = list(type(self).model_fields).index if strangers else None
+        foreign_keys = self.model_fields_set - {*self.KINDS, *self.EVERY, *kind.keys}
+        order = list(type(self).model_fields).index if foreign_keys else None
         wrong = [
             (key, f"{key} does not go with {kind.words}.", self.instead(key))
-            for key in sorted(strangers, key=order)
+            for key in sorted(foreign_keys, key=order)
             if self.says(key)
         ]
         for key, example in kind.needs.items():

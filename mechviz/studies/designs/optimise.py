@@ -89,7 +89,7 @@ class Search:
         self.progress(stage, objective, value, violation)
 
     # -- global -------------------------------------------------------------------------------------------------------
-    def look_around(self, objective: int = 0) -> None:
+    def search_globally(self, objective: int = 0) -> None:
         """Global search: Sobol points over the ranges and the scene's own design, then differential evolution from the best of
         these."""
         from scipy.optimize import differential_evolution
@@ -108,7 +108,7 @@ class Search:
 
         def merit(x: Real) -> Real:
             own = self.judged(np.atleast_2d(x.T))
-            penalised = 10.0 * worst * (1.0 + own.faultiness)  # every infeasible design is worse than any feasible one
+            penalised = 10.0 * worst * (1.0 + own.infeasibility)  # every infeasible design is worse than any feasible one
             return np.asarray(np.where(own.feasible, own.objectives[:, objective], penalised))
 
         def report(intermediate_result: object) -> None:
@@ -252,7 +252,7 @@ def optimise(search: Search, *, points: int = 9) -> Optimum:
     objectives = len(search.problem.terms)
     try:
         for k in range(objectives):
-            search.look_around(k)
+            search.search_globally(k)
             search.refine(k, steps=40 if search.best(k)[2] <= LIMIT_ROUNDING else 10)
         if objectives > 1:
             _spread(search, points)

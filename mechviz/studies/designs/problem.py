@@ -194,7 +194,7 @@ class Judged:
         return np.asarray(self.violations <= LIMIT_ROUNDING)
 
     @property
-    def faultiness(self) -> Real:
+    def infeasibility(self) -> Real:
         """Merit (D,) for ranking infeasible designs, the smaller the better: 0 where all limits are kept, below 1 where limits are
         violated, at least 1 where there are no values."""
         with np.errstate(invalid="ignore"):
@@ -202,8 +202,8 @@ class Judged:
         return np.where(self.feasible, 0.0, missed)
 
     def order(self, objective: int = 0) -> Index:
-        """Indices of the designs (D,), the best first: sorted by `faultiness`, feasible designs by an objective."""
-        return np.lexsort((np.nan_to_num(self.objectives[:, objective], nan=np.inf), self.faultiness))
+        """Indices of the designs (D,), the best first: sorted by `infeasibility`, feasible designs by an objective."""
+        return np.lexsort((np.nan_to_num(self.objectives[:, objective], nan=np.inf), self.infeasibility))
 
     def best(self, objective: int = 0) -> int:
         """Index of the best design."""

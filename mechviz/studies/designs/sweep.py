@@ -18,7 +18,7 @@ import numpy as np
 from mechcore.arrays import Flags, Index, Real
 from mechcore.errors import Fault, MechanismError
 from mechcore.records import dataclass
-from mechviz.files import OutputError, is_locked, put_in_place, replacing
+from mechviz.files import OutputError, put_in_place, replacing, try_lock
 from mechviz.runs import package_version
 from mechviz.studies.designs.evaluate import DesignResults, Study, evaluate
 from mechviz.studies.designs.sampling import Sample
@@ -77,7 +77,7 @@ class Store:
 
         self.folder.mkdir(exist_ok=True)
         self.held = os.open(self.folder, os.O_RDONLY | os.O_CLOEXEC)
-        if not is_locked(self.held, self.folder):
+        if not try_lock(self.held, self.folder):
             os.close(self.held)
             self.held = None
             raise OutputError(f"'{self.path}' is being written by another sweep.", "Wait for it, or write to another file.", 1)
@@ -97,7 +97,7 @@ class Store:
     def close(self) -> None:
         """Release the lock. Removes the folder if it is empty."""
         if self.held is not None:
-            if is_locked(self.held, self.folder):
+            if try_lock(self.held, self.folder):
                 with suppress(OSError):
                     self.folder.rmdir()
             os.close(self.held)

@@ -21,7 +21,7 @@ from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection
 
 from mechviz import scene
-from mechviz.editor.worker import OFTEN, left_over
+from mechviz.editor.worker import OFTEN, release_garbage
 from mechviz.outputs.viewer.app import Viewer
 from mechviz.outputs.viewer.panels.plots import MOST_PLOTS, REMOVE_LABEL, Plots
 from mechviz.outputs.viewer.server import is_value
@@ -254,7 +254,7 @@ def test_a_plot_is_not_sent_to_a_browser_that_has_gone(viewer, monkeypatch):
 
     monkeypatch.setattr(Plots, "file", file)
     monkeypatch.setattr(viser.ClientHandle, "send_file_download", lambda *_, **__: sent.append(1))
-    monkeypatch.setattr("mechviz.outputs.viewer.panels.plots.left_over", ended.set)
+    monkeypatch.setattr("mechviz.outputs.viewer.panels.plots.release_garbage", ended.set)
     with sockets(viewer.port, 1) as (browser,):
         send(browser, CAMERA)
         send(browser, update(viewer.plots.slots[0].buttons, "PNG"))
@@ -284,7 +284,7 @@ def test_texts_of_several_lines_hold_tables_and_no_more(viewer):
 
 def test_what_is_left_over_is_collected_before_it_is_much(viewer, monkeypatch):
     told: list[int] = []
-    monkeypatch.setattr("mechviz.outputs.viewer.app.left_over", lambda: told.append(1))  # browsers before may still be leaving
+    monkeypatch.setattr("mechviz.outputs.viewer.app.release_garbage", lambda: told.append(1))  # others may still be leaving
     rings = []
     gc.disable()  # what is collected is collected by us
     begun = weakref.ref(Ring())
@@ -292,7 +292,7 @@ def test_what_is_left_over_is_collected_before_it_is_much(viewer, monkeypatch):
     try:
         for _ in range(3 * OFTEN):
             rings.append(weakref.ref(Ring()))
-            left_over()
+            release_garbage()
             assert sum(ring() is not None for ring in rings) <= OFTEN
     finally:
         gc.enable()

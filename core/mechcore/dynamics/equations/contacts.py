@@ -50,7 +50,7 @@ class Ending(IntEnum):
     SLIP = 1  # of an element
     STICKING = 2
     REST = 3  # of the only freedom
-    FLIGHT = 4  # of a joint towards a stop
+    IMPACT = 4  # of a joint towards a stop
 
 
 class FrictionValues(NamedTuple):

@@ -29,7 +29,8 @@ LOOK_INTERVAL = 0.25  # [s] between updates of the best design so far
 HISTORY_HEIGHT = 150  # [px]
 CHART_WIDTH, CHART_HEIGHT = 350.0, 250.0  # of the chart of a study
 MOST_MARKS = 2000
-CROSS_SIZE, WAY_COLOR = 0.012, (214, 40, 90)  # half size, of the mechanism's size, and colour of crosses on prescribed points
+CROSS_SIZE = 0.012  # half size of the crosses on prescribed points, of the mechanism's size
+PRESCRIBED_POINTS_COLOR = (214, 40, 90)  # of those crosses
 DESIGN_COLOR, CHOSEN_COLOR = "#2563c9", "#d97706"
 
 
@@ -77,7 +78,7 @@ class Optimiser:
         segments = crosses(places, CROSS_SIZE * view_model.size, view_model.z_top)
         if self._way is None:
             self._way = self._server.scene.add_line_segments(
-                "/goal/way", segments, WAY_COLOR, thickness=2.5, thickness_units="screen"
+                "/goal/way", segments, PRESCRIBED_POINTS_COLOR, thickness=2.5, thickness_units="screen"
             )
         else:
             self._way.points = segments

@@ -18,7 +18,7 @@ from viser import uplot
 
 from mechcore.arrays import Real
 from mechcore.records import dataclass
-from mechviz.editor.worker import left_over
+from mechviz.editor.worker import release_garbage
 from mechviz.outputs.exports.tables import PLOT_FORMATS, plot_file
 from mechviz.outputs.viewer.playback import Curves, NumberTrack, PlotTrack, at_places
 from mechviz.outputs.viewer.server import Callback, report
@@ -289,7 +289,7 @@ class Plots:
             report(self._server, "Saving a plot", error, client)
         finally:
             self._waiting.release()
-            left_over()
+            release_garbage()
 
     def file(self, slot: SharedSlot, kind: str) -> bytes:
         """A plot as a file, with the curves of the compared designs and its bands, not enlarged; ``kind``: one of

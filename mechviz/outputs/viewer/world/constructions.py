@@ -134,7 +134,7 @@ class Construction:
     moves: bool = True
 
 
-class PolygonNodes:
+class ConstructionNodes:
     """All constructions of a run by the labels of their switches; ``show`` moves those that are on to a frame."""
 
     def __init__(self, server: viser.ViserServer, view_model: ViewModel):

@@ -17,7 +17,7 @@ from mechviz.outputs.viewer.viser_adapter import Posed, send_poses
 from mechviz.outputs.viewer.world.arrows import ArrowNodes
 from mechviz.outputs.viewer.world.bodies import BodyNodes, LineNodes
 from mechviz.outputs.viewer.world.camera import Backdrop, FittedCameras
-from mechviz.outputs.viewer.world.constructions import PolygonNodes
+from mechviz.outputs.viewer.world.constructions import ConstructionNodes
 from mechviz.outputs.viewer.world.labels import prepare
 from mechviz.outputs.viewer.world.marks import JointMarks, Masses, Paths, path_segments
 from mechviz.outputs.viewer.world.solids import SolidNodes, quaternions
@@ -60,7 +60,7 @@ class Scene3D:
             self._bodies = BodyNodes(server, view_model)
             self._masses = Masses(server, view_model)
             self.joints = JointMarks(server, view_model, clicked_joints)
-            self.polygons = PolygonNodes(server, view_model)
+            self.polygons = ConstructionNodes(server, view_model)
         self._posed: tuple[Any, ...] = (self.links, *self.ghosts.values(), self._paths, self.joints, self._bodies)
         for family in self.arrows.families:
             self.switch_family(family, view_model.picture.marks and family in SHOWN_FIRST)

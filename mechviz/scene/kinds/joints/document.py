@@ -99,7 +99,7 @@ class JointDocument(JointKeys, CamKeys, WheelKeys, LowerKeys):
         if self.links[0] == self.links[1]:
             wrong.append((self.kind, f"joins '{self.links[0]}' to itself.", "Name two different links."))
         wrong += self.misfits(f"the {kind.words.removeprefix('a ')}")
-        for key in self.free.strangers(kind.pose) if self.free is not None else ():
+        for key in self.free.foreign_keys(kind.pose) if self.free is not None else ():
             known = "x, y, angle, vx, vy and omega" if kind.pose else "position and speed"
             wrong.append(("free", f"{key} does not go with {kind.words}.", f"Its start has {known}."))
         if self.friction is not None and kind.rubs is not None:
