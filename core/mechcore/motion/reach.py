@@ -216,7 +216,7 @@ def slot_overruns(motion: Motion) -> list[SlotOverrun]:
         farthest = int(np.argmax(np.where(np.isfinite(values), values, -np.inf)))
         time, beyond = float(motion.time[farthest]), float(values.flat[farthest])
         step = float(np.max(np.abs(np.diff(values)), initial=0.0))
-        if not outside.any() and beyond > -step:  # there may be an overrun between two frames
+        if beyond > -step:  # the largest overrun may lie between two frames
             time, beyond = largest_maximum(motion, excess)
         if beyond > slack:
             beyond_ends.append(SlotOverrun(joint, end, beyond, outside, time))

@@ -40,10 +40,12 @@ def swung(amplitude: float, length: str, frames: int = 100):
     return compiled, solve_motion(compiled, default_times(mechanism, frames))
 
 
-def test_a_geneva_drive_that_turns_on_is_refused_where_its_pin_leaves_the_slot():
-    """Engaged from -45 to 45 degrees, where the pin is 50 mm from the wheel's pivot; at 0 it is deepest, at 20.7 mm."""
+@pytest.mark.parametrize("frames", [360, 7])
+def test_a_geneva_drive_that_turns_on_is_refused_where_its_pin_leaves_the_slot(frames):
+    """Engaged from -45 to 45 degrees, where the pin is 50 mm from the wheel's pivot; at 0 it is deepest, at 20.7 mm, and at 180,
+    between two of seven frames, farthest out."""
     with pytest.raises(MechanismError) as refused:
-        run_scene(mechviz.loads(geneva('speed = "60 rpm"', "50")))
+        run_scene(mechviz.loads(geneva('speed = "60 rpm"', "50")), frames=frames)
     (fault,) = refused.value.faults
     assert fault.path == "joints.P" and "the pin leaves its slot for positions of drive O from" in fault.message
     assert "beyond the end at 50 mm" in fault.message and "70.7107 mm beyond" in fault.message
