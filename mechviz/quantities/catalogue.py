@@ -10,7 +10,7 @@ from functools import cached_property
 
 import numpy as np
 
-from mechcore.arrays import Flags, Real
+from mechcore.arrays import Flags, Index, Real
 from mechcore.records import dataclass
 from mechviz.files import OutputError
 from mechviz.quantities.entries import Entry, EntryFacts, entries
@@ -266,25 +266,29 @@ class Catalogue:
 
     @cached_property
     def opening(self) -> int:
-        """The frame that is shown first.
+        """The frame that is shown first, see `opening_among`."""
+        return self.opening_among(np.arange(len(self.numbers.time)))
 
-        With forces, the frame where the sum of reactions and driving efforts, relative to their peaks, is largest. Frames near the
-        dead points of a crank are left out, because links and arrows lie on one line there. Without forces, the frame at an eighth
-        of the first drive's cycle.
+    def opening_among(self, rows: Index) -> int:
+        """Which of the frames ``rows`` (R,) is shown first.
+
+        With forces, the frame where the sum of reactions and driving efforts, relative to their peaks, is largest; of frames that
+        are equal to six digits the first. Frames near the dead points of a crank are left out, because links and arrows lie on one
+        line there. Without forces, the frame at an eighth of the first drive's cycle.
         """
         n = self.numbers
         if n.has_forces:
-            reactions = [np.hypot(*v[:, :2].T) for j in n.joints if (v := n.values("data", "joints", j, "reaction")) is not None]
-            efforts = [v[:, 3] for d in n.drives if (v := n.values("data", "drive", d)) is not None]
+            reactions = [np.hypot(*v[rows, :2].T) for j in n.joints if (v := n.values("data", "joints", j, "reaction")) is not None]
+            efforts = [v[rows, 3] for d in n.drives if (v := n.values("data", "drive", d)) is not None]
             peaks = [np.max(reactions, axis=0), *efforts] if reactions else efforts
-            load = sum((_of_peak(values) for values in peaks), np.zeros(len(n.time)))
+            load = sum((_of_peak(values) for values in peaks), np.zeros(len(rows)))
             if n.drives and not n.slides(n.drives[0]):
-                load = np.where(np.abs(np.sin(self.coordinate(n.drives[0]))) > ASIDE_SINE, load, 0.0)
+                load = np.where(np.abs(np.sin(self.coordinate(n.drives[0])[rows])) > ASIDE_SINE, load, 0.0)
             if np.any(np.nan_to_num(load)):
-                return int(np.argmax(np.nan_to_num(load)))
+                return int(np.argmax(np.round(np.nan_to_num(load), 6)))
         passed = n.time - n.time[0]
         cycle = min(n.cycle, float(passed[-1])) or 1.0
-        return int(np.argmin(np.round(np.abs(passed / cycle - 0.125), 6)))  # the first of two that are equally near
+        return int(np.argmin(np.round(np.abs(passed[rows] / cycle - 0.125), 6)))  # the first of two that are equally near
 
     def peak(self, key: str) -> float:
         """The largest absolute value of a quantity over the run; NaN where no quantity has this key."""

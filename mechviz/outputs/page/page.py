@@ -255,7 +255,7 @@ def show_text(
         "time_decimals": time_decimals(frames.time),
         "axes": _axes(catalogue, frames, pack),
         "pace": pace_of(shown),
-        "opening": int(np.argmin(np.abs(frames.time - catalogue.numbers.time[catalogue.opening]))),
+        "opening": catalogue.opening_among(frames.rows),
         "bounds": picture.bounds.tolist(),
         "core": _core(picture).tolist(),
         "drawn": _extent(picture, [(d["group"], box) for d, box in drawn]).tolist(),
