@@ -368,7 +368,7 @@ def misspelt(key: str, known: str) -> bool:
 def unknown_key(loc: Loc, known: Sequence[str], guess: str, inside: str = "") -> Fault:
     """The fault of a key that a table does not have; ``guess``: the key that is probably meant, ``inside``: the inner table that
     has it, if any."""
-    remedy = f"Did you mean '{guess}'?" if guess else f"Known: {listing(known, most=40)}."
+    remedy = f"Did you mean '{guess}'?" if guess else f"Known: {listing(known, most=20)}."
     remedy = f"Write it in {inside}." if inside else remedy
     return Fault(path_text(loc[:-1] or loc), f"unknown key '{loc[-1]}'.", remedy)
 
