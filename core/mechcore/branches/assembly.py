@@ -6,11 +6,11 @@ import cmath
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import product
-from typing import Any, cast
+from typing import Any, TypeAlias, cast
 
 import numpy as np
 
-from mechcore.arrays import Complex, Real
+from mechcore.arrays import Real
 from mechcore.branches.modes import (
     KEYS,
     TWO_MODES,
@@ -24,12 +24,15 @@ from mechcore.branches.modes import (
 )
 from mechcore.errors import Fault, MechanismError
 from mechcore.kinematics.model import Model
-from mechcore.kinematics.positions import group_closure_error, place_block, span
+from mechcore.kinematics.positions import closed_form, group_closure_error, loop_terms, place_block, put_unknowns
 from mechcore.kinematics.program import Block
 from mechcore.kinematics.state import State, initial_state, real_angle, relation_sum
 from mechcore.records import dataclass
 from mechcore.texts import Text, as_angle, as_length
 
+Solutions: TypeAlias = Sequence[Any]  # unknowns of a block, as of `closed_form`, (2,) each, in `BOTH_MODES`
+
+BOTH_MODES = np.array([1.0, -1.0])
 _MOST_CHOICES = 2  # groups whose modes are listed in all combinations
 
 
@@ -59,16 +62,18 @@ def assemble(model: Model, drives: Sequence[float], *, others: bool = True) -> A
         mode = 0.0
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
             if block.kind in TWO_MODES:
-                error = float(group_closure_error(model, block, state))
+                terms = loop_terms(model, block, state)
+                error = float(group_closure_error(block, terms))
                 if error > 1e-14 * model.length_scale:
                     faults.append(_apart(model, block, error, _fitting_mode(model, drives) if others else ""))
                     break
-                if block.kind != "theta_slide" and span(model, block, state) <= 1e-14 * model.length_scale:
+                if block.kind != "theta_slide" and abs(complex(terms[0])) <= 1e-14 * model.length_scale:
                     faults.append(_unspanned(block))
                     break
-                mode, fault = _mode(model, block, state, stated.get(block.name, ()))
+                solutions: Solutions = closed_form(block, terms, BOTH_MODES)
+                mode, fault = _mode(model, block, state, stated.get(block.name, ()), solutions)
                 faults += fault
-                place_block(model, block, state, mode)
+                put_unknowns(model, block, state, [x[0 if mode > 0.0 else 1] for x in solutions])
             elif block.relations and block.kind != "general":
                 faults += _fix_relation(model, block, state, constants)
                 place_block(model, block, state, 0.0)
@@ -177,14 +182,14 @@ def _unspanned(block: Block) -> Fault:
     )
 
 
-def _mode(model: Model, block: Block, state: State, joints: Sequence[str]) -> tuple[float, list[Fault]]:
+def _mode(model: Model, block: Block, state: State, joints: Sequence[str], solutions: Solutions) -> tuple[float, list[Fault]]:
     """The sign of a block with two assembly modes, stated at ``joints`` or else sketched; with faults if neither decides."""
     if joints:
         return stated_sign(model, block, state, joints)
-    sketched = _sketched_mode(model, block, state)
+    sketched = _sketched_mode(model, block, state, solutions)
     if sketched is not None:
         return sketched, []
-    if all(abs(plus - minus) < 1e-12 for plus, minus in _solutions(model, block, state, (1.0, -1.0)).values()):
+    if all(abs(plus - minus) < 1e-12 for plus, minus in solutions):
         return 1.0, []
     words = WORDS[block.kind]
     key = KEYS[words[0]]
@@ -200,29 +205,20 @@ def _mode(model: Model, block: Block, state: State, joints: Sequence[str]) -> tu
     ]
 
 
-def _solutions(model: Model, block: Block, state: State, modes: Sequence[float]) -> dict[tuple[str, int], Complex]:
-    """A block's unknowns (rotations and displacements) in the given modes, (modes,) each; ``state`` does not change."""
-    trial = state.copy()
-    with np.errstate(invalid="ignore", divide="ignore"):
-        place_block(model, block, trial, np.array(modes))
-    classes = {g: model.angles.classes_of[g][0] for g in block.angles}
-    values: dict[tuple[str, int], Any] = {("angle", g): trial.rot[s] / state.delta[s] for g, s in classes.items()}
-    values |= {("slide", j): trial.slide[j] for j in block.slides}
-    return values
-
-
 def _mode_words(model: Model, block: Block, state: State, modes: Sequence[float]) -> list[str]:
     """Texts that distinguish a block's modes: the position of its joint, else the displacements and angles that differ."""
     places = [f"{block.name} is at {_place_of(model, block, state, mode)}" for mode in modes]
     if len(set(places)) == len(places):
         return places
     rows = []
-    solutions = _solutions(model, block, state, modes)
+    solutions: Solutions = closed_form(block, loop_terms(model, block, state), np.array(modes))
+    angular, along = solutions[: len(block.angles)], solutions[len(block.angles) :]
     for k in range(len(modes)):
         slides = [
-            f"{model.joints[j].name} is displaced by {as_length(float(solutions['slide', j][k].real), 4)}" for j in block.slides
+            f"{model.joints[j].name} is displaced by {as_length(float(s[k].real), 4)}"
+            for j, s in zip(block.slides, along, strict=True)
         ]
-        angles = [_angle_words(model, g, float(np.angle(solutions["angle", g][k]))) for g in block.angles]
+        angles = [_angle_words(model, g, float(np.angle(e[k]))) for g, e in zip(block.angles, angular, strict=True)]
         rows.append([*slides, *angles])
     telling = [k for k, words in enumerate(zip(*rows, strict=True)) if len(set(words)) > 1]
     return [", ".join(row[k] for k in telling) or place for row, place in zip(rows, places, strict=True)]
@@ -294,10 +290,10 @@ def _unsketched(joint: str, link: str) -> Fault:
     return Fault(f"joints.{joint}", f"nothing says how '{link}' stands at the start.", remedy)
 
 
-def _sketched_mode(model: Model, block: Block, state: State) -> float | None:
-    """The mode nearest to the sketch; None if the sketch does not decide."""
+def _sketched_mode(model: Model, block: Block, state: State, solutions: Solutions) -> float | None:
+    """The mode that is nearest to the sketch; None if the sketch does not decide."""
     errors: Any = None
-    for (what, i), values in _solutions(model, block, state, (1.0, -1.0)).items():
+    for (what, i), values in zip(block.unknowns, solutions, strict=True):
         if what == "angle":
             angle = sketched_angle(model, i, state)
             error = None if angle is None else abs(values - cmath.exp(1j * angle))

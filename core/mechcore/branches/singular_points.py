@@ -10,6 +10,8 @@ manner.
 
 from __future__ import annotations
 
+import cmath
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cache, cached_property
@@ -21,9 +23,17 @@ from mechcore.arrays import Flags, Index, Real, Values
 from mechcore.branches.modes import TWO_MODES
 from mechcore.kinematics.columns import all_vectors, columns, matrix_of
 from mechcore.kinematics.model import Model
-from mechcore.kinematics.positions import LoopTerms, apply, dead_point_margin, loop_terms, place_block
+from mechcore.kinematics.positions import LoopTerms, dead_point_margin, loop_terms, place_block
 from mechcore.kinematics.program import Block
-from mechcore.kinematics.singular_interpolation import FAR_STEPS, FIT_NODES, FIT_TAIL, smooth, tail_of, unknowns_of
+from mechcore.kinematics.singular_interpolation import (
+    FAR_STEPS,
+    FIT_NODES,
+    FIT_TAIL,
+    SmoothedSamples,
+    smoothed,
+    tail_of,
+    unknowns_of,
+)
 from mechcore.kinematics.state import State, initial_state
 from mechcore.laws.timed import ConstantSpeed, Law, moves
 from mechcore.records import dataclass
@@ -126,22 +136,26 @@ class SingularPoints:
 
 
 class _Flips(NamedTuple):
-    """The number of exchanges of modes in a period, and their instants; one at the start of the period counts as passed and has no
-    instant."""
+    """The instants in a period at which modes are exchanged; one at the start of the period counts as passed and has no instant.
 
-    number: int
+    ``odd``: whether they are exchanged an odd number of times; ``alternating``: +1 and -1 in turn.
+    """
+
+    odd: bool
     times: Real
+    alternating: Real
 
     def signs(self, parity: Index, local: Real) -> Real:
         """+1 or -1 by the number of exchanges before times (...), given as `_cycles` returns them."""
-        count = parity * self.number + self.times.searchsorted(local, side="left")
-        return np.asarray(1.0 - 2.0 * (count & 1))
+        count = self.times.searchsorted(local, side="left")
+        return np.asarray(self.alternating[count + parity if self.odd else count])
 
 
 def _flips_of(times: Sequence[float], period: float) -> _Flips:
     tiny = 1e-9 * period
     within = sorted(t - period if t > period - tiny else t for t in times)  # one at the very end is one at the start
-    return _Flips(len(within), np.array([t for t in within if t > tiny]))
+    passed = [t for t in within if t > tiny]
+    return _Flips(len(within) % 2 == 1, np.array(passed), np.array([1.0, -1.0] * (len(passed) // 2 + 2)))
 
 
 def _cycles(time: Real, period: float) -> tuple[Index, Real]:
@@ -265,41 +279,54 @@ def _sampled(
                 if exchanged:
                     sign = _flips_of(exchanged, period).signs(*sampled_cycles)
             place_block(model, block, state, mode * sign, terms=terms)
-            for t, flips in own:  # later blocks must not see its ill-conditioned positions
-                resolving, fine = _smoothed(model, block, state, time, t, period, step, finer, blurred)
-                dead = not by_drive and float(np.interp(t, time, still)) < slow
-                points.append(SingularPoint(t, i, block.name, dead, flips, resolving))
+            if own:  # later blocks must not see its ill-conditioned positions
+                steps, fine = _smoothed(model, block, state, time, [t for t, _ in own], period, step, finer, blurred)
+                for (t, flips), resolving in zip(own, steps, strict=True):
+                    dead = not by_drive and float(np.interp(t, time, still)) < slow
+                    points.append(SingularPoint(t, i, block.name, dead, flips, resolving))
                 resolved &= fine
-            if by_drive and block.angles and not np.isfinite(np.sum(state.rot[model.angles.classes_of[block.angles[0]][0]])):
-                return None, True
+            if by_drive and block.angles:
+                rotation = state.rot[model.angles.classes_of[block.angles[0]][0]]
+                if not cmath.isfinite(np.add.reduce(rotation, axis=None)):
+                    return None, True
     return SingularPoints(
         period=period, points=tuple(points), laws=laws, by_drive=by_drive, unreachable=tuple(unreachable)
     ), resolved
 
 
 def _smoothed(
-    model: Model, block: Block, state: State, time: Real, instant: float, period: float, step: float, finer: int, blurred: Flags
-) -> tuple[float, bool]:
-    """Interpolate a block's sampled positions next to an instant at which its modes meet.
+    model: Model,
+    block: Block,
+    state: State,
+    time: Real,
+    instants: Sequence[float],
+    period: float,
+    step: float,
+    finer: int,
+    blurred: Flags,
+) -> tuple[list[float], bool]:
+    """Interpolate a block's sampled positions next to instants at which its modes meet.
 
-    Returns the largest step that resolves the motion there, or the best one tried, and whether it resolves the motion.
+    Returns for each instant the largest step that resolves the motion there, or the best one tried, and whether they resolve it.
     """
-    best = np.inf
-    width = finer
     first, last = float(time[0]), float(time[-1])
-    instants = [at for at in (instant - period, instant, instant + period) if first < at < last]
+    places = [at for t in instants for at in (t - period, t, t + period) if first < at < last]
+    best: SmoothedSamples | None = None
+    width = resolving = finer
     while width >= 1:
-        smoothed = [smooth(model, block, state, time, at, step * width) for at in instants]
-        tail = max(t for t, _ in smoothed)
-        if tail < 0.5 * best:
-            best, interpolants, resolving = tail, [p for _, p in smoothed if p is not None], step * width
-        if tail < FIT_TAIL:
+        found = smoothed(model, block, state, time, places, step * width)
+        if found is not None and not found.tail < FIT_TAIL and len(instants) > 1:  # each has a step of its own
+            each = [_smoothed(model, block, state, time, [t], period, step, finer, blurred) for t in instants]
+            return [own for (own,), _ in each], all(fine for _, fine in each)
+        if found is not None and (best is None or found.tail < 0.5 * best.tail):
+            best, resolving = found, width
+        if found is None or found.tail < FIT_TAIL:
             break
         width //= 2
-    for interpolant in interpolants:
-        apply(model, block, state, interpolant)
-        blurred[interpolant.frames] = True
-    return resolving, best < FIT_TAIL
+    if best is not None:
+        best.into(model, block, state)
+        blurred[best.samples] = True
+    return [step * resolving] * len(instants), best is None or best.tail < FIT_TAIL
 
 
 def locate_singular(
@@ -369,33 +396,29 @@ def dead_point_instants(
     dead_point, reach_limit = max(DEAD_POINT, rounding), max(CLOSURE_LIMIT, rounding)
     lowest = -max(INTERPOLATED_DEAD_POINT, rounding)
     for height in margins:
-        least_height = np.fmin.reduce(height, axis=None)
-        if not least_height < NEAR_DEAD_POINT:
+        if not np.ndim(height):
+            if height < lowest:
+                unreachable.append((float(time[0]), float(time[-1])))
             continue
-        h = np.asarray(height) if np.shape(height) == time.shape else np.broadcast_to(height, time.shape)
-        if least_height < lowest:
+        h = np.asarray(height)
+        before = (h[1:-1] < NEAR_DEAD_POINT).nonzero()[0]
+        if not len(before):
+            continue
+        heights = h[before + 1]
+        if np.minimum.reduce(heights) < lowest:
             unreachable += _ranges_below(time, h, lowest)
-        least_ones = np.flatnonzero((h[1:-1] <= h[:-2]) & (h[1:-1] < h[2:])) + 1
-        heights = h[least_ones]
-        for k in least_ones[(heights < NEAR_DEAD_POINT) & (heights > lowest)].tolist():
+        for k in (before[(heights <= h[before]) & (heights < h[before + 2])] + 1).tolist():
             a, b = max(k - WINDOW_SAMPLES, 0), min(k + WINDOW_SAMPLES + 1, len(time))
-            y = h[a:b]
-            if not ROUNDING <= np.maximum.reduce(y) - np.minimum.reduce(y) < np.inf:  # constant, or not all are known
+            y = h[a:b].tolist()
+            if h[k] <= lowest or not max(y) - min(y) >= ROUNDING or not math.isfinite(sum(y)):  # constant, or not all are known
                 continue
-            fit = _LocalPolynomial(y, k - a, b - 1 - k)
-            at, curvature = 0.0, 0.0
-            for _ in range(8):
-                _, slope, curvature = fit(at)
-                if curvature <= 0:
-                    break
-                last, at = at, min(max(at - slope / curvature, -1.5), 1.5)
-                if at == last:
-                    break
-            (least, _, curvature), rough = fit(at), bool(blurred[a:b].any())
+            fit = _LocalPolynomial(h[a:b], k - a, b - 1 - k)
+            at, curvature = fit.least()
+            least, rough = fit(at), any(blurred[a:b].tolist())
             truncation = abs(fit.terms[-1]) + abs(fit.terms[-2])
             sharp |= not rough and dead_point < abs(least) < 10.0 * truncation
             if -max(reach_limit, INTERPOLATED_DEAD_POINT * rough) <= least <= max(dead_point, INTERPOLATED_DEAD_POINT * rough):
-                near, far = (0.5 * abs(fit(at - w)[0] + fit(at + w)[0]) for w in (1.5, 3.0))
+                near, far = (0.5 * abs(fit(at - w) + fit(at + w)) for w in (1.5, 3.0))
                 out.append((float(time[k] + at * step), far < 8.0 * near))
             elif least < 0.0 and h[k] > -reach_limit and curvature > 0.0:
                 half = float(np.sqrt(-2.0 * least / curvature))
@@ -411,14 +434,28 @@ class _LocalPolynomial:
         self.middle, self.half = 0.5 * (after - before), 0.5 * (after + before)
         self.terms: list[float] = (_inverse(before, after) @ values).tolist()
 
-    def __call__(self, x: float) -> tuple[float, float, float]:
-        """Value, first and second derivative at ``x``, in samples from 0."""
-        u, value, slope, curvature = (x - self.middle) / self.half, 0.0, 0.0, 0.0
+    def __call__(self, x: float) -> float:
+        """Value at ``x``, in samples from 0."""
+        u, value = (x - self.middle) / self.half, 0.0
         for term in reversed(self.terms):  # Horner's scheme
-            curvature = curvature * u + slope
-            slope = slope * u + value
             value = value * u + term
-        return value, slope / self.half, 2.0 * curvature / self.half**2
+        return value
+
+    def least(self) -> tuple[float, float]:
+        """The place of the minimum next to 0, at most 1.5 samples from it, and the curvature there, by Newton's method; where the
+        curve is not convex, the last place before."""
+        rates = [k * term for k, term in enumerate(self.terms)][:0:-1]
+        at, last, curvature = 0.0, np.inf, 0.0
+        for _ in range(8):
+            u, slope, curvature = (at - self.middle) / self.half, 0.0, 0.0
+            for rate in rates:
+                curvature = curvature * u + slope
+                slope = slope * u + rate
+            curvature /= self.half**2
+            if curvature <= 0 or abs(at - last) < 1e-8:  # the next step would be below rounding
+                break
+            last, at = at, min(max(at - slope / self.half / curvature, -1.5), 1.5)
+        return at, curvature
 
 
 @cache

@@ -88,20 +88,18 @@ def theta_theta(a: Plane, b: Plane, c: Plane, mode: Values) -> tuple[Complex, Co
     Both rotations have modulus 1, and the sum closes to a few rounding errors however thin the triangle is, because the
     components along and across ``c`` are each accurate in the relative sense.
     """
-    ra, rb, d2 = modulus(a), modulus(b), (c * c.conjugate()).real
-    d = np.sqrt(d2)
-    difference = (ra - rb) * (ra + rb)
-    half = 0.5 / determined(d2)
+    ra, rb, d = modulus(a), modulus(b), modulus(c)
+    half = 0.5 / determined(d * d)
     across = _with_mode(half * four_areas(ra, rb, d), mode)
-    shift = difference * half
-    e1, e2 = np.empty(across.shape, complex), np.empty(across.shape, complex)
-    np.add(0.5, shift, out=e1.real)
-    e1.imag = across
-    np.subtract(0.5, shift, out=e2.real)
-    np.negative(across, out=e2.imag)
-    for e, length in ((e1, a), (e2, b)):
-        e *= c
-        e *= _quotient(1.0, length)
+    apex: Complex = np.empty(across.shape, complex)
+    np.multiply((ra - rb) * (ra + rb), half, out=apex.real)
+    apex.imag = across
+    e1: Complex = 0.5 + apex
+    e2: Complex = 0.5 - apex
+    e1 *= c
+    e2 *= c
+    e1 *= _quotient(1.0, a)
+    e2 *= _quotient(1.0, b)
     return e1, e2
 
 

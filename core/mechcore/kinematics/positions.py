@@ -11,7 +11,7 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 
 from mechcore.accuracy import DEFAULT
-from mechcore.arrays import Index, Plane, Real, Values
+from mechcore.arrays import Index, Plane, Real, Values, modulus
 from mechcore.kinematics import dyads
 from mechcore.kinematics.model import Model
 from mechcore.kinematics.program import Block
@@ -62,27 +62,29 @@ def place_block(
         for r in block.relations:  # stores the values of its curve in ``state``
             relation_sum(model, r, state)
     else:
-        _place_loop(model, block, state, mode, terms or loop_terms(model, block, state))
+        put_unknowns(model, block, state, closed_form(block, terms or loop_terms(model, block, state), mode))
 
 
-def _place_loop(model: Model, block: Block, state: State, mode: Values, terms: LoopTerms) -> None:
-    """Solve a block of one loop by its closed form."""
+def closed_form(block: Block, terms: LoopTerms, mode: Values) -> Sequence[Plane | Values]:
+    """The unknowns of a block of one loop, from its `loop_terms`: rotations of its angles, then displacements."""
     target, arms, guides = terms
-    solved: Sequence[Plane | Values]  # rotations of its angles, then displacements
     if block.kind == "theta_theta":
-        solved = dyads.theta_theta(arms[0], arms[1], target, mode)
-    elif block.kind == "theta_slide":
-        solved = dyads.theta_slide(arms[0], guides[0], target, mode)
-    elif block.kind == "arm_slide":
-        solved = dyads.arm_slide(arms[0], guides[0], target, mode)
-    elif block.kind == "slide_slide":
-        solved = dyads.slide_slide(guides[0], guides[1], target)
-    elif block.kind == "angle":
+        return dyads.theta_theta(arms[0], arms[1], target, mode)
+    if block.kind == "theta_slide":
+        return dyads.theta_slide(arms[0], guides[0], target, mode)
+    if block.kind == "arm_slide":
+        return dyads.arm_slide(arms[0], guides[0], target, mode)
+    if block.kind == "slide_slide":
+        return dyads.slide_slide(guides[0], guides[1], target)
+    if block.kind == "angle":
         with np.errstate(**QUIET):
             e = target / arms[0]
-            solved = (e / np.abs(e),)
-    else:  # slide
-        solved = ((target * guides[0].conjugate()).real,)
+            return (e / np.abs(e),)
+    return ((target * guides[0].conjugate()).real,)
+
+
+def put_unknowns(model: Model, block: Block, state: State, solved: Sequence[Plane | Values]) -> None:
+    """Put the unknowns of a block, as `closed_form` returns them, into ``state``."""
     for group, rotation in zip(block.angles, solved, strict=False):
         _turn(model, state, group, rotation)
     for j, s in zip(block.slides, solved[len(block.angles) :], strict=True):
@@ -256,9 +258,10 @@ def dead_point_margin(model: Model, block: Block, state: State, terms: LoopTerms
     """
     target, arms, guides = terms or loop_terms(model, block, state)
     if block.kind == "theta_theta":
-        ra, rb, d = np.abs(arms[0]), np.abs(arms[1]), np.abs(target)
-        total, difference = ra + rb, abs(ra - rb)
-        return [(total - d) * (total + d) / total**2, (d - difference) * (d + difference) / total**2]
+        ra, rb, d = modulus(arms[0]), modulus(arms[1]), modulus(target)
+        d2, total2, difference2 = d * d, (ra + rb) ** 2, (ra - rb) ** 2
+        unit = 1.0 / total2
+        return [(total2 - d2) * unit, (d2 - difference2) * unit]
     if block.kind == "theta_slide":
         r, y = np.abs(arms[0]), (target * np.conj(guides[0])).imag
         return [(r - y) * (r + y) / r**2]
@@ -266,12 +269,10 @@ def dead_point_margin(model: Model, block: Block, state: State, terms: LoopTerms
     return [(r2 - y * y) / model.length_scale**2]
 
 
-def group_closure_error(model: Model, block: Block, state: State) -> Values:
-    """Closure error of a block with a closed form (...) [m]: the gap between its links, 0 where they meet.
-
-    ``state`` must hold the earlier blocks.
-    """
-    target, arms, guides = loop_terms(model, block, state)
+def group_closure_error(block: Block, terms: LoopTerms) -> Values:
+    """Closure error of a block with a closed form (...) [m]: the gap between its links, 0 where they meet; from its
+    `loop_terms`."""
+    target, arms, guides = terms
     if block.kind == "theta_theta":
         return dyads.error_theta_theta(arms[0], arms[1], target)
     if block.kind == "theta_slide":
@@ -279,8 +280,3 @@ def group_closure_error(model: Model, block: Block, state: State) -> Values:
     if block.kind == "arm_slide":
         return dyads.error_arm_slide(arms[0], guides[0], target)
     return np.zeros(np.shape(target))
-
-
-def span(model: Model, block: Block, state: State) -> float:
-    """Largest distance of a group's outer pins [m], which its two links have to bridge."""
-    return float(np.max(np.abs(loop_terms(model, block, state)[0])))

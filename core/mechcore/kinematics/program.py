@@ -246,5 +246,5 @@ def moved_by(total: VectorSum, angles: Angles) -> dict[Unknown, tuple[int, ...]]
 
 def vector_sum(arms: Mapping[int, Any], slides: Sequence[tuple[int, int, complex]]) -> VectorSum:
     """A `VectorSum` from vectors by rotation class; that of the frame's class is its ``still``, zero vectors are dropped."""
-    turning = tuple((s, a) for s, a in arms.items() if s != FRAME and np.any(a != 0))
+    turning = tuple((s, a) for s, a in arms.items() if s != FRAME and (a != 0 if isinstance(a, complex) else np.any(a != 0)))
     return VectorSum(arms.get(FRAME, 0j), turning, tuple(slides))

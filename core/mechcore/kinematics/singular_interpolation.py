@@ -8,16 +8,15 @@ in solving order, because the nodes of a later group may lie where an earlier on
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import field
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from mechcore.arrays import Flags, Index, Real, Values
+from mechcore.arrays import Complex, Flags, Index, Real, Values
 from mechcore.constants import TURN
 from mechcore.kinematics.columns import all_columns, all_vectors
 from mechcore.kinematics.model import Model
@@ -53,41 +52,81 @@ def unknowns_of(model: Model, block: Block, state: State, at: Index) -> Real:
     return np.array([*angles, *(np.asarray(state.slide[j])[at] for j in block.slides)]).T if block.slides else angles.T
 
 
-def smooth(model: Model, block: Block, state: State, time: Real, instant: float, step: float) -> tuple[float, Interpolant | None]:
-    """Interpolate a block's positions next to an instant from its samples on both sides.
+class SmoothedSamples(NamedTuple):
+    """A block's positions at samples too near some instants, by interpolation from samples on both sides of each.
 
-    Returns the size of the polynomial's last coefficients (angles [rad], slides over the mechanism's size), and the interpolant for
-    the samples that are too near the instant (its rates hold positions and are not meant to be used); 0 and None if the samples do
-    not extend far enough. ``time``: equidistant.
+    ``samples`` (m,); ``positions`` (m, unknowns): rotations of its groups, then slides over the mechanism's size, as complex
+    numbers. ``tail``: size of the polynomials' last coefficients.
     """
-    apart = float(time[1] - time[0])
-    place = (instant - float(time[0])) / apart
-    before = math.floor(place)
-    fit, near, terms, inverse = _samples(round((place - before) * FRACTIONS), round(step / apart))
-    if before + fit[0] < 0 or before + fit[-1] >= len(time):
-        return 0.0, None
-    coefficients = inverse @ unknowns_of(model, block, state, before + fit)
-    last = np.abs(coefficients[-2:])
-    if block.slides:
-        last[:, len(block.angles) :] /= model.length_scale
-    at_samples = terms @ coefficients
-    return float(np.maximum.reduce(last, axis=None)), Interpolant(before + near, at_samples, at_samples, at_samples)
+
+    tail: float
+    samples: Index
+    positions: Complex
+
+    def into(self, model: Model, block: Block, state: State) -> None:
+        """Replace the positions in ``state``, whose arrays are changed in place."""
+        samples, unknowns = self.samples, self.positions.T
+        rotations = unknowns[: len(block.angles)]
+        for g, rotation in zip(block.angles, rotations / np.abs(rotations), strict=True):
+            for rotation_class in model.angles.classes_of[g]:
+                delta = state.delta[rotation_class]
+                own = (
+                    rotation
+                    if isinstance(delta, complex) and delta == 1
+                    else rotation * (delta[samples] if isinstance(delta, np.ndarray) else delta)
+                )
+                state.rot[rotation_class][samples] = own
+        for j, slide in zip(block.slides, unknowns[len(block.angles) :], strict=True):
+            np.asarray(state.slide[j])[samples] = slide.real * model.length_scale
+
+
+def smoothed(
+    model: Model, block: Block, state: State, time: Real, instants: Sequence[float], step: float
+) -> SmoothedSamples | None:
+    """A block's positions next to instants, by polynomials through its equidistant samples on both sides of each, at ``time``.
+
+    None if these extend far enough at none of the instants.
+    """
+    first, apart = float(time[0]), float(time[1] - time[0])
+    width = round(step / apart)
+    fit, near = _samples(width)
+    places = [(instant - first) / apart for instant in instants]
+    places = [place for place in places if width * FAR_STEPS <= round(place) < len(time) - width * FAR_STEPS]
+    if not places:
+        return None
+    nearest = [round(place) for place in places]
+    middles = np.array(nearest)[:, None]
+    at = middles + fit
+    values = np.empty((*at.shape, len(block.angles) + len(block.slides)), complex)
+    for k, g in enumerate(block.angles):
+        values[..., k] = group_rotation(model, state, g, at)
+    for k, j in enumerate(block.slides, len(block.angles)):
+        values[..., k] = np.asarray(state.slide[j])[at] / model.length_scale
+    matrices = [_fit_at(round((place - middle) * FRACTIONS), width) for place, middle in zip(places, nearest, strict=True)]
+    rows = np.array([matrix @ value for matrix, value in zip(matrices, values.view(float), strict=True)])
+    tail = float(np.maximum.reduce(np.abs(rows[:, :2]), axis=None))
+    return SmoothedSamples(tail, (middles + near).ravel(), rows[:, 2:].view(complex).reshape(-1, values.shape[-1]))
+
+
+@lru_cache(16)
+def _samples(width: int) -> tuple[Index, Index]:
+    """The samples of the fit next to an instant, and those too near it, counted from the nearest one; ``width``: samples per
+    step."""
+    samples = np.arange(-width * FAR_STEPS, width * FAR_STEPS + 1)
+    away = np.abs(samples)
+    return samples[away >= 8 * width], samples[away <= NEAR_STEPS * width]
 
 
 @lru_cache(64)
-def _samples(fraction: int, width: int) -> tuple[Index, Index, Real, Real]:
-    """Samples next to an instant, counted from the last one before it, and the matrices of the fit through them.
+def _fit_at(fraction: int, width: int) -> Real:
+    """The matrix (2 + m, n) from values at the samples of the fit (n,) to the polynomial's last two coefficients and its values at
+    the samples too near the instant (m,).
 
-    Returns the samples of the fit (n,), those too near the instant (m,), the polynomial's terms at the latter (m, k), and the
-    matrix (k, n) from values at the former to coefficients. ``fraction``: position of the instant in its sample interval, in units
-    of 1 / ``FRACTIONS``; ``width``: samples per step.
+    ``fraction``: distance of the instant from the nearest sample, in units of 1 / ``FRACTIONS``; ``width``: samples per step.
     """
-    at, reach = fraction / FRACTIONS, width * FAR_STEPS
-    samples = np.arange(math.ceil(at - reach), math.floor(at + reach) + 1)
-    away = (samples - at) / reach
-    fit, near = np.abs(away) >= 8.0 / FAR_STEPS, np.abs(away) < NEAR_STEPS / FAR_STEPS
-    terms = chebyshev.chebvander(away, FIT_DEGREE)
-    return samples[fit], samples[near], np.asarray(terms[near], float), np.asarray(np.linalg.pinv(terms[fit]), float)
+    fit, near = ((samples - fraction / FRACTIONS) / (width * FAR_STEPS) for samples in _samples(width))
+    inverse = np.linalg.pinv(chebyshev.chebvander(fit, FIT_DEGREE))
+    return np.concatenate([inverse[-2:], chebyshev.chebvander(near, FIT_DEGREE) @ inverse])
 
 
 def tail_of(values: Real) -> float:

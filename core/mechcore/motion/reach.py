@@ -21,7 +21,7 @@ from mechcore.branches.paths import branch_by_drive, branch_path, largest_steps
 from mechcore.branches.singular_points import dead_point_instants, rounding_of
 from mechcore.constants import TURN
 from mechcore.kinematics.model import Model
-from mechcore.kinematics.positions import dead_point_margin, equations, group_closure_error, place_all, place_block
+from mechcore.kinematics.positions import dead_point_margin, equations, group_closure_error, loop_terms, place_all, place_block
 from mechcore.kinematics.program import Block
 from mechcore.kinematics.state import State, initial_state
 from mechcore.motion.compiled import Compiled, follow
@@ -236,7 +236,7 @@ def greatest_closure_error(assembly: Assembly, block: Block, motion: Motion, fai
     """
 
     def errors(at: Motion) -> Real:
-        return np.broadcast_to(group_closure_error(at.model, block, at.state), at.frames)
+        return np.broadcast_to(group_closure_error(block, loop_terms(at.model, block, at.state)), at.frames)
 
     if block.kind != "general":
         at_frames = float(np.fmax.reduce(np.where(failed, errors(motion), 0.0), initial=0.0))
