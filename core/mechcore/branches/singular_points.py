@@ -245,13 +245,13 @@ def _sampled(
     probe = np.linspace(0.0, period, 2001)
     rotary = [model.joints[model.joint_index[d.joint]].coordinate == "angle" for d in model.mechanism.drives]
     fastest = max((float(np.max(np.abs(law(probe)[1]))) for law, r in zip(laws, rotary, strict=True) if r), default=0.0)
-    samples = min(
+    count = min(
         max(SAMPLES_A_CYCLE, int(np.ceil(cycle * fastest * SAMPLES_A_CYCLE / (2.0 * np.pi)))),
         max(SAMPLES_A_CYCLE, MOST_SAMPLES // cycles),
     )
-    coarse, step = cycle / samples, cycle / samples / finer
+    coarse, step = cycle / count, cycle / count / finer
     ends = (FAR_STEPS + WINDOW_SAMPLES) * finer
-    time: Real = step * np.arange(-ends, cycles * samples * finer + ends + 1, dtype=float)
+    time: Real = step * np.arange(-ends, cycles * count * finer + ends + 1, dtype=float)
     values = [law(time) for law in laws]
     state = initial_state(model, [v[0] for v in values])
     still = np.max([np.abs(v[1]) for v in values], axis=0)
@@ -259,7 +259,7 @@ def _sampled(
     points: list[SingularPoint] = []
     unreachable: list[UnreachableRange] = []
     resolved, rounding, sampled_cycles = True, rounding_of(model), _cycles(time, period)
-    blurred = np.zeros(len(time), bool)  # samples at which an earlier group's positions are interpolated
+    samples = _Samples(model, state, time, period, step, finer, np.zeros(len(time), bool))
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         for i, (block, mode) in enumerate(zip(model.blocks, modes, strict=True)):
             sign: Real | float = 1.0
@@ -268,7 +268,7 @@ def _sampled(
             if block.kind in TWO_MODES:
                 terms = loop_terms(model, block, state)
                 margins = dead_point_margin(model, block, state, terms)
-                instants, missing, sharp = dead_point_instants(margins, time, blurred, rounding)
+                instants, missing, sharp = dead_point_instants(margins, time, samples.blurred, rounding)
                 if sharp and finer < FINER_SAMPLING[-1]:
                     return None, False
                 if by_drive and missing:
@@ -280,7 +280,7 @@ def _sampled(
                     sign = _flips_of(exchanged, period).signs(*sampled_cycles)
             place_block(model, block, state, mode * sign, terms=terms)
             if own:  # later blocks must not see its ill-conditioned positions
-                steps, fine = _smoothed(model, block, state, time, [t for t, _ in own], period, step, finer, blurred)
+                steps, fine = _smoothed(samples, block, [t for t, _ in own])
                 for (t, flips), resolving in zip(own, steps, strict=True):
                     dead = not by_drive and float(np.interp(t, time, still)) < slow
                     points.append(SingularPoint(t, i, block.name, dead, flips, resolving))
@@ -294,21 +294,28 @@ def _sampled(
     ), resolved
 
 
-def _smoothed(
-    model: Model,
-    block: Block,
-    state: State,
-    time: Real,
-    instants: Sequence[float],
-    period: float,
-    step: float,
-    finer: int,
-    blurred: Flags,
-) -> tuple[list[float], bool]:
+class _Samples(NamedTuple):
+    """Positions at equidistant times (n,) [s], which ``state`` holds for the blocks solved so far.
+
+    ``step``: of the times [s]; ``finer``: number of steps in one of the coarsest sampling; ``blurred`` (n,): where positions of an
+    earlier group are interpolated.
+    """
+
+    model: Model
+    state: State
+    time: Real
+    period: float
+    step: float
+    finer: int
+    blurred: Flags
+
+
+def _smoothed(samples: _Samples, block: Block, instants: Sequence[float]) -> tuple[list[float], bool]:
     """Interpolate a block's sampled positions next to instants at which its modes meet.
 
     Returns for each instant the largest step that resolves the motion there, or the best one tried, and whether they resolve it.
     """
+    model, state, time, period, step, finer, blurred = samples
     first, last = float(time[0]), float(time[-1])
     places = [at for t in instants for at in (t - period, t, t + period) if first < at < last]
     best: SmoothedSamples | None = None
@@ -316,7 +323,7 @@ def _smoothed(
     while width >= 1:
         found = smoothed(model, block, state, time, places, step * width)
         if found is not None and not found.tail < FIT_TAIL and len(instants) > 1:  # each has a step of its own
-            each = [_smoothed(model, block, state, time, [t], period, step, finer, blurred) for t in instants]
+            each = [_smoothed(samples, block, [t]) for t in instants]
             return [own for (own,), _ in each], all(fine for _, fine in each)
         if found is not None and (best is None or found.tail < 0.5 * best.tail):
             best, resolving = found, width
