@@ -236,6 +236,9 @@ CUSP_SPEED = 1e-9
 """A point slower than this part of its own largest rate is at a cusp or a turning point."""
 ROUNDING_LINK_RATE = 1e-12
 """Rates below this part of the largest in the mechanism are rounding."""
+LEAST_RAY_SINE = 1e-9
+"""Sine of the angle between two rays, and part of the mechanism's size as their length, below which Bobillier's construction
+determines nothing."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -268,7 +271,7 @@ def path_curvature(motion: Motion, link: str, point: str) -> PathCurvature:
 class Bobillier:
     """Bobillier's construction of the pole tangent from two ``points`` of a link, with their ``places`` and ``centres`` of
     curvature (2, F) [m]: ``meeting`` (F,): intersection of the line of the points with that of the centres; ``tangent`` (F,): the
-    pole tangent that follows, a unit vector."""
+    pole tangent that follows, a unit vector. Both are NaN where the points are on one ray or one of them is the pole."""
 
     points: tuple[str, str]
     places: Complex
@@ -333,10 +336,12 @@ def _bobillier(motion: Motion, circle: InflectionCircle) -> Bobillier | None:
     if len(pairs) < 2:
         return None
     (first, _, a, ka), (second, _, b, kb) = pairs[:2]
+    ray, other = a - circle.pole, b - circle.pole
+    shorter, longer = np.fmin(np.abs(ray), np.abs(other)), np.fmax(np.abs(ray), np.abs(other))
+    separate = (np.abs(cross(ray, other)) > LEAST_RAY_SINE * shorter * longer) & (shorter > LEAST_RAY_SINE * size)
     with np.errstate(invalid="ignore", divide="ignore"):
-        meeting = a + cross(ka - a, kb - ka) / cross(b - a, kb - ka) * (b - a)
-        axis = meeting - circle.pole
-        turned = (a - circle.pole) * (b - circle.pole) / axis
+        meeting = a + np.where(separate, cross(ka - a, kb - ka), np.nan) / cross(b - a, kb - ka) * (b - a)
+        turned = ray * other / (meeting - circle.pole)
         tangent = turned / np.abs(turned)
     return Bobillier((first, second), np.array([a, b]), np.array([ka, kb]), meeting, tangent)
 

@@ -233,9 +233,10 @@ def _pairs(z: Complex) -> Real:
 
 
 def _extent(p: Complex) -> float:
-    """Size of the system: the largest distance of its points from their middle, over all frames; 1 m where there is only one."""
+    """Size of the system: the largest distance of its points from their middle, over all frames; 1 m where all are at one place, up
+    to rounding."""
     size = float(np.abs(p - p.mean(axis=1)[:, None]).max(initial=0.0))
-    return size if size > 0.0 else 1.0
+    return size if size > ZERO_SUM * float(np.abs(p).max(initial=0.0)) else 1.0
 
 
 def _with_couples(p: Complex, f: Complex, couples: Real, names: list[str], extent: float) -> tuple[Complex, Complex, list[str]]:

@@ -113,6 +113,8 @@ def _rows(motion: Motion, values: ArrayLike) -> Real:
 
 
 REDUCED_KINDS = ("equilibrium", "couple", "single force")
+ROUNDED_EXTENT = 1e-2
+"""Least extent of a force system, relative to the distance from the origin: `ZERO_SUM` of it is the rounding of its points."""
 
 
 def _cross(a: Real, b: Real) -> Real:
@@ -172,7 +174,8 @@ def resultant(points: ArrayLike, forces: ArrayLike, couples: ArrayLike | None = 
     """The resultant of a force system: a single force on its line of action, a couple, or equilibrium.
 
     The line is at the distance M / R from the point to which the system is reduced. The remainder of forces that cancel counts as
-    zero below 1e-12 of their sum, a moment below 1e-12 of the sum of forces times the system's extent.
+    zero below 1e-12 of their sum, a moment below 1e-12 of the sum of forces times the system's extent, or 1e-14 of that
+    of forces times their distance from the origin.
     """
     p, f = np.asarray(points, float), np.asarray(forces, float)
     p = np.broadcast_to(p, np.broadcast_shapes(p.shape, f.shape))
@@ -180,6 +183,7 @@ def resultant(points: ArrayLike, forces: ArrayLike, couples: ArrayLike | None = 
     force, moment = reduce_to(p, f, couples, about=middle)
     sizes = np.hypot(f[..., 0], f[..., 1])
     extent = np.hypot(*np.moveaxis(p - middle[..., None, :], -1, 0)).max(axis=-1)
+    extent = np.maximum(extent, ROUNDED_EXTENT * np.abs(p).max(axis=(-2, -1)))
     turning = (sizes * extent[..., None]).sum(axis=-1)
     if couples is not None:
         turning = turning + np.abs(np.asarray(couples, float)).sum(axis=-1)

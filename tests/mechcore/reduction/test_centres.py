@@ -151,6 +151,15 @@ def test_bobillier_finds_the_pole_tangent_from_two_points():
     assert inflection_circle(motion_of("cardan-circles"), "rod").bobillier is None
 
 
+def test_bobillier_finds_nothing_from_two_points_on_one_ray():
+    motion = motion_of("eight-bar", 12)  # at its start the pins P and Q, their centres and the pole are in line
+    circle = inflection_circle(motion, "plate")
+    computed, across = circle.bobillier, circle.end - circle.pole
+    assert computed is not None
+    assert np.isnan(computed.tangent[[0, -1]]).all() and np.isnan(computed.meeting[[0, -1]]).all()
+    assert np.real(np.conj(computed.tangent) * across / np.abs(across))[1:-1] == pytest.approx(np.zeros(11), abs=1e-9)
+
+
 def test_a_link_that_does_not_turn_has_no_inflection_circle():
     assert np.isnan(inflection_circle(motion_of("slider-crank-compressor"), "piston").pole).all()
     with pytest.raises(MechanismError, match="no moving link"):

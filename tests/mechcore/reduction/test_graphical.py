@@ -212,6 +212,16 @@ def test_couples_vanishing_forces_and_equilibrium():
     assert gone.kind[0] == "single force" and gone.meeting[0].real == pytest.approx(1.0)
 
 
+def test_forces_and_a_couple_at_one_place():
+    """The mean of three equal coordinates differs from them by rounding, which is no size of the system."""
+    for x, y in ((0.17, 0.17 / 3.0), (0.0357, 0.0119), (1e3, 1e3 / 3.0)):
+        drawn = funicular([[[x, y]] * 3], [[[0.0, -19.62], [5.0, 3.0], [0.0, 0.0]]], [[0.0, 0.0, 3.0]])
+        assert drawn.kind[0] == "single force" and np.abs(drawn.forces).max() < 20.0
+        about = np.imag(np.conj(drawn.meeting[0] - complex(x, y)) * drawn.resultant[0])
+        assert about == pytest.approx(3.0, rel=1e-9)
+        assert drawn.closing[0] < 1e-12
+
+
 # -- centrodes ------------------------------------------------------------------------------------------------------------
 def test_the_moving_centrode_rolls_on_the_fixed_one():
     motion = bar_motion(720)

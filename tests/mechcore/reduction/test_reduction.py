@@ -57,6 +57,12 @@ def test_forces_in_equilibrium_come_to_nothing():
     assert resultants.moment == 0 and np.isnan(resultants.point).all() and np.isnan(resultants.direction).all()
 
 
+def test_forces_in_equilibrium_at_one_place_up_to_rounding_come_to_nothing():
+    x = 0.3 * (1.0 + np.array([0.0, 2.0, -1.0]) * np.finfo(float).eps)
+    system = resultant(np.column_stack([x, x[::-1]]), [[4.0, 1.0], [-1.0, 6.0], [-3.0, -7.0]])
+    assert system.kind == "equilibrium" and system.moment == 0
+
+
 def test_a_couple_far_from_the_origin_is_a_couple():
     resultants = resultant([[1e6, 1e6], [1e6 + 0.5, 1e6]], [[0, -3], [0, 3]])
     assert resultants.kind == "couple"
