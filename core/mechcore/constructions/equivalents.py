@@ -2,8 +2,8 @@
 
 Up to accelerations, the touching profiles act like a link between their centres of curvature, pinned to the two links there; where
 a profile is straight, its centre lies at infinity and a sliding joint replaces the pin. Cams: centre of curvature of the cam (for a
-roller that of the pitch curve). Teeth are involutes: their centres of curvature are the points at which the line of action touches
-the base circles. A pin in a slot: its block.
+roller that of the pitch curve, also where the roller drives the cam). Teeth are involutes: their centres of curvature are the
+points at which the line of action touches the base circles. A pin in a slot: its block.
 """
 
 from __future__ import annotations
@@ -12,7 +12,8 @@ import numpy as np
 
 from mechcore.arrays import Complex, Plane
 from mechcore.cams.followers import Flat, Oscillating
-from mechcore.cams.synthesis import equivalent_linkage
+from mechcore.cams.placement.inverse import PlacedInverse
+from mechcore.cams.synthesis import STRAIGHT, equivalent_linkage
 from mechcore.constructions.polygons import frames_of
 from mechcore.errors import Fault, MechanismError
 from mechcore.forces.kinetostatics import Forces
@@ -45,7 +46,7 @@ class Equivalent:
 def equivalent(motion: Motion, joint: str, forces: Forces | None = None) -> Equivalent:
     """The equivalent linkage of a cam, gear, rack or pin in a slot. With ``forces``, that of the flank that carries.
 
-    Raises `MechanismError` for other kinds of joints.
+    Raises `MechanismError` for other kinds of joints, and for cams about a shaft in the plane.
     """
     spec = next((p for p in motion.mechanism.joints if p.name == joint), None)
     if not isinstance(spec, REPLACED):
@@ -62,6 +63,8 @@ def equivalent(motion: Motion, joint: str, forces: Forces | None = None) -> Equi
 
 def _cam(motion: Motion, joint: CamJoint) -> Equivalent:
     placed = next(r for r in motion.model.relations if r.name == joint.name).geometry
+    if isinstance(placed, PlacedInverse):
+        return _inverse(motion, placed)
     s = placed.at(motion)
     linkage = equivalent_linkage(s)
     flat = isinstance(placed.cam.follower.face, Flat)
@@ -82,6 +85,31 @@ def _cam(motion: Motion, joint: CamJoint) -> Equivalent:
     if placed.cam.wedge:  # it moves in a straight line: its centre of curvature is pinned to a block on its bed
         blocks.append(SlidingBlock(pins["K"], np.where(straight, np.nan, frames_of(world, motion.frames))))
     return Equivalent(joint.name, pins, tuple(bars), tuple(b for b in blocks if np.isfinite(b.along).any()))
+
+
+def _inverse(motion: Motion, placed: PlacedInverse) -> Equivalent:
+    """A rod from the roller's centre T to the centre of curvature K of the slot's centre line, on the driven link."""
+    cam, (angle, known) = placed.cam, placed.known(placed.argument(motion))
+    line, first, second = cam.pitch(angle, 2)
+    along = first / np.abs(first)
+    bend = np.where(known, np.imag(np.conj(first) * second) / np.abs(first) ** 3, np.nan)
+    curved = np.abs(bend) * motion.model.length_scale > 1.0 / STRAIGHT
+    q = cam.law(angle, 0)[0]
+    turn = np.exp(1j * q) if cam.turns else np.ones_like(along)
+    with np.errstate(invalid="ignore"):
+        centre = turn * (line + 1j * along / np.where(curved, bend, np.nan)) + (0.0 if cam.turns else 1j * q)
+    place = {"T": cam.pin(angle, 0)[0], "K": centre}
+    bars = [("T", "K")]
+    if cam.straight is None:
+        place["O"] = np.full_like(centre, cam.centre)
+        bars.insert(0, ("O", "T"))
+    if cam.turns:
+        place["P"] = np.zeros_like(centre)
+        bars.append(("K", "P"))
+    pins = {name: frames_of(np.where(known, placed.place(motion, z), np.nan), motion.frames) for name, z in place.items()}
+    slot = np.where(known & ~curved, turn * along * placed.world(motion), np.nan)
+    blocks = (SlidingBlock(pins["T"], frames_of(slot, motion.frames)),) if np.isfinite(slot).any() else ()
+    return Equivalent(placed.name, pins, tuple(bars), blocks)
 
 
 def _teeth(motion: Motion, joint: Gear | Rack, forces: Forces | None) -> Equivalent:

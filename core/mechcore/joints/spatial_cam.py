@@ -231,6 +231,10 @@ def check_shaft(joint: CamJoint, builder: Builder, own: complex) -> None:
     studies += [(f"systems.{s.name}", s.link, "force systems of the plane") for s in asked.systems]
     studies += [(f"substitutes.{s.link}", s.link, "substitute masses") for s in asked.substitutes]
     studies += [(f"sections.{s.link}", s.link, "section forces") for s in asked.sections]
+    for i, name in enumerate(asked.equivalent):
+        if name == joint.name:
+            why = f"'{name}' is a cam about a shaft in the plane: no linkage of the plane is its equivalent."
+            faults.append(Fault(f"equivalent[{i}]", why, "Leave it out."))
     for path, k, what in studies:
         if k in links:
             faults.append(Fault(path, f"'{k}' {_TURNS}, to which {what} do not apply.", "Name a link that moves in the plane."))

@@ -254,3 +254,38 @@ def test_faults(scene, joint, words):
     with pytest.raises(mechviz.SceneError) as error:
         mechviz.loads(f'equivalent = ["{joint}"]\n' + "\n".join(head))
     assert words in str(error.value)
+
+
+@pytest.mark.parametrize(("name", "driver", "bars"), [
+    ("cam-inverse", "crank", (("O", "T"), ("T", "K"), ("K", "P"))),
+    ("cam-inverse-slide", "slide", (("T", "K"), ("K", "P"))),
+])  # fmt: skip
+def test_the_slot_of_an_inverse_cam_acts_like_a_rod_from_its_roller(name: str, driver: str, bars: tuple[tuple[str, str], ...]):
+    """T of the driving link and K of the driven one keep their distance up to accelerations."""
+    scene = mechviz.load(name).changed({("equivalent",): ["K"]})
+    run = run_scene(scene, frames=60)
+    found, motion = run.studies.equivalents["K"], run.motion
+    assert found.bars == bars
+    t, k = found.pins["T"], found.pins["K"]
+    curved = np.isfinite(k)
+    assert curved.sum() > 20
+
+    def rates(link: str, place: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        pose, v, a = motion.pose(link), motion.velocity(link), motion.acceleration(link)
+        arm, plane = place - pose[:, :2] @ [1.0, 1.0j], np.array([1.0, 1.0j])
+        return v[:, :2] @ plane + 1j * v[:, 2] * arm, a[:, :2] @ plane + (1j * a[:, 2] - v[:, 2] ** 2) * arm
+
+    (v1, a1), (v2, a2) = rates(driver, t), rates("lever", k)
+    rod = k - t
+    first = np.real(np.conj(rod) * (v2 - v1))
+    second = np.real(np.conj(rod) * (a2 - a1)) + np.abs(v2 - v1) ** 2
+    scale = np.abs(rod) * (np.abs(a1) + np.abs(a2)) + np.abs(v1) ** 2 + np.abs(v2) ** 2
+    assert np.abs(first[curved]).max() < 1e-12 * np.sqrt((np.abs(rod) ** 2 * scale)[curved].max())
+    assert np.abs(second / scale)[curved].max() < 1e-11
+    straight = [block.place for block in found.blocks]
+    assert all(np.array_equal(place, t) for place in straight)
+
+
+def test_a_cam_about_a_shaft_in_the_plane_has_no_equivalent():
+    with pytest.raises(MechanismError, match="no linkage of the plane is its equivalent"):
+        compile_mechanism(mechviz.load("cam-barrel").changed({("equivalent",): ["K"]}).mechanism)
