@@ -25,6 +25,7 @@ CLOSED_GAP = 0.1  # gap between the ends of a drawn curve, relative to its lengt
 MOST_OFFERED = 6  # largest number of four-bars offered for a drawn curve
 LONGEST_LINK = 6.0  # relative to a drawn curve's size: longest link, and farthest pivots and coupler point
 SHORTEST_LINK = 0.1  # relative to a drawn curve's size: shortest link
+AT_PIN = 1e-9  # relative to a coupler's length: distance of a traced point from a pin up to which it is there
 DIFFERENT_LENGTHS = 0.02  # least relative difference of the lengths of two four-bars that are both offered
 
 
@@ -130,23 +131,29 @@ def traced_four_bar(run: Run) -> tuple[FourBar, float]:
         return complex(*motion.point(joints[joint].links[0], joints[joint].points[0])[0])
 
     o2, o4, a, b = (place(n) for n in (*fixed, *pins))
-    return from_pins(o2, o4, a, b, complex(*motion.point(coupler, points[0])[0])), float(np.angle(a - o2))
+    traced = complex(*motion.point(coupler, points[0])[0])
+    for pin, z in zip(pins, (a, b), strict=True):
+        if abs(traced - z) <= AT_PIN * abs(b - a):
+            why = f"{coupler}.{points[0]} is at the pin {pin} and draws a circle: its cognates would have links of no length."
+            raise MechanismError(Fault("trace", why, f"Trace another point of {coupler}."))
+    return from_pins(o2, o4, a, b, traced), float(np.angle(a - o2))
 
 
 def cognate_solutions(bar: FourBar, theta: float) -> list[LinkageSolution]:
     """Solutions: the two cognates of a four-bar in its assembly mode at a crank angle ``theta`` [rad].
 
-    In the second cognate the crank rotates like the crank of the four-bar. In the first it is the coupler that does, so that the
-    drive acts between its crank and its coupler (joint B)."""
+    In the second cognate the crank rotates like the crank of the four-bar. In the first its crank rotates like the coupler of the
+    four-bar, and its coupler like the crank: where its own crank does not turn fully, the drive acts between both (joint B)."""
     out = []
     for k, (made, pin) in enumerate(zip(bar.cognates(theta), bar.cognate_pins(theta), strict=True), 1):
         begin = float(np.angle(pin[0] - made.crank_pivot))
-        joint = "B" if k == 1 else "A"
-        start = float(np.angle((pin[1] - pin[0]) / (pin[0] - made.crank_pivot))) if k == 1 else begin
-        drive = {"speed": SPEED, "start": float(np.degrees(start))} | ({} if bar.crank_turns else {"range": "reachable"})
+        joint = "B" if k == 1 and not made.crank_turns else "A"
+        start = float(np.angle((pin[1] - pin[0]) / (pin[0] - made.crank_pivot))) if joint == "B" else begin
+        turns = made.crank_turns or bar.crank_turns
+        drive = {"speed": SPEED, "start": float(np.degrees(start))} | ({} if turns else {"range": "reachable"})
         scene = four_bar_scene(
             made, drive, name=f"cognate-{k}", title=f"Cognate {k} of a four-bar", driven=joint,
-            side=int(np.sign(cross(made.rocker_pivot - made.crank_pivot, pin[1] - made.crank_pivot))) if k == 1 else 0,
+            side=int(np.sign(cross(made.rocker_pivot - made.crank_pivot, pin[1] - made.crank_pivot))) if joint == "B" else 0,
             learning_goal="Three four-bars draw every coupler curve (Roberts and "
             "Chebyshev). This one draws that of the four-bar from "
             "which it was made.",

@@ -257,6 +257,26 @@ def test_cognates_draw_the_same_curve(tmp_path):
         traced_four_bar(run_scene(mechviz.load("parametric-press"), frames=4))
 
 
+def test_cognates_of_a_double_crank_run():
+    """Its cognates are double cranks, in which no pin between crank and coupler turns fully: both are driven at the crank."""
+    lengths = {("links", "frame", "points", "D"): [60, 0], ("links", "crank", "points", "B"): [150, 0]}
+    lengths |= {("links", "coupler", "points", "C"): [140, 0], ("links", "rocker", "points", "C"): [160, 0]}
+    run = run_scene(mechviz.load("crank-rocker").changed(lengths), frames=90)
+    solutions = cognate_solutions(*traced_four_bar(run))
+    assert [(one.numbers["type"], one.numbers["driven at"]) for one in solutions] == [("double crank", "A")] * 2
+    curve = run.motion.point("coupler", "E")
+    for one in solutions:
+        drawn = run_scene(one.scene, frames=720).motion.point("coupler", "E")
+        apart = np.hypot(*(curve[:, None] - drawn[None]).transpose(2, 0, 1)).min(axis=1)
+        assert apart.max() < 0.6 * np.hypot(*np.diff(drawn, axis=0).T).max()
+
+
+def test_a_pin_of_the_coupler_has_no_cognates():
+    scene = mechviz.load("crank-rocker").changed({("links", "coupler", "points", "E"): [0, 0]})
+    with pytest.raises(MechanismError, match="is at the pin B and draws a circle"):
+        traced_four_bar(run_scene(scene, frames=4))
+
+
 def test_whitworths_quick_return_has_its_stroke_and_time_ratio():
     scene = whitworth_solution(whitworth(0.2, 1.8, 0.1), 0.2, 1.8).scene
     place = run_scene(scene, frames=720).motion.coordinate("S")[:-1, 0]
