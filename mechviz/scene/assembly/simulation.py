@@ -184,7 +184,7 @@ def simulation_faults(reading: Reading) -> Iterator[Fault]:
             yield Fault(f"metrics[{k}]", f"{metric} is defined per unit speed of a drive, and {what}.", "Leave it out.")
     for key in _STUDIES:
         if getattr(document, key):
-            yield Fault(key, f"{what}: {key} are made for prescribed motions.", "Leave it out, or prescribe a drive.")
+            yield Fault(key, f"{what}, and '{key}' is for prescribed motions only.", "Leave it out, or prescribe a drive.")
     for name, joint in joints.items():
         if joint.kinds == ["cam"] and joint.liftoff is None and free:
             why = f"{what}: cams are computed for prescribed motions."

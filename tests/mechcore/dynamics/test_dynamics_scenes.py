@@ -91,7 +91,7 @@ def test_prescribed_drives_stand_beside_free_coordinates():
             (('rpm" } }', 'rpm" }, stops = [{ at = 40, side = "upper" }, { at = 50, side = "upper" }] }'),),
             "two stops are called 'O upper'",
         ),
-        ((("[run]", 'polygons = ["velocity"]\n[run]'),), "polygons are made for prescribed motions"),
+        ((("[run]", 'polygons = ["velocity"]\n[run]'),), "'polygons' is for prescribed motions only"),
         ((("[run]", 'metrics = ["velocity_ratio"]\n[run]'),), "velocity_ratio is defined per unit speed of a drive"),
         ((("[joints]", '[watch]\nw = { joint = "P" }\n[joints]'),), "there is no joint 'P'"),
         ((("[joints]", '[watch]\nw = { joint = "O", of = "x" }\n[joints]'),), "'x' of a joint."),
