@@ -14,7 +14,7 @@ folder = Path(sys.argv[1] if len(sys.argv) > 1 else tempfile.mkdtemp())
 result = mv.run("crank-rocker", frames=60)
 run = result.solved
 export_csv(run, folder / "frames.csv")
-export_parquet(run, folder / "every-millisecond.parquet", even_times(run, 1e-3))  # read between the frames
+export_parquet(run, folder / "every-millisecond.parquet", even_times(run, 1e-3))  # also between the frames
 export_stl(run, folder / "parts")  # one file a link, in millimetres
 export_3mf(run, folder / "parts.3mf")
 export_glb(result.presentation, folder / "moving.glb")

@@ -76,7 +76,7 @@ def export(
         Path | None, typer.Option("--c", help="write poses, rates and drive efforts as a program in C that needs nothing else")
     ] = None,
     every: Annotated[
-        str | None, typer.Option("--every", metavar="TIME", help='tables: a row each such time, as "1 ms", read between frames')
+        str | None, typer.Option("--every", metavar="TIME", help='tables: a row each such time, as "1 ms", also between frames')
     ] = None,
     frames: FramesOpt = None,
     cycles: CyclesOpt = None,

@@ -13,41 +13,38 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mechcore.arrays import Index, Real
-from mechcore.constructions.studies import StudyResults
+from mechcore.arrays import Real
+from mechcore.constructions.studies import compute as compute_studies
 from mechcore.errors import Fault, MechanismError
-from mechcore.forces.instants import sides_of_jumps
 from mechviz.figures import DOTS_AN_INCH, chart, chart_svg
 from mechviz.files import replacing
 from mechviz.outputs.rerun.content import model_json, scene_text
 from mechviz.quantities.catalogue import Axis, Quantity, QuantityGroup
-from mechviz.quantities.items import ItemTable, read_between
+from mechviz.quantities.items import read_between
 from mechviz.runs import Run, package_version
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-ROWS_AT_ONCE = 2000  # rows written at once
+ROWS_AT_ONCE = 5000  # rows solved, and written, at once
 MOST_ROWS = 10_000_000
 
 
 def wide_table(run: Run, times: Real | None = None) -> dict[str, Real]:
     """All results of a run as columns (F,) under names with units, such as ``crank.x [m]``; ``time [s]`` comes first.
 
-    With ``times`` (n,) [s] the columns (n,) are interpolated between the frames by the method of the run's accuracy; near impacts
-    and other jumps, across which polynomials are not valid, they are solved for. Quantities that were not computed are left out.
+    With ``times`` (n,) [s] within the run the columns (n,) are those at these times: solved for, except what is known at frames
+    only, which is interpolated by the method of the run's accuracy. Quantities that were not computed are left out.
     """
     at_frames = np.asarray(run.motion.time, float)
-    beside, solved = _beside_jumps(run, times)
+    solved, nothing = ({}, np.zeros((0, 0))) if times is None else (_solved(run, times), np.zeros((len(times), 0)))
     columns: dict[str, Real] = {"time [s]": at_frames if times is None else np.asarray(times, float)}
     tables = run.numbers.tables.values()
     for table in sorted(tables, key=lambda t: t.path[:2] != ("data", "drive")):  # drives first, the others in their order
-        rows = table.values
-        if times is not None:
-            rows = read_between(table.path, at_frames, lambda path: run.numbers.values(*path), times, run.accuracy.interpolation)
-            if table.path in solved:
-                rows = rows.copy()
-                rows[beside] = solved[table.path].values
+        rows = table.values if times is None else solved.get(table.path, nothing)
+        if times is not None and (done := rows.shape[1]) < len(table.columns):
+            read = read_between(table.path, at_frames, lambda path: run.numbers.values(*path), times, run.accuracy.interpolation)
+            rows = np.hstack([rows, read[:, done:]])
         for name, values in zip(table.headers(), rows.T, strict=True):
             while name in columns:  # a link may have a name that gives its columns the name of a joint's
                 name += "'"
@@ -56,25 +53,26 @@ def wide_table(run: Run, times: Real | None = None) -> dict[str, Real]:
     return columns
 
 
-def _beside_jumps(run: Run, times: Real | None) -> tuple[Index, Mapping[tuple[str, ...], ItemTable]]:
-    """Indices of the times (n,) [s] at which a polynomial through frames would extend across a jump, and the tables of the run
-    solved at these times. Accumulated work and health are known at frames only."""
-    order, motion, forces = run.accuracy.interpolation, run.motion, run.forces
-    nothing: tuple[Index, Mapping[tuple[str, ...], ItemTable]] = np.zeros(0, int), {}
-    if times is None or motion.again is None or order == 0 or run.accuracy.differentiation != "exact":
-        return nothing
-    pairs = sides_of_jumps(motion, None if run.simulation is None else run.simulation.jumps)
-    time, count = np.asarray(motion.time, float), min(order + 1, motion.frames)  # number of frames that determine a value
-    first = np.clip(np.searchsorted(time, times, side="right") - count // 2, 0, motion.frames - count)
-    low, high = time[first], time[first + count - 1]
-    beside = np.flatnonzero(np.searchsorted(pairs[:, 1], low) < np.searchsorted(pairs[:, 0], high, side="right"))
-    if not len(beside):
-        return nothing
-    there = motion.again(times[beside])
-    here = replace(run, motion=there, forces=None if forces is None else forces.again(times[beside]), studies=StudyResults())
-    known = here.numbers.tables
-    left = {("data", "energy")} if run.simulation is None else set()
-    return beside, {path: table for path, table in known.items() if path[0] == "data" and path not in left}
+def _solved(run: Run, times: Real) -> dict[tuple[str, ...], Real]:
+    """The first columns (n, k) of the tables of a run by path, solved at times (n,) [s].
+
+    Left out is what is known at frames only: health and, of a prescribed motion, accumulated work, the last columns of the
+    energies. All is where the motion is given at its frames only, or the accuracy holds its values between them or takes rates from
+    the positions there.
+    """
+    motion, forces = run.motion, run.forces
+    if motion.again is None or run.accuracy.interpolation == 0 or run.accuracy.differentiation != "exact":
+        return {}
+    parts: dict[tuple[str, ...], list[Real]] = {}
+    for some in np.array_split(times, max(-(-len(times) // ROWS_AT_ONCE), 1)):
+        there = motion.again(some)
+        pressing = None if forces is None else forces.again(some)
+        here = replace(run, motion=there, forces=pressing, studies=compute_studies(there, pressing))
+        for path, table in here.numbers.tables.items():
+            if path[0] == "data":
+                known = 2 if path[1] == "energy" and run.simulation is None else None
+                parts.setdefault(path, []).append(table.values[:, :known])
+    return {path: np.concatenate(values) for path, values in parts.items()}
 
 
 def even_times(run: Run, step: float) -> Real:
@@ -85,7 +83,7 @@ def even_times(run: Run, step: float) -> Real:
     if not (np.isfinite(step) and step > 0.0 and (takes == 0.0 or 1.0 - 1e-12 <= takes / step <= MOST_ROWS)):
         remedy = f"Give a time from {takes / MOST_ROWS:.3g} s to {takes:.6g} s, the length of the run."
         raise MechanismError(Fault("--every", f"{step:g} s between rows is too {'long' if step > takes else 'short'}.", remedy))
-    return np.asarray(start + step * np.arange(int(np.floor(takes / step * (1.0 + 1e-12))) + 1), float)
+    return np.asarray(np.minimum(start + step * np.arange(int(np.floor(takes / step * (1.0 + 1e-12))) + 1), end), float)
 
 
 def export_csv(run: Run, path: Path | str, times: Real | None = None) -> Path:
