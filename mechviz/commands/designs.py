@@ -18,11 +18,12 @@ from mechcore.arrays import Real
 from mechviz.commands.shared.loading import SceneArg, SetOpt, clear_errors, load_scene
 from mechviz.commands.shared.messages import aligned_rows, check_suffix, check_targets, fail, interruptible, say
 from mechviz.commands.shared.solving import CyclesOpt, DaskOpt, DesignExecutorOpt, FramesOpt, JobsOpt, checked, solve, workers
+from mechviz.editor.saving import saved_scene
 from mechviz.figures import check_ending, save_chart
 from mechviz.files import OutputError, replacing
 from mechviz.progress import duration, progress_bar
 from mechviz.quantities.catalogue import Axis
-from mechviz.scene.scene import dump
+from mechviz.scene.scene import dump, load
 from mechviz.studies.designs.evaluate import Study, expected_seconds, study_of
 from mechviz.studies.designs.figures import FigureKind, read_study, study_chart
 from mechviz.studies.designs.measures import parse_measure
@@ -329,7 +330,7 @@ def optimise(
             if search.refused:
                 say(f"note: no steps along derivatives were taken: {search.refused}")
             if output is not None:
-                dump(best.scene, output)
+                dump(saved_scene(load(scene), best.scene)[0], output, keep=True)
                 print(output)
             if plot is not None:
                 save_chart(front_chart(best, loaded.title), plot)

@@ -6,6 +6,7 @@ The result is read back and accepted only if it is equal to the edited scene.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import tomlkit
@@ -32,6 +33,15 @@ def kept_text(opened: Scene, scene: Scene) -> str | None:
         return text if text is not None and loads(text, scene.name, scene.folder) == scene else None
     except SceneError:
         return None
+
+
+def saved_scene(opened: Scene, scene: Scene) -> tuple[Scene, bool]:
+    """An edited scene with the text to be saved, and whether that is the text of ``opened`` with other values. The text has been
+    read back, so that it is known to be a valid scene."""
+    text = kept_text(opened, scene)
+    if text is None:
+        loads(scene.to_toml(), scene.name, scene.folder)
+    return replace(scene, source=text), text is not None
 
 
 def _as_written(opened: Scene, scene: Scene) -> dict[str, Any]:

@@ -14,10 +14,10 @@ import mechviz
 from mechviz.commands.main import app
 from mechviz.editor.history import Draft
 from mechviz.editor.parameters import find_parameters
+from mechviz.editor.saving import saved_scene
 from mechviz.files import OutputError
 from mechviz.outputs.rerun.reader import Recording
 from mechviz.outputs.rerun.writer import write_recording
-from mechviz.outputs.viewer.panels.saving import saved_scene
 from mechviz.runs import run_scene, with_run
 from mechviz.scene.faults import SceneError
 from mechviz.scene.folder import SceneFolder

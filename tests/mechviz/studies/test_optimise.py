@@ -209,6 +209,19 @@ def test_a_front_of_three_objectives_goes_from_the_best_of_each_to_that_of_the_o
         )
 
 
+def test_the_best_design_is_written_into_the_text_of_its_scene(tmp_path):
+    """Only the values that were found differ: comments, order and layout stay, also where an option has set a parameter."""
+    text = load("parametric-press").text.replace("[parameters]", "# sizes of the shop\n[parameters]  # found by hand")
+    file, better = tmp_path / "press.toml", tmp_path / "better.toml"
+    file.write_text(text, encoding="utf-8")
+    words = ["optimise", str(file), "-o", str(better), "-n", "12", "--generations", "0", "--population", "5", "--set", "ratio=5"]
+    said = CliRunner().invoke(app, words)
+    assert said.exit_code == 0, said.stderr
+    lines = better.read_text(encoding="utf-8").splitlines()
+    changed = [old for old, new in zip(text.splitlines(), lines, strict=True) if old != new]
+    assert changed and all(line.startswith(("stroke =", "ratio =")) for line in changed)
+
+
 def test_an_interrupted_search_keeps_its_best():
     calls = []
 

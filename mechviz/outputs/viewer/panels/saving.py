@@ -10,13 +10,13 @@ from typing import Any
 
 import viser
 
-from mechviz.editor.saving import kept_text
+from mechviz.editor.saving import saved_scene
 from mechviz.files import plain_name
 from mechviz.outputs.rerun.writer import write_recording
 from mechviz.outputs.viewer import words
 from mechviz.outputs.viewer.server import Callback
 from mechviz.runs import Run
-from mechviz.scene.scene import Scene, dump, loads
+from mechviz.scene.scene import Scene, dump
 
 
 def file_name(text: str, ending: str, otherwise: str) -> str:
@@ -24,15 +24,6 @@ def file_name(text: str, ending: str, otherwise: str) -> str:
     stem = str(text).strip()
     stem = stem[: -len(ending)] if stem.lower().endswith(ending) else stem
     return plain_name(stem, plain_name(otherwise)) + ending
-
-
-def saved_scene(opened: Scene, scene: Scene) -> tuple[Scene, bool]:
-    """An edited scene with the text to be saved, and whether that is the text of ``opened`` with other values. The text has been
-    read back, so that it is known to be a valid scene."""
-    text = kept_text(opened, scene)
-    if text is None:
-        loads(scene.to_toml(), scene.name, scene.folder)
-    return dataclasses.replace(scene, source=text), text is not None
 
 
 class Saver:
