@@ -161,7 +161,8 @@ def list_text(parts: Sequence[FlatPart]) -> str:
 
 
 def parts_dxf(placed: PlacedParts) -> str:
-    """Outlines and holes of parts (DXF, millimetres) on the layer CUT, round holes as circles; names on the layer NAME."""
+    """Outlines and holes of parts (DXF, millimetres) on the layer CUT, round holes as circles; names with thicknesses on the layer
+    NAME."""
     import ezdxf
 
     ezdxf.options.write_fixed_meta_data_for_testing = True  # equal kits give equal files
@@ -175,14 +176,14 @@ def parts_dxf(placed: PlacedParts) -> str:
         for x, y, radius in part.circles:
             sheet.add_circle((x + dx, y + dy), radius, dxfattribs={"layer": "CUT"})
         at = part.outline.representative_point()
-        sheet.add_text(part.name, height=3.0, dxfattribs={"layer": "NAME", "insert": (at.x + dx, at.y + dy)})
+        sheet.add_text(_label(part), height=3.0, dxfattribs={"layer": "NAME", "insert": (at.x + dx, at.y + dy)})
     text = StringIO()
     drawing.write(text)
     return text.getvalue()
 
 
 def parts_svg(placed: PlacedParts) -> str:
-    """Outlines and holes of parts as a drawing to scale (SVG, millimetres): cuts in red, names in blue."""
+    """Outlines and holes of parts as a drawing to scale (SVG, millimetres): cuts in red, names with thicknesses in blue."""
     bounds = np.array([[v + (dx, dy)[k % 2] for k, v in enumerate(part.outline.bounds)] for part, dx, dy in placed])
     wide, tall = float(bounds[:, 2].max()), float(bounds[:, 3].max())
     lines = []
@@ -193,12 +194,16 @@ def parts_svg(placed: PlacedParts) -> str:
         lines += [f'<circle cx="{x + dx:.6g}" cy="{tall - y - dy:.6g}" r="{r:.6g}"/>' for x, y, r in part.circles]
         at = part.outline.representative_point()
         place = f'x="{at.x + dx:.6g}" y="{tall - at.y - dy:.6g}"'
-        lines.append(f'<text {place} font-size="3" stroke="none" fill="blue">{escape(part.name)}</text>')
+        lines.append(f'<text {place} font-size="3" stroke="none" fill="blue">{escape(_label(part))}</text>')
     size = f'width="{wide:.6g}mm" height="{tall:.6g}mm" viewBox="0 0 {wide:.6g} {tall:.6g}"'
     body = "\n".join(lines)
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" {size}>\n<g fill="none" stroke="red" stroke-width="0.1">\n{body}\n</g>\n</svg>\n'
     )
+
+
+def _label(part: FlatPart) -> str:
+    return f"{part.name}, {part.thickness:.6g} mm"
 
 
 def model_text(title: str, placed: PlacedParts) -> str:

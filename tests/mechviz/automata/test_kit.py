@@ -60,6 +60,21 @@ def test_pins_are_as_long_as_what_they_join(parts):
     assert sum(p.thickness - 2.0 * THICK for p in pins) == pytest.approx(sum(s.thickness for s in spacers))
 
 
+def test_the_sheet_says_how_thick_each_plate_is(tmp_path):
+    """The cheeks of a fork are thinner than the plates beside them."""
+    import ezdxf
+
+    paths = {
+        path.name: path for path in export_kit(run_scene(load("cam-drawing"), frames=12), tmp_path / "kit", THICK, PLAY, WASHER)
+    }
+    sheet = ezdxf.read(StringIO(paths["plates.dxf"].read_text())).modelspace()
+    names = [text.dxf.text for text in sheet.query("TEXT")]
+    listed = [line.rsplit(",", 5) for line in paths["parts.csv"].read_text().splitlines()[1:]]
+    plates = [f"{name[1:-1]}, {thick} mm" for name, kind, _, thick, *_ in listed if kind == "plate"]
+    assert sorted(names) == sorted(plates) and sum(name.endswith(f", {0.22 * THICK:.6g} mm") for name in names) == 2
+    assert all(f">{name}</text>" in paths["plates.svg"].read_text() for name in names)
+
+
 def test_parts_lie_apart(parts):
     placed = laid_out(parts, 150.0)
     shapes = [affinity.translate(part.outline, x, y) for part, x, y in placed]
