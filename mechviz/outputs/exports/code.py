@@ -24,6 +24,7 @@ from mechcore.motion.motion import Motion
 from mechcore.motion.solve import compile_mechanism
 from mechcore.spec.mechanism import braked
 from mechviz.files import replacing
+from mechviz.quantities.items import joint_unit
 from mechviz.quantities.vectors import point_name
 from mechviz.runs import package_version
 from mechviz.scene.scene import Scene
@@ -121,7 +122,7 @@ def code_of(scene: Scene, name: str) -> tuple[str, str | None]:
         first=low,
         last=float(own[0][1]) if own[0][1] != own[0][0] else low,
         speed=float(own[1][0]),
-        titles=json.dumps(_row([drives[0].joint, *written.columns]), ensure_ascii=False),
+        titles=json.dumps(_row([f"{drives[0].joint} [{written.unit}]", *written.columns]), ensure_ascii=False),
     )
     return text, written.missing
 
@@ -144,7 +145,8 @@ def _number(x: float) -> str:
 
 
 class _Written:
-    """The mechanism evaluated with symbols: its ``columns`` by name, and why efforts are ``missing``."""
+    """The mechanism evaluated with symbols: its ``columns`` by name with unit, why efforts are ``missing``, and the ``unit`` of the
+    first drive's coordinate."""
 
     def __init__(self, compiled: Compiled):
         check_traceable(compiled.model)
@@ -153,17 +155,19 @@ class _Written:
         self.compiled, self.code = compiled, Code()
         self.columns: dict[str, Any] = {}
         motion = self._motion()
+        self.unit = joint_unit(motion, compiled.mechanism.drives[0].joint)
         model = compiled.model
         for k, link in enumerate(model.links[1:], 1):
             rotated: Any = motion.rotation(k)
             s = model.angles.rotation_class[k]
-            self._put(link, (motion.origin(k), np.angle(rotated)), ("x", "y", "angle"))
-            self._put(link, (motion.origin(k, 1), motion.speeds.angular[s]), ("x_velocity", "y_velocity", "angular_velocity"))
+            self._put(link, (motion.origin(k), np.angle(rotated)), ("x [m]", "y [m]", "angle [rad]"))
+            first = motion.origin(k, 1), motion.speeds.angular[s]
+            self._put(link, first, ("x_velocity [m/s]", "y_velocity [m/s]", "angular_velocity [rad/s]"))
             second = motion.origin(k, 2), motion.accelerations.angular[s]
-            self._put(link, second, ("x_acceleration", "y_acceleration", "angular_acceleration"))
+            self._put(link, second, ("x_acceleration [m/s^2]", "y_acceleration [m/s^2]", "angular_acceleration [rad/s^2]"))
         for link, point in compiled.mechanism.traced:
             k = model.index[link]
-            self._put(point_name(link, point), (motion.of_point(k, model.points[k][point]),), ("x", "y"))
+            self._put(point_name(link, point), (motion.of_point(k, model.points[k][point]),), ("x [m]", "y [m]"))
         self.missing = self._efforts(motion)
 
     def _efforts(self, motion: Motion) -> str | None:
@@ -175,10 +179,14 @@ class _Written:
         timed = [effect.name for effect in effects_of(mechanism) if "time" in effect.needs]
         if timed:
             return f"the program has no time, on which loads depend: {', '.join(timed)}"
+        limited = [effect.name for effect in effects_of(mechanism) if effect.limited]
+        if limited:
+            return f"the range that {', '.join(limited)} must not leave is checked over a whole run"
         try:
             check_forces_traceable(motion.model)
             forces = solve_forces(motion)
-            self.columns |= {f"{d.joint} effort": forces.effort(d.joint) for d in mechanism.drives}
+            efforts = {"rad": "effort [N m]", "m": "effort [N]"}
+            self.columns |= {f"{d.joint} {efforts[joint_unit(motion, d.joint)]}": forces.effort(d.joint) for d in mechanism.drives}
         except (TypeError, AttributeError, ValueError, IndexError, KeyError) as reason:  # `Untraceable` is a TypeError
             return str(reason)
         return None

@@ -330,7 +330,7 @@ def test_titles_of_a_program_in_c_are_as_many_as_its_columns():
     text = code_of(loads(text), "bar")[0]
     columns = int(text.split("#define COLUMNS ")[1].split()[0])
     (titles,) = csv.reader([json.loads(text.split("fputs(")[1].split(", stdout);")[0])])
-    assert len(titles) == columns + 1 and titles[0] == "A" and f"{comma} x" in titles
+    assert len(titles) == columns + 1 and titles[0] == "A [rad]" and f"{comma} x [m]" in titles
 
 
 def test_a_drive_between_moving_links_has_no_flywheel():

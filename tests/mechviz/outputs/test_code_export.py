@@ -35,17 +35,19 @@ def test_a_program_prints_what_a_run_has(tmp_path: Path, scene: str) -> None:
     asked = [repr(float(positions[0])), repr(float(positions[-1])), "25", repr(float(speeds[0]))]
     printed = subprocess.run([str(tmp_path / "own"), *asked], capture_output=True, text=True, check=True).stdout
     head, *rows = csv.reader(io.StringIO(printed))
+    assert head[0] == f"{drive} [rad]"
     computed = dict(zip(head, np.array(rows, float).T, strict=True))
     for link in run.motion.model.links[1:]:
-        wanted = {"x": run.motion.pose(link)[:, 0], "y": run.motion.pose(link)[:, 1]}
-        wanted |= {"angular_velocity": run.motion.velocity(link)[:, 2], "x_acceleration": run.motion.acceleration(link)[:, 0]}
+        wanted = {"x [m]": run.motion.pose(link)[:, 0], "y [m]": run.motion.pose(link)[:, 1]}
+        wanted |= {"angular_velocity [rad/s]": run.motion.velocity(link)[:, 2]}
+        wanted |= {"x_acceleration [m/s^2]": run.motion.acceleration(link)[:, 0]}
         for name, values in wanted.items():
             np.testing.assert_allclose(computed[f"{link} {name}"], values, rtol=1e-11, atol=1e-11 * max(np.abs(values).max(), 1.0))
-        turned = computed[f"{link} angle"] - run.motion.pose(link)[:, 2]
+        turned = computed[f"{link} angle [rad]"] - run.motion.pose(link)[:, 2]
         np.testing.assert_allclose(np.sin(turned), 0.0, atol=1e-11)
     if run.forces is not None:
         effort = run.forces.effort(drive)
-        np.testing.assert_allclose(computed[f"{drive} effort"], effort, atol=1e-11 * np.abs(effort).max())
+        np.testing.assert_allclose(computed[f"{drive} effort [N m]"], effort, atol=1e-11 * np.abs(effort).max())
 
 
 @pytest.mark.parametrize(
@@ -64,6 +66,12 @@ def test_what_c_does_not_have_is_refused(tmp_path: Path, scene: str, words: str)
 def test_efforts_that_are_missing_are_noted(tmp_path: Path) -> None:
     code, said = exported("slider-crank-friction", "--c", str(tmp_path / "own.c"))
     assert code == 0 and "note: efforts of drives are not in" in said and "dry friction depends on the reactions" in said
+
+
+def test_efforts_against_a_gas_are_missing_in_words_of_the_scene(tmp_path: Path) -> None:
+    """Whether the piston keeps to its stroke is checked over the frames of a run."""
+    code, said = exported("compressor-cycle", "--c", str(tmp_path / "own.c"))
+    assert code == 0 and "the range that air must not leave is checked over a whole run" in " ".join(said.split())
 
 
 @pytest.mark.parametrize("signal", ['sine = { frequency = "3 Hz" }', 'polynomial = { of = "time", coefficients = [1, 2] }'])
