@@ -134,10 +134,11 @@ def walk(
         feet = [_foot(loaded, text) for text in foot]
         gait = walk_of(loaded, feet, quantity_option(loaded, touch, "touch", "length") or 0.0)
         duration = float(gait.time[-1] - gait.time[0])
-        print(f"a cycle of {duration:.4g} s leads {1e3 * gait.advance:.4g} mm: {1e3 * gait.advance / duration:.4g} mm/s")
-        print(f"the body goes up and down by {1e3 * gait.bounce:.3g} mm")
+        text = loaded.units.text
+        print(f"a cycle of {duration:.4g} s leads {text(gait.advance, 'm', 4)}: {text(gait.advance / duration, 'm/s', 4)}")
+        print(f"the body goes up and down by {text(gait.bounce, 'm', 3)}")
         for name, share, slip in zip(gait.feet, gait.shares, gait.slips, strict=True):
-            print(f"{name} stands for {100.0 * share:.3g} % of the cycle, slips {1e3 * slip:.3g} mm in it")
+            print(f"{name} stands for {100.0 * share:.3g} % of the cycle, slips {text(slip, 'm', 3)} in it")
         if output is not None:
             dump(walking_scene(loaded, gait, output.stem), output)
             say(f"{output} written.")

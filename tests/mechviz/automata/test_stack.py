@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 import mechviz
 from mechcore.errors import MechanismError
 from mechcore.motion.events import find_events
 from mechviz.automata.walking import walk_of, walking_scene
+from mechviz.commands.main import app
 from mechviz.outputs.rerun.blueprint import make_blueprint
 from mechviz.picture.build import picture_of, solids_of
 from mechviz.picture.nodes import Body
@@ -136,6 +138,15 @@ def test_a_walk_of_wheels_of_spokes_is_the_one_of_a_rimless_wheel():
     touch, chord = 8e-3, 2e-3 * r * np.sin(np.pi / n)
     slip = 2.0 * (chord - np.sqrt(chord**2 - touch**2))
     assert walk_of(scene, [("wheel", name) for name in feet], touch).slips == pytest.approx([slip] * n, rel=0.01)
+
+
+def test_a_walk_is_told_in_the_units_of_the_scene(toy, tmp_path):
+    scene = tmp_path / "inches.toml"
+    scene.write_text(toy.text.replace('length = "mm"', 'length = "in"'), encoding="utf-8")
+    said = CliRunner().invoke(app, ["walk", str(scene), "--foot", "foot.H", "--foot", "foot 2.H", "--touch", "1 mm"])
+    assert said.exit_code == 0, said.stderr
+    walk = walk_of(mechviz.load(str(scene)), [("foot", "H"), ("foot 2", "H")], 1e-3)
+    assert f"leads {walk.advance / 0.0254:.4g} in: " in said.stdout and " mm" not in said.stdout
 
 
 def test_a_walk_needs_two_feet(toy):
