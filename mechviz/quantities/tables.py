@@ -20,6 +20,7 @@ from mechcore.forces.cam_rating import (
     joint_of,
     placed_cams,
 )
+from mechcore.forces.instants import energies
 from mechcore.forces.kinetostatics import Forces, LoadResult
 from mechcore.forces.powers import power_labels, powers_by_label
 from mechcore.forces.section_forces import bearing_ends, bearings
@@ -297,8 +298,8 @@ def _powers(run: Run) -> Iterator[ItemTable]:
     if labels:
         names: ColumnUnits = tuple((label, "W") for label in labels)
         yield ItemTable(("data", "power"), "power", names, lambda: np.column_stack(list(powers_by_label(forces).values())))
-    energies: ColumnUnits = tuple((k, "J") for k in ("kinetic", "potential", "work", "dissipated"))
-    yield ItemTable(("data", "energy"), "energy", energies, lambda: forces.energy)
+    names_of_energies: ColumnUnits = tuple((k, "J") for k in ("kinetic", "potential", "work", "dissipated"))
+    yield ItemTable(("data", "energy"), "energy", names_of_energies, partial(energies, forces))
 
 
 def _load(onto: Any, load: LoadResult) -> Real:

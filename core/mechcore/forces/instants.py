@@ -9,12 +9,14 @@ import numpy as np
 
 from mechcore.arrays import Index, Real
 from mechcore.cams.placement.plane import segment_of
+from mechcore.effects.base import LOSSES
 from mechcore.effects.registry import effects_of
 from mechcore.forces.cam_rating import placed_cams
 from mechcore.forces.kinetostatics import Forces
 from mechcore.laws.factors import jumps
 from mechcore.laws.timed import next_break, timed
 from mechcore.motion.motion import Motion
+from mechcore.numerics.interpolation import integral_so_far
 
 LEAST_JUMP = 1e-3  # part of the largest velocity or acceleration of a cam's law: a smaller jump does not count
 NEAR = 1e-9  # part of a frame's step between the two sides of a jump
@@ -56,6 +58,23 @@ def instants(forces: Forces) -> Instants:
     order = np.argsort(every, kind="stable")[: int(apart.sum()) + pairs.size]  # NaN comes last
     return Instants(every[order], np.flatnonzero(np.isin(order, len(time) + 2 * np.arange(len(pairs)))),
                     (forces, forces.again(pairs.ravel())), order)  # fmt: skip
+
+
+def energies(forces: Forces) -> Real:
+    """Kinetic, potential, work done so far, dissipated so far (F, 4) [J], as `Forces.energy`; the powers of a prescribed motion are
+    integrated from jump to jump."""
+    if forces.jumps is not None or len((at := instants(forces)).before) == 0:
+        return forces.energy
+    sums = [np.column_stack([f.power_supplied + f.power_by_cause(["process"]), -f.power_by_cause(LOSSES)]) for f in at.parts]
+    powers = at.together(*sums)
+    known = np.isfinite(powers)
+    parts, so_far = [], np.zeros(2)
+    for rows in np.split(np.arange(len(at.time)), at.before + 1):
+        parts.append(so_far + np.column_stack([integral_so_far(p, at.time[rows]) for p in np.where(known, powers, 0.0)[rows].T]))
+        so_far = parts[-1][-1]
+    sums_so_far = np.where(np.logical_and.accumulate(known), np.concatenate(parts), np.nan)
+    at_frames = np.searchsorted(at.time, forces.motion.time, side="right") - 1
+    return np.column_stack([forces.kinetic_energy, forces.potential_energy, sums_so_far[at_frames]])
 
 
 def sides_of_jumps(motion: Motion, under_forces: Callable[[float], Real] | None = None) -> Real:

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 
 ROWS_AT_ONCE = 5000  # rows solved, and written, at once
 MOST_ROWS = 10_000_000
+ENERGY = ("data", "energy")
 
 
 def wide_table(run: Run, times: Real | None = None) -> dict[str, Real]:
@@ -69,9 +70,10 @@ def _solved(run: Run, times: Real) -> dict[tuple[str, ...], Real]:
         pressing = None if forces is None else forces.again(some)
         here = replace(run, motion=there, forces=pressing, studies=compute_studies(there, pressing))
         for path, table in here.numbers.tables.items():
-            if path[0] == "data":
-                known = 2 if path[1] == "energy" and run.simulation is None else None
-                parts.setdefault(path, []).append(table.values[:, :known])
+            if path == ENERGY and pressing is not None and run.simulation is None:
+                parts.setdefault(path, []).append(np.column_stack([pressing.kinetic_energy, pressing.potential_energy]))
+            elif path[0] == "data":
+                parts.setdefault(path, []).append(table.values)
     return {path: np.concatenate(values) for path, values in parts.items()}
 
 

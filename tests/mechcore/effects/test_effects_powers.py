@@ -330,6 +330,38 @@ stops = [{{ at = 200, side = "upper", restitution = 0.5 }}]
     assert sum(s.absorbed for s in drive_shares(table)) == pytest.approx(13.5 if drives == 1 else 0.0, rel=1e-9, abs=1e-12)
 
 
+@pytest.mark.parametrize("frames", [20, 45])
+def test_work_so_far_is_the_kinetic_energy_of_a_parabolic_law(frames):
+    """A disc is turned to and fro by parabolic laws: its acceleration jumps between frames and at frames, the power with it. A load
+    that comes while it turns takes its moment times the angle since then, which the drive gives back."""
+    run = run_scene(mechviz.loads(f"""
+{UNITS}
+effects = ["inertia"]
+run = {{ frames = {frames} }}
+[links]
+frame = {{ points = {{ O = [0, 0] }} }}
+disc = {{ points = {{ O = [0, 0] }}, mass = "2 kg", inertia = "0.02 kg m^2" }}
+[joints.O]
+revolute = ["frame", "disc"]
+drive.segments = [{{ duration = "1 s", to = 200, law = "parabolic" }}, {{ duration = "1 s", to = 0, law = "parabolic" }}]
+[loads.brake]
+torque = "3 N m"
+on = "disc"
+step = {{ at = "0.3 s" }}
+[loads.damper]
+torsion_damper = ["frame", "disc"]
+linear = "0.5 N m s/rad"
+"""))  # fmt: skip
+    kinetic, potential, work, lost = run.numbers.values("data", "energy").T
+    assert np.ptp(work - kinetic - lost) < 1e-9 * np.abs(work).max() and not potential.any()
+    stroke, time = np.radians(200.0), run.motion.time
+    into = np.where(time % 1.0 <= 0.5, time % 1.0, 1.0 - time % 1.0)  # speed 4 stroke t up to the middle
+    half = (4.0 * stroke) ** 2 * 0.5 * into**3 / 3.0
+    each = (4.0 * stroke) ** 2 * 0.5 / 24.0 * 2.0
+    assert lost == pytest.approx(each * np.floor(time) + np.where(time % 1.0 <= 0.5, half, each - half), rel=1e-7)
+    assert run.motion.velocity("disc")[:, 2] == pytest.approx(np.where(time < 1.0, 1.0, -1.0) * 4.0 * stroke * into, abs=1e-9)
+
+
 def test_works_of_a_run_with_impacts_are_those_of_its_energies():
     """A valve that floats, landing on its cam, whose drive takes part in it: against changes of energy, known without powers."""
     forces = run_scene(mechviz.load("valve-float"), frames=7200).forces

@@ -13,6 +13,7 @@ from random_linkages import balance_of_links
 import mechviz
 from mechcore.effects.plan import make_plan
 from mechcore.forces.friction.events import find_jams, friction_events, friction_lanes
+from mechcore.forces.instants import energies
 from mechcore.forces.kinetostatics import solve_forces
 from mechcore.forces.powers import power_table
 from mechcore.laws.timed import ConstantSpeed, Oscillation
@@ -226,7 +227,7 @@ def test_recorded_friction_is_part_of_the_balance(name):
         assert balance_of_links(forces) < 1e-11
         left = np.trapezoid(-friction.power, forces.motion.time)
         assert forces.dissipated[-1] == pytest.approx(left, rel=2e-2)
-    np.testing.assert_array_equal(m.data("energy"), forces.energy)
+    np.testing.assert_array_equal(m.data("energy"), energies(forces))
 
 
 def test_pins_show_their_friction_circle_and_the_line_that_touches_it():
