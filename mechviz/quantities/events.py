@@ -14,6 +14,7 @@ from mechcore.forces.cam_events import cam_events
 from mechcore.forces.friction.events import friction_events
 from mechcore.forces.load_events import belt_events, load_events
 from mechcore.motion.events import Event, find_events
+from mechcore.motion.metrics import EQUAL
 from mechcore.spec.loads import BeltTension
 from mechcore.texts import as_force, as_torque
 from mechviz.quantities.items import joint_unit, joints_of
@@ -151,12 +152,13 @@ def peak_events(run: Run) -> list[Event]:
     places = {name: _largest(size, well_conditioned) for name, size in sizes.items()}
     known = [(float(sizes[name][k]), name, k) for name, k in places.items() if k is not None]
     if known:
-        size, name, k = max(known)
+        most = max(size for size, *_ in known)
+        size, name, k = next(found for found in known if found[0] >= (1.0 - EQUAL) * most)  # of equal ones the first
         events.append(Event(float(motion.time[k]), "INFO", name, f"largest joint reaction of the run, {as_force(size, 5)}"))
     return events
 
 
 def _largest(values: NDArray[np.float64], well_conditioned: NDArray[np.bool_], least: float = 0.0) -> int | None:
     size = np.where(well_conditioned & np.isfinite(values), np.abs(values), 0.0)
-    k = int(np.argmax(size))
+    k = int(np.argmax(size >= (1.0 - EQUAL) * size.max()))  # the first of equal ones
     return k if size[k] > least else None

@@ -11,7 +11,7 @@ import numpy as np
 
 from mechcore.arrays import Flags, Real
 from mechcore.constants import REST, SINGULAR
-from mechcore.laws.timed import JUMPS, Table, TableLaw, moves
+from mechcore.laws.timed import JUMPS, Law, Table, TableLaw, moves
 from mechcore.motion.at_once import indeterminate
 from mechcore.motion.metrics import (
     curvature,
@@ -30,9 +30,14 @@ from mechcore.texts import Text, UnitSystem, as_angle, as_coordinate, as_length
 
 MOST_SOLVED = 100_000  # limit positions times links, up to which limit positions are solved exactly
 MOST_REPORTED = 12  # distinct limit positions of a joint; if there are more, as in drawing machines, the outermost two are reported
+REST_ROUNDS, REST_PARTS = 8, np.linspace(0.0, 1.0, 17)  # of the search for the start or the end of a rest: 16^8 = 4e9 places
+STANDSTILL = 1e-15  # speed, of the greatest one, within a rest of a law
 MOST_BOUNDARIES = 10_000  # zone boundaries of a drive's law in a run
 POOR_TRANSMISSION = 30.0
 """Transmission angle [degrees] below which a linkage transmits poorly (textbooks: 30 to 45)."""
+
+TOGGLE = 1e-6
+"""Velocity ratio, relative to its median, up to which it is zero."""
 
 SPLINE_OVERSHOOT = 0.05
 """Fraction of a table's range by which a spline may overshoot the two rows around it (sine with ten rows per cycle: 0.02)."""
@@ -78,26 +83,34 @@ def overshoots(mechanism: Mechanism) -> Iterator[Event]:
 
 
 def turning_points(time: Real, speed: Real, acceleration: Real) -> Real:
-    """Times (n,) at which a speed (F,) passes through zero and changes its sign.
+    """Times (n,) at which a speed (F,) passes through zero and changes its sign, see `turning_places`."""
+    return turning_places(time, speed, acceleration)[:, 1]
+
+
+def turning_places(time: Real, speed: Real, acceleration: Real, *, end: bool = False) -> Real:
+    """Where a speed (F,) passes through zero and changes its sign, (n, 3): times of a frame before, of the zero, of a frame behind.
 
     Between two frames the speed is the Hermite cubic with the given accelerations as slopes; its root is found by bisection, for
-    all crossings at once. A reversal after a rest of more than one frame is not a turning point.
+    all crossings at once. A reversal after a rest of more than one frame is not a turning point. ``end``: a last frame at which the
+    speed is zero and would change its sign is one.
     """
     largest = np.abs(speed).max(initial=0.0)
     moving = np.flatnonzero(np.abs(speed) > REST * largest)
     if largest == 0.0 or len(moving) < 2:
-        return np.zeros(0)
+        return np.zeros((0, 3))
     flips = np.flatnonzero((speed[moving][:-1] * speed[moving][1:] < 0) & (np.diff(moving) <= 2))
-    if not len(flips):
-        return np.zeros(0)
     i, j = moving[flips], moving[flips + 1]
     h = time[j] - time[i]
     low, high = np.zeros(len(i)), np.ones(len(i))
-    for _ in range(50):
+    for _ in range(50 if len(i) else 0):
         u = 0.5 * (low + high)
         same = np.sign(_cubic(u, speed[i], h * acceleration[i], speed[j], h * acceleration[j])) == np.sign(speed[i])
         low, high = np.where(same, u, low), np.where(same, high, u)
-    return np.where(j - i == 2, time[i + 1], time[i] + 0.5 * (low + high) * h)  # a single frame at rest is the turning point
+    found = np.where(j - i == 2, time[i + 1], time[i] + 0.5 * (low + high) * h)  # a single frame at rest is the turning point
+    places = np.stack([time[i], found, time[j]], axis=1)
+    if end and moving[-1] == len(time) - 2 and speed[-2] * acceleration[-1] < 0.0:
+        places = np.append(places, [time[[-2, -1, -1]]], axis=0)
+    return places
 
 
 def _cubic(u: Real, v0: Real, d0: Real, v1: Real, d1: Real) -> Real:
@@ -146,37 +159,36 @@ def limit_positions(motion: Motion) -> Iterator[tuple[str, Real, Real]]:
     stops: list[Any] = [turning_points(motion.time, q[1], q[2]) for q in motion.drives]
     reversals = np.concatenate([np.zeros(0), *stops])
     near = 1e-6 * max(float(np.ptp(motion.time)), 1e-300) if motion.frames else 0.0
-    times_of: dict[str, Real] = {}
+    going = all(abs(q[1][-1]) > REST * np.abs(q[1]).max() for q in motion.drives if np.any(q[1])) if motion.frames else False
+    places_of: dict[str, Real] = {}
     for joint in motion.mechanism.joints:
         if joint.name in driven or motion.mechanism.frame not in joint.links:
             continue
         rows = motion.coordinate(joint.name)
         if not np.isfinite(rows).all() or np.abs(rows[:, 1]).max(initial=0.0) <= _still(motion, joint.name, rows):
             continue
-        times = turning_points(motion.time, rows[:, 1], rows[:, 2])
-        turned = np.abs(reversals - times[:, None]) < near
+        places = turning_places(motion.time, rows[:, 1], rows[:, 2], end=going)
+        turned = np.abs(reversals - places[:, 1:2]) < near
         if _one_moves(motion):  # between two frames in which the only drive reverses, no other joint has a limit of its own
-            turned |= np.searchsorted(motion.time, times)[:, None] == np.searchsorted(motion.time, reversals)
-        times_of[joint.name] = times[~turned.any(axis=1)]
-    every = np.concatenate([np.zeros(0), *times_of.values()])
-    order = np.argsort(every, kind="stable")
-    owner = np.repeat(np.arange(len(times_of)), [len(times) for times in times_of.values()])[order]
-    every, again = every[order], motion.again
-    values = np.zeros(len(every))
-    if again is not None and len(every) and len(every) * len(motion.model.links) <= MOST_SOLVED:
-        own = partial(_own_coordinates, [(name, owner == k) for k, name in enumerate(times_of)])
-        every = zeros(motion, lambda m: own(m)[:, 1:], every)
-        values = own(again(every))[:, 0]
+            turned |= np.searchsorted(motion.time, places[:, 1:2]) == np.searchsorted(motion.time, reversals)
+        places_of[joint.name] = places[~turned.any(axis=1)]
+    every = np.concatenate([np.zeros((0, 3)), *places_of.values()])
+    owner = np.repeat(np.arange(len(places_of)), [len(places) for places in places_of.values()])
+    times, values = every[:, 1], np.zeros(len(every))
+    if motion.again is not None and len(every) and len(every) * len(motion.model.links) <= MOST_SOLVED:
+        times = zeros(motion, partial(_coordinates, list(places_of), slice(1, 3)), every, owner)
+        order = np.argsort(times, kind="stable")
+        values[order] = _coordinates(list(places_of), 0, motion.again(times[order]))[np.arange(len(order)), owner[order]]
     else:
-        for k, name in enumerate(times_of):
+        for k, name in enumerate(places_of):
             rows = motion.coordinate(name)
-            times = every[owner == k]
-            if again is None:
-                values[owner == k] = [_at(motion, rows, float(t)) for t in times]
+            own = times[owner == k]
+            if motion.again is None:
+                values[owner == k] = [_at(motion, rows, float(t)) for t in own]
             else:
-                values[owner == k] = between(motion.time, rows[:, 0], times, 5, rows[:, 1], rows[:, 2])
-    for k, name in enumerate(times_of):
-        yield name, every[owner == k], values[owner == k]
+                values[owner == k] = between(motion.time, rows[:, 0], own, 5, rows[:, 1], rows[:, 2])
+    for k, name in enumerate(places_of):
+        yield name, times[owner == k], values[owner == k]
 
 
 def _one_moves(motion: Motion) -> bool:
@@ -184,12 +196,9 @@ def _one_moves(motion: Motion) -> bool:
     return sum(moves(d.law) for d in motion.mechanism.drives) == 1
 
 
-def _own_coordinates(parts: Sequence[tuple[str, Flags]], m: Motion) -> Real:
-    """Coordinates of joints and their rates (F, 3), of each joint at its own frames."""
-    out = np.empty((m.frames, 3))
-    for joint, own in parts:
-        out[own] = m.coordinate(joint)[own]
-    return out
+def _coordinates(joints: Sequence[str], columns: slice | int, m: Motion) -> Real:
+    """Columns of the coordinates of joints and their rates (F, joints, ...)."""
+    return np.stack([m.coordinate(joint)[:, columns] for joint in joints], axis=1)
 
 
 def _limits(motion: Motion) -> Iterator[Event]:
@@ -223,17 +232,19 @@ def _drive_events(motion: Motion) -> Iterator[Event]:
         for t in turning_points(motion.time, rows[:, 1], rows[:, 2]):
             where = _words(motion, drive.joint, _at(motion, rows, float(t)))
             yield Event(float(t), "INFO", drive.joint, f"drive reverses at {where}")
-        rests = runs(np.abs(rows[:, 1]) <= REST * np.abs(rows[:, 1]).max(initial=0.0))
+        followed = np.array_equal(drive.law(motion.time)[0], rows[:, 0])  # else the motion has other drive values than the law's
+        most = float(np.abs(rows[:, 1]).max(initial=0.0))
+        rests = runs(np.abs(rows[:, 1]) <= REST * most)
         for start, end in rests if len(rests) and (rests[0][1] - rests[0][0] + 1 < motion.frames) else ():
             if start > 0 and (end > start or end == motion.frames - 1):
-                yield Event(
-                    float(motion.time[start]), "INFO", drive.joint, f"drive stops at {_words(motion, drive.joint, q[start])}"
-                )
+                stops = float(motion.time[start])
+                stops = _rests_from(drive.law, float(motion.time[start - 1]), stops, most) if followed else stops
+                yield Event(stops, "INFO", drive.joint, f"drive stops at {_words(motion, drive.joint, q[start])}")
             if end < motion.frames - 1 and (end > start or start == 0):
-                yield Event(float(motion.time[end]), "INFO", drive.joint, f"drive starts at {_words(motion, drive.joint, q[end])}")
-        if not np.array_equal(drive.law(motion.time)[0], rows[:, 0]):
-            continue  # the motion has other drive values than those of the law
-        if not moves(drive.law):
+                starts = float(motion.time[end])
+                starts = _rests_from(drive.law, float(motion.time[end + 1]), starts, most) if followed else starts
+                yield Event(starts, "INFO", drive.joint, f"drive starts at {_words(motion, drive.joint, q[end])}")
+        if not followed or not moves(drive.law):
             continue
         breaks = np.asarray(drive.law.breaks, float)
         count = float(np.floor(last / drive.law.duration)) + 1.0
@@ -255,6 +266,18 @@ def _drive_events(motion: Motion) -> Iterator[Event]:
                 where = _words(motion, drive.joint, float(drive.law(t)[0]))
                 words = f"zone boundary of the drive's law at {where}" + (f": {what}" if what else "")
                 yield Event(float(t), "WARN" if what == JUMPS[0] else "INFO", drive.joint, words)
+
+
+def _rests_from(law: Law, moving: float, resting: float, most: float) -> float:
+    """The time [s] at which a rest of a law begins, or, where it rests before it moves, ends; ``most``: its greatest speed."""
+    for _ in range(REST_ROUNDS):
+        t = moving + (resting - moving) * REST_PARTS
+        still = np.abs(law(t)[1]) <= STANDSTILL * most
+        k = int(np.argmax(still))
+        if k == 0:
+            break
+        moving, resting = float(t[k - 1]), float(t[k])
+    return resting
 
 
 def _singular(motion: Motion) -> Iterator[Event]:
@@ -326,10 +349,21 @@ def _ratios(motion: Motion, asked: Sequence[str]) -> Iterator[Event]:
 
 
 def _toggles(motion: Motion, joint: str) -> Iterator[Event]:
-    """Instants at which the mechanical advantage of a joint is unbounded: its velocity ratio passes through zero."""
+    """Instants at which the mechanical advantage of a joint is unbounded: its velocity ratio passes through zero. Where the ratio
+    changes its sign by a jump, or at a dead point of the drive, where it has no bounds itself, there is none."""
     rows = partial(ratio_in_time, joint=joint)
-    own = rows(motion)
-    for t in zeros(motion, rows, turning_points(motion.time, own[:, 0], own[:, 1])):
+    ratio, rate = rows(motion).T
+    size = np.abs(ratio[np.isfinite(ratio) & (ratio != 0.0)])
+    if not len(size):
+        return
+    usual = float(np.median(size))
+    part = usual / (usual + np.abs(ratio))  # keeps zeros, and bounds the ratio next to dead points of the drive
+    with np.errstate(invalid="ignore"):
+        bounded, slope = (np.nan_to_num(x) for x in (ratio * part / usual, rate * part**2 / usual))
+    times = zeros(motion, rows, turning_places(motion.time, bounded, slope, end=True))
+    if motion.again is not None and len(times):
+        times = times[np.abs(rows(motion.again(times))[:, 0]) <= TOGGLE * usual]
+    for t in times:
         text = _placed("mechanical advantage without bound (toggle)", motion, float(t))
         yield Event(float(t), "INFO", joint, text, np.inf)
 

@@ -18,7 +18,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from mechcore.arrays import Complex, Plane, Real
+from mechcore.arrays import Complex, Index, Plane, Real
 from mechcore.constants import REST
 from mechcore.kinematics.model import Model
 from mechcore.kinematics.rates import Rates
@@ -39,7 +39,10 @@ WINDOW_NODES = -np.cos(
 FIT = np.linalg.inv(chebyshev.chebvander(WINDOW_NODES, 8))
 SEARCH_ROUNDS = 2  # each in a window that is narrower than the one before by NARROWING
 NARROWING = 8.0
-MOST_MAXIMA = 4  # largest local maxima of the frames that are refined
+MOST_MAXIMA = 24  # largest local maxima of the frames that are refined
+EQUAL = 1e-9  # relative difference up to which maxima are equal: the first counts
+NEWTON_STEPS = 3  # for a zero, from the estimate by a cubic; then its two frames are divided
+SECTION_ROUNDS, SECTIONS = 12, np.linspace(0.0, 1.0, 9)  # 8^12 = 7e10 places
 
 
 def over_parts(compute: Callable[..., T]) -> Callable[..., T]:
@@ -309,14 +312,13 @@ def largest_maximum(motion: Motion, metric: Metric) -> tuple[float, float]:
     values = np.asarray(metric(motion), float)
     if not np.isfinite(values).any():
         return np.nan, np.nan
-    best = int(np.nanargmax(values))
-    highest = float(motion.time[best]), float(values[best])
-    if motion.again is None or motion.frames < 3:
+    highest = _first_highest(motion.time, values)
+    if motion.again is None or motion.frames < 3 or np.nanmin(values) >= highest[1] - EQUAL * abs(highest[1]):
         return highest
     filled = np.where(np.isfinite(values), values, -np.inf)
     around = np.concatenate([[-np.inf], filled, [-np.inf]])
     local = np.flatnonzero((filled >= around[:-2]) & (filled >= around[2:]) & np.isfinite(filled))
-    tops = local[np.argsort(-filled[local], kind="stable")[:MOST_MAXIMA]]
+    tops = np.sort(local[np.argsort(-filled[local], kind="stable")[:MOST_MAXIMA]])
     low = motion.time[np.maximum(tops - 1, 0)]
     high = motion.time[np.minimum(tops + 1, motion.frames - 1)]
     first, last = low, high
@@ -328,8 +330,15 @@ def largest_maximum(motion: Motion, metric: Metric) -> tuple[float, float]:
         at = np.where(np.isfinite(where), middle + half * where, at)
         low, high = np.maximum(at - half / NARROWING, first), np.minimum(at + half / NARROWING, last)
     refined = _again(motion, metric, at)
-    top = int(np.argmax(np.where(np.isfinite(refined), refined, -np.inf)))
-    return (float(at[top]), float(refined[top])) if refined[top] >= highest[1] else highest
+    return _first_highest(np.append(at, highest[0]), np.append(refined, highest[1]))
+
+
+def _first_highest(time: Real, values: Real) -> tuple[float, float]:
+    """The first of the times (n,) [s] at which values (n,), not all of them NaN, are largest, and this value."""
+    known = np.where(np.isnan(values), -np.inf, values)
+    highest = known.max()
+    first = int(np.argmax(known >= highest - EQUAL * abs(highest) if np.isfinite(highest) else known == highest))
+    return float(time[first]), float(values[first])
 
 
 def _highest(values: Real) -> float:
@@ -344,27 +353,53 @@ def _highest(values: Real) -> float:
 
 
 def _again(motion: Motion, metric: Metric, times: Real) -> Real:
-    """A quantity at other times (...) [s]."""
+    """A quantity at other times (...) [s], in any order; values of several parts have these as their last axes."""
     assert motion.again is not None
     flat = np.ravel(times)
     order = np.argsort(flat, kind="stable")
-    out = np.empty(flat.shape)
-    out[order] = metric(motion.again(flat[order]))
-    return out.reshape(np.shape(times))
+    values = metric(motion.again(flat[order]))
+    out = np.empty(values.shape)
+    out[order] = values
+    return out.reshape((*np.shape(times), *values.shape[1:]))
 
 
-def zeros(motion: Motion, rows: Callable[[Motion], Real], times: Real) -> Real:
-    """Zeros (n,) [s] of a quantity, from good estimates, by Newton's method; ``rows``: motion -> its value and rate (F, 2)."""
-    if motion.again is None or not len(times) or motion.frames < 2:
-        return times
-    step = float(np.max(np.diff(motion.time)))
-    at = np.array(times)
-    for _ in range(3):
-        value = rows(motion.again(at))
+def zeros(motion: Motion, rows: Metric, places: Real, which: Index | None = None) -> Real:
+    """Times (n,) [s] at which quantities pass through zero or jump past it, to the accuracy of events.
+
+    ``places`` (n, 3) [s]: the last frame before, an estimate, and the first frame behind; ``rows``: motion -> value and rate
+    (F, 2), or of several quantities (F, k, 2), of which ``which`` (n,) names the one of each place. Newton's method finds simple
+    zeros; where it does not settle between the two frames, as at jumps and at zeros of higher order, these are divided again and
+    again.
+    """
+    low, at, high = np.array(places, float).reshape(-1, 3).T
+    if motion.again is None or not len(at) or motion.frames < 2:
+        return at
+    tolerance = motion.accuracy.event * float(np.max(np.diff(motion.time)))
+
+    def there(t: Real, chosen: Index) -> Real:
+        found = _again(motion, rows, t)
+        return found if which is None else found[np.arange(len(t)), which[chosen]]
+
+    every, moved = np.arange(len(at)), np.full(len(at), np.inf)
+    for _ in range(NEWTON_STEPS):
+        value, rate = there(at, every).T
         with np.errstate(divide="ignore", invalid="ignore"):
-            move = -value[:, 0] / value[:, 1]
-        move = np.where(np.isfinite(move) & (np.abs(at + move - times) < 0.5 * step), move, 0.0)
-        at = at + move
-        if np.abs(move).max(initial=0.0) <= motion.accuracy.event * step:
+            to = at - value / rate
+        inside = (to >= low - tolerance) & (to <= high + tolerance)
+        to = np.where(inside, np.clip(to, low, high), at)
+        moved, at = np.where(inside, np.abs(to - at), np.inf), to
+        if moved.max() <= tolerance:
+            return at
+    late = np.flatnonzero(moved > tolerance)
+    side, other = (np.sign(there(ends[late], late)[:, 0]) for ends in (low, high))
+    late, side = late[side * other < 0.0], side[side * other < 0.0]
+    ends = np.stack([low[late], high[late]], axis=1)
+    for _ in range(SECTION_ROUNDS if len(late) else 0):
+        if np.ptp(ends, axis=1).max() <= tolerance:
             break
+        t = ends[:, :1] + np.diff(ends) * SECTIONS
+        inner = there(t[:, 1:-1].ravel(), np.repeat(late, len(SECTIONS) - 2))[:, 0].reshape(len(late), -1)
+        before = np.sum(np.logical_and.accumulate(np.sign(inner) == side[:, None], axis=1), axis=1)
+        ends = np.stack([np.take_along_axis(t, before[:, None] + k, axis=1)[:, 0] for k in (0, 1)], axis=1)
+    at[late] = ends.mean(axis=1)
     return at

@@ -132,6 +132,25 @@ def test_limits_of_a_slider_are_named_with_their_side():
     assert "250 mm" in limits["limit position: coordinate largest"].text
 
 
+@pytest.mark.parametrize("turns", [1, 2])
+@pytest.mark.parametrize("frames", [60, 77])
+def test_a_limit_at_the_end_of_the_run_is_told_as_one_within(frames, turns):
+    """A crank that starts at a dead point is there again after every turn."""
+    motion = move(slider_crank(ConstantSpeed(0.0, 2.0)), frames, turns)
+    limits = of(motion, "S")
+    assert [e.time for e in limits] == pytest.approx(0.5 * np.pi * np.arange(1, 2 * turns + 1), abs=1e-8)
+    assert ["largest" in e.text for e in limits] == [False, True] * turns
+    assert not of(move(slider_crank(zones(start=0.3, speed=1.0, run_up=0.0, steady=np.pi - 0.5, braking=0.2)), 77), "S"), "it stops"
+
+
+@pytest.mark.parametrize("frames", [100, 77])
+def test_a_drive_starts_and_stops_where_its_law_says_so(frames):
+    """A dwell of 0.3 s whose ends lie on no frame."""
+    law = over_time(program([Segment(0.35, 1.0), Segment(0.3), Segment(0.35, 0.0)], repeats=False))
+    told = {e.text.split(" at ")[0]: e.time for e in of(move(slider_crank(law), frames), "A")[1:-1]}
+    assert told == {"drive stops": pytest.approx(0.35, abs=1e-7), "drive starts": pytest.approx(0.65, abs=1e-7)}
+
+
 @pytest.mark.parametrize(("most", "told"), [(2, 6), (1, 2)])
 def test_of_many_different_limits_the_outermost_are_told_with_their_number(most, told, monkeypatch):
     """Three turns have six limit positions, which are two different ones."""
@@ -276,3 +295,21 @@ def test_a_time_ratio_is_that_of_one_limit_position_and_the_other():
     inner = np.pi + np.arccos((0.2**2 + 0.12**2 - 0.15**2) / (2 * 0.2 * 0.12))
     there = inner - outer
     assert turning.time_ratio == pytest.approx(max(there, TURN - there) / min(there, TURN - there), rel=1e-6)
+
+
+@pytest.mark.parametrize("frames", [160, 153])
+def test_toggles_are_where_the_output_rests_and_not_at_dead_points_of_the_drive(frames):
+    """A rocker that drives to its limits and through them: there the ratio changes its sign without bounds, at a frame or not."""
+    a, b, c, d = 0.22, 0.16, 0.21, 0.3
+    limit = np.arccos((a**2 + d**2 - (b + c) ** 2) / (2 * a * d))
+    m = four_bar(E=(d, 0.0), AB=a, BD=b, DE=c)
+    m = replace(m, drives=(Drive(joint="A", law=Oscillation(0.0, limit, 0.25)),), metrics=("mechanical_advantage",))
+    told = of(move(m, frames, 2), "E")
+    toggles, limits = ([e.time for e in told if e.text.startswith(words)] for words in ("mechanical advantage", "limit position"))
+    assert len(limits) == 4 and toggles == pytest.approx(limits, abs=1e-8)
+
+
+def test_of_equal_extremes_the_first_is_told():
+    told = [find_events(move(crank_rocker(), 97, cycles)) for cycles in (1, 3)]
+    once, thrice = ([e.time for e in events if "of the run" in e.text] for events in told)
+    assert len(once) >= 3 and thrice == pytest.approx(once, abs=1e-6)

@@ -10,7 +10,7 @@ from mechcore.arrays import Real
 from mechcore.forces.friction.elements import Element, relative_rate
 from mechcore.forces.friction.solve import FrictionResult
 from mechcore.forces.kinetostatics import Forces, solve_forces
-from mechcore.motion.events import Event, at_drive, runs, turning_points
+from mechcore.motion.events import Event, at_drive, runs, turning_places
 from mechcore.motion.metrics import zeros
 from mechcore.motion.motion import Motion
 from mechcore.records import dataclass
@@ -48,8 +48,8 @@ def sign_changes(forces: Forces) -> list[tuple[float, str]]:
             """Relative speed and acceleration (F, 2)."""
             return np.stack([relative_rate(m, of, e.what, e.index, e.links) for of in (m.speeds, m.accelerations)], axis=-1)
 
-        times = turning_points(motion.time, np.where(e.sign == 0.0, 0.0, e.rate), rows(motion)[:, 1])
-        changes += [(float(t), e.joint) for t in zeros(motion, rows, times)]
+        places = turning_places(motion.time, np.where(e.sign == 0.0, 0.0, e.rate), rows(motion)[:, 1])
+        changes += [(float(t), e.joint) for t in zeros(motion, rows, places)]
     return sorted(set(changes))
 
 
