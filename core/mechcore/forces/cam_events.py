@@ -2,22 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+import itertools
+from collections.abc import Callable, Iterator, Mapping
 
 import numpy as np
 
 from mechcore.arrays import Flags, Real
 from mechcore.cams.followers import Flat
-from mechcore.cams.placement.plane import KNOT_DISTANCE, PlacedCam
+from mechcore.cams.placement.plane import KNOT_DISTANCE, PlacedCam, argument_rate_of
 from mechcore.forces.cam_rating import PULL_ROUNDING, AnyCam, contact_force, contact_stress, drawn_lift, joint_of, placed_cams
 from mechcore.forces.kinetostatics import Forces
 from mechcore.forces.load_events import crossing
 from mechcore.laws.factors import VELOCITY_JUMP, jumps
 from mechcore.motion.events import Event, at_drive, runs
+from mechcore.motion.metrics import zeros
 from mechcore.motion.motion import Motion
 from mechcore.spec.mechanism import CamDrawn, CamRating, Revolute
 from mechcore.texts import as_angle, as_coordinate, as_force, as_length, as_pressure
 
+ON_PLACE = 1e-9  # part of a law's length: a frame so near to a place of the law is there
 FACE_ROUNDING = 1e-9  # part of a face's length: a contact beyond its end by less is on it
 
 
@@ -100,8 +103,9 @@ def _range(cam: AnyCam, first: float, last: float) -> str:
     return f"from {_where(cam, first)} to {_where(cam, last)}"
 
 
-def _at(motion: Motion, values: Real, t: float) -> float:
-    return float(np.interp(t, motion.time, values))
+def _at(motion: Motion, values: Callable[[Motion], Real], t: float) -> float:
+    """A quantity at one time."""
+    return float(values(motion.again(np.array([t])))[0] if motion.again else np.interp(t, motion.time, values(motion)))
 
 
 def _arguments(motion: Motion, cam: AnyCam) -> Real:
@@ -114,7 +118,6 @@ def _lost(forces: Forces, cam: AnyCam) -> Iterator[Event]:
     motion = forces.motion
     n, time = contact_force(forces, cam), forces.motion.time
     largest = float(np.nanmax(np.abs(n), initial=0.0))
-    x = _arguments(motion, cam)
     for first, last in runs(n < -PULL_ROUNDING * largest):
         least = float(np.nanmin(n[first : last + 1]))
         for k, other, what in ((first, first - 1, "lost"), (last, last + 1, "regained")):
@@ -125,7 +128,7 @@ def _lost(forces: Forces, cam: AnyCam) -> Iterator[Event]:
             else:
                 ends = float(time[other]), float(time[k]), float(n[other]), float(n[k])
                 t = crossing(forces, lambda f: contact_force(f, cam), *ends)
-            where = f"at {_where(cam, _at(motion, x, t))}{_drives_at(motion, t)}"
+            where = f"at {_where(cam, _at(motion, cam.argument, t))}{_drives_at(motion, t)}"
             if what == "lost":
                 text = (
                     f"contact lost {where}{_turning(motion, t)}: the cam would have to pull with up to {as_force(-least, 4)}. "
@@ -141,7 +144,7 @@ def _turning(motion: Motion, t: float) -> str:
     drives = motion.mechanism.drives
     if not drives or not any(p.name == drives[0].joint and isinstance(p, Revolute) for p in motion.mechanism.joints):
         return ""
-    return f" at {abs(_at(motion, motion.coordinate(drives[0].joint)[:, 1], t)) * 30.0 / np.pi:.5g} rpm"
+    return f" at {abs(_at(motion, lambda m: m.coordinate(drives[0].joint)[:, 1], t)) * 30.0 / np.pi:.5g} rpm"
 
 
 def _lacking(forces: Forces, cam: AnyCam, first: int, last: int) -> float:
@@ -171,20 +174,32 @@ def _shocks(motion: Motion, cam: AnyCam) -> Iterator[Event]:
 
 
 def _passes(motion: Motion, cam: AnyCam, place: float) -> list[float]:
-    """Times at which the law's argument passes a place of the law."""
+    """Times at which the law's argument passes a place of the law, that at the end of the run included, that at its start not."""
     law = cam.cam.law
     x = _arguments(motion, cam) * cam.ahead
     if not np.isfinite(x).all():
         return []
-    times: list[float] = []
+    period = law.length if law.repeats else 2.0 * np.pi if cam.bed is None else np.inf
+    places: list[Real] = []
     laps = range(int(np.floor((x.min() - place) / law.length)), int(np.ceil((x.max() - place) / law.length)) + 1)
     for lap in laps if law.repeats else (0,):
         distance = x - (place + lap * law.length)
-        hits = np.flatnonzero((distance[:-1] < 0.0) & (distance[1:] >= 0.0) | (distance[:-1] > 0.0) & (distance[1:] <= 0.0))
-        for k in hits:
-            share = distance[k] / (distance[k] - distance[k + 1])
-            times.append(float(motion.time[k] + share * (motion.time[k + 1] - motion.time[k])))
-    return times
+        side = np.where(np.abs(distance) <= ON_PLACE * law.length, 0.0, np.sign(distance))
+        beside = np.append(np.flatnonzero(side), motion.frames if side[-1] == 0.0 else [])  # at the end it arrives
+        for i, j in itertools.pairwise(beside.astype(int)):
+            if j == motion.frames or side[i] != side[j]:
+                k = min(i + 1, motion.frames - 1)
+                share = distance[i] / (distance[i] - distance[k])
+                found = motion.time[i] + share * (motion.time[k] - motion.time[i]) if side[k] else motion.time[k]
+                places.append(np.array([motion.time[i], found, motion.time[k]]))
+
+    def rows(m: Motion) -> Real:
+        """Distance from the place, and its rate (F, 2)."""
+        off = cam.argument(m) * cam.ahead - place
+        near = off if np.isinf(period) else off - period * np.rint(off / period)
+        return np.stack([near, cam.ahead * argument_rate_of(cam, m)], axis=-1)
+
+    return sorted(map(float, zeros(motion, rows, np.array(places).reshape(-1, 3))))
 
 
 def _leaps(motion: Motion, cam: AnyCam) -> Iterator[Event]:

@@ -13,6 +13,7 @@ from mechcore.errors import MechanismError
 from mechcore.forces.cam_events import cam_events
 from mechcore.forces.cam_rating import contact_force, placed_cams
 from mechcore.forces.kinetostatics import solve_forces
+from mechcore.motion.events import find_events
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
 from mechviz.meshes.solids import build_solids
 from mechviz.quantities.tables import tables
@@ -163,6 +164,40 @@ def test_contact_is_lost_where_the_force_changes_its_sign():
     slow = mechviz.loads(written("valve-train").replace("3600 rpm", "1500 rpm")).mechanism
     calm = solve_motion(compile_mechanism(slow), default_times(slow))
     assert not [e for e in cam_events(calm, solve_forces(calm)) if "lost" in e.text]
+
+
+JERKS = (0.0, 50.0, 100.0, 150.0, 215.0, 280.0)  # places of cam-knife's law
+
+
+def jerk_times(drive: dict[str, object], frames: int, cycles: int = 1) -> list[float]:
+    scene = mechviz.load("cam-knife").changed({("joints", "O", "drive"): drive})
+    motion = solve_motion(compile_mechanism(scene.mechanism), default_times(scene.mechanism, frames, cycles))
+    return [e.time for e in cam_events(motion, None) if "infinite jerk" in e.text]
+
+
+@pytest.mark.parametrize("cycles", [1, 3])
+@pytest.mark.parametrize(("speed", "start"), [(37.0, 50.0), (100.0, 280.0), (-73.0, 100.0), (60.0, 0.0), (-60.0, 215.0)])
+def test_jumps_of_a_law_are_told_once_a_passage_also_where_the_run_begins_and_ends_there(speed, start, cycles):
+    turns = np.mod(np.sign(speed) * (np.array(JERKS) - start), 360.0)
+    turns = np.where(turns == 0.0, 360.0, turns) + 360.0 * np.arange(cycles)[:, None]
+    told = jerk_times({"speed": f"{speed} rpm", "start": f"{start} deg"}, 180, cycles)
+    np.testing.assert_allclose(told, np.sort(turns, axis=None) / (6.0 * abs(speed)), rtol=1e-12)
+
+
+def test_jumps_of_a_law_are_told_at_their_times_between_frames():
+    """The cam swings over 100 deg + 60 deg sin, which straight lines between 77 frames miss."""
+    swing = {"centre": "100 deg", "amplitude": "60 deg", "period": "1 s", "phase": "90 deg"}
+    first = np.arccos((np.array([150.0, 100.0, 50.0]) - 100.0) / 60.0) / (2.0 * np.pi)
+    told = jerk_times({"oscillation": swing}, 77)
+    np.testing.assert_allclose(told, [*first, *(1.0 - first[::-1])], atol=1e-10)
+
+
+@pytest.mark.parametrize("frames", [100, 241])
+def test_a_limit_at_a_knock_is_where_the_follower_turns_back(frames):
+    motion, _ = solved("cam-constant-acceleration-general", frames)
+    limits = [e for e in find_events(motion) if e.item == "S"]
+    np.testing.assert_allclose([e.time for e in limits], motion.time[-1] * np.array([0.5, 1.0]), rtol=1e-8)
+    np.testing.assert_allclose([e.value for e in limits], [-0.05, -0.07], atol=1e-9)
 
 
 def test_infinite_jerk_and_pressure_angles_are_events():

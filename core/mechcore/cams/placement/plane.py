@@ -60,6 +60,13 @@ def _argument(cam: Any, motion: Motion) -> Real:
     return np.broadcast_to(x, motion.shape) + 0.0
 
 
+def argument_rate_of(cam: Any, motion: Motion) -> Real:
+    """The rate of the argument of a placed cam's law (F) [rad/s or m/s]."""
+    if cam.bed is not None:
+        return np.asarray(cam.sense * motion.coordinate(cam.bed)[:, 1])
+    return np.asarray(cam.sense * (motion.velocity(cam.links[0])[:, 2] - motion.velocity(cam.carrier)[:, 2]))
+
+
 def segment_of(cam: Any, motion: Motion, knots: Real | None = None) -> Real:
     """Number of the segment of the law in which a placed cam is, by frame (F); ``knots``: ends of segments, if not all knots."""
     law = cam.cam.law
