@@ -82,8 +82,8 @@ class Numbers:
         return ("data", "joints", joint, "friction") in self.tables
 
     def is_pin(self, joint: str) -> bool:
-        """Whether a joint is a revolute joint, whose couple is due to friction alone."""
-        return self.joints[joint].kind.startswith("revolute")
+        """Whether a joint is a revolute joint without clearance, whose couple is due to dry friction alone."""
+        return self.joints[joint].kind == "revolute"
 
     def slides(self, joint: str) -> bool:
         """Whether a joint's coordinate is a displacement; else it is an angle."""

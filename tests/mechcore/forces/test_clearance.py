@@ -245,6 +245,17 @@ def test_a_recording_shows_the_ideal_links_and_the_gap(tmp_path):
     assert np.array_equal(touching, gap < 0.0)
 
 
+def test_the_moment_of_friction_in_a_bearing_is_a_quantity():
+    rubbing = SCENE.replace('speed = "0.2 m/s"', 'speed = "0.2 m/s", radius = "10 mm", friction = 0.1')
+    run = run_scene(
+        mechviz.loads(rubbing.replace('duration = "0.4 s"', 'duration = "0.02 s"').replace("frames = 720", "frames = 30"))
+    )
+    couple = run.catalogue["joint.B.couple"]
+    np.testing.assert_array_equal(couple.values()[:, 0], run.forces.reaction("B")[:, 2])
+    assert couple.unit == "N m" and np.abs(couple.values()).max() > 0.0
+    assert "joint.A.couple" not in run.catalogue.by_key  # without clearance and friction
+
+
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
