@@ -36,6 +36,9 @@ MOST_BOUNDARIES = 10_000  # zone boundaries of a drive's law in a run
 POOR_TRANSMISSION = 30.0
 """Transmission angle [degrees] below which a linkage transmits poorly (textbooks: 30 to 45)."""
 
+GROWTH = 10.0
+"""Growth of a velocity ratio, from a tenth to a thousandth of a frame from a dead point, from which it has no bounds there."""
+
 TOGGLE = 1e-6
 """Velocity ratio, relative to its median, up to which it is zero."""
 
@@ -325,18 +328,18 @@ def _ratios(motion: Motion, asked: Sequence[str]) -> Iterator[Event]:
     """Extremes of velocity ratios, and of mechanical advantages, the reciprocals of the ratios of joints at the frame link."""
     first = motion.mechanism.drives[0].joint
     at_frame = {c.name for c in motion.model.connections if motion.mechanism.frame in c.links and c.name != first}
-    dead = np.array([c.time for c in motion.singular_points if c.dead])
+    dead = [float(c.time) for c in motion.singular_points if c.dead]
     step = float(np.max(np.diff(motion.time), initial=0.0))
     for joint, ratio in velocity_ratios(motion).items():
         finite = ratio[np.isfinite(ratio)]
         if not len(finite) or np.ptp(finite) <= REST * motion.model.length_scale:
             continue
-        t, _ = largest_maximum(motion, partial(_squared_ratio, joint))
-        near = dead[np.abs(dead - t) <= 2.0 * step] if np.isfinite(t) else dead
-        if len(near):
-            t, value = float(near[0]), np.inf
+        t = next((t for t in dead if _unbounded(motion, joint, t, step)), np.nan)
+        if np.isfinite(t):
+            value = np.inf
             words = "velocity ratio without bound at the drive's dead point"
         else:
+            t, _ = largest_maximum(motion, partial(_squared_ratio, joint))
             value = float(_there(motion, partial(_ratio, joint), t))
             words = f"largest velocity ratio of the run, {value:.5g}"
         if "velocity_ratio" in asked:
@@ -346,6 +349,18 @@ def _ratios(motion: Motion, asked: Sequence[str]) -> Iterator[Event]:
             words = f"smallest mechanical advantage of the run, {least:.5g}"
             yield Event(t, "INFO", joint, _placed(words, motion, t), least)
             yield from _toggles(motion, joint)
+
+
+def _unbounded(motion: Motion, joint: str, dead: float, step: float) -> bool:
+    """Whether the velocity ratio of a joint grows beyond bounds at a time [s] at which the drive is in a dead point: there it is
+    inversely proportional to the time from it. Joints that another group moves have a ratio."""
+    if motion.again is None:
+        return True
+    off = step * np.array([0.1, 0.001])
+    before = dead - step >= motion.time[0]
+    ratio = np.abs(_ratio(joint, motion.again(dead - off if before else dead + off[::-1])))
+    far, near = ratio if before else ratio[::-1]
+    return bool(near >= GROWTH * far)
 
 
 def _toggles(motion: Motion, joint: str) -> Iterator[Event]:

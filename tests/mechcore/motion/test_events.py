@@ -14,7 +14,7 @@ from mechcore.motion import events
 from mechcore.motion.events import Event, find_events, strokes, turning_points
 from mechcore.motion.motion import Motion
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
-from mechcore.spec.mechanism import Drive, Link, Mechanism, Prismatic, Revolute
+from mechcore.spec.mechanism import Drive, Link, Mechanism, PinSlot, Prismatic, Revolute
 
 TURN = 2.0 * np.pi
 
@@ -307,6 +307,29 @@ def test_toggles_are_where_the_output_rests_and_not_at_dead_points_of_the_drive(
     told = of(move(m, frames, 2), "E")
     toggles, limits = ([e.time for e in told if e.text.startswith(words)] for words in ("mechanical advantage", "limit position"))
     assert len(limits) == 4 and toggles == pytest.approx(limits, abs=1e-8)
+
+
+@pytest.mark.parametrize("frames", [160, 153])
+def test_a_joint_beside_the_group_at_its_dead_point_has_a_largest_ratio(frames):
+    """A scotch yoke on the same rocker: its ratio a sin(angle) is largest where the rocker turns back, but bounded."""
+    a, b, c, d = 0.22, 0.16, 0.21, 0.3
+    limit = np.arccos((a**2 + d**2 - (b + c) ** 2) / (2 * a * d))
+    m = four_bar(E=(d, 0.0), AB=a, BD=b, DE=c)
+    yoke = (
+        PinSlot(name="Q", links=("yoke", "crank"), points=("Q", "B"), along=(0.0, 1.0)),
+        Prismatic(name="T", links=("frame", "yoke"), points=("A", "Q"), along=(1.0, 0.0)),
+    )
+    m = replace(
+        m,
+        links=(*m.links, Link(name="yoke", points={"Q": (0.0, 0.0)})),
+        joints=(*m.joints, *yoke),
+        drives=(Drive(joint="A", law=Oscillation(0.0, limit, 0.25)),),
+        metrics=("velocity_ratio", "mechanical_advantage"),
+    )
+    motion = move(m, frames)
+    (ratio,), (advantage,) = ([e.value for e in of(motion, "T") if words in e.text] for words in ("velocity ratio", "smallest"))
+    assert abs(ratio) == pytest.approx(a * np.sin(limit), rel=1e-6) and advantage == pytest.approx(1.0 / abs(ratio))
+    assert any("velocity ratio without bound" in e.text for e in of(motion, "E"))
 
 
 def test_of_equal_extremes_the_first_is_told():
