@@ -306,6 +306,7 @@ def optimise(
         if plot is not None:
             check_ending(plot)
         loaded = load_scene(scene, values)
+        opened = load(scene) if values else loaded
         problem = problem_of(
             loaded, frames=frames, cycles=cycles, executor=checked(executor), population=population or 0, generations=generations
         )
@@ -330,7 +331,7 @@ def optimise(
             if search.refused:
                 say(f"note: no steps along derivatives were taken: {search.refused}")
             if output is not None:
-                dump(saved_scene(load(scene), best.scene)[0], output, keep=True)
+                dump(saved_scene(opened, best.scene)[0], output, keep=True)
                 print(output)
             if plot is not None:
                 save_chart(front_chart(best, loaded.title), plot)
