@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from itertools import pairwise
 from typing import Any
 
+import browsing
 import numpy as np
 import pytest
 from browsers import browser
@@ -164,6 +165,22 @@ def test_the_drawer_of_a_phone_closes_at_its_head_and_the_picture_takes_its_plac
     page.touchscreen.tap(top["x"] + 0.4 * top["width"], top["y"] + 20.0)
     page.wait_for_function(f"least => !({HIGHER})(least)", arg=1.2 * before)
     assert picture(page).std() > 5.0
+
+
+def test_the_drawer_of_a_phone_is_as_wide_as_the_phone_whatever_is_opened_in_it(viewer, page):
+    """Plots are as wide as the drawer; once they had widened it with every frame."""
+    _settled(viewer, page)
+    for opened in (page.locator(".mechviz-strip summary").first, page.get_by_text("Plots · Look closer").first):
+        opened.tap()
+        next_frames(page, 10)
+        for _ in range(3):
+            viewer.player.step(1)
+            caught_up(viewer, page)
+            next_frames(page, 5)
+        width = "() => document.querySelector('.mechviz-strip').closest('.mantine-ScrollArea-content').scrollWidth"
+        assert page.evaluate(width) <= PHONE["width"]
+    assert page.locator(".uplot").first.bounding_box()["width"] > 0.9 * PHONE["width"]
+    browsing.reload(page, ["/joints/A/dot"])
 
 
 # -- a scene of which all can be had ----------------------------------------------------------------------------------
