@@ -13,7 +13,7 @@ from mechcore.accuracy import Accuracy
 from mechcore.arrays import Real
 from mechcore.joints.registry import build_joints
 from mechcore.records import dataclass
-from mechcore.spec.loads import Force
+from mechcore.spec.loads import Force, Spring
 from mechcore.spec.mechanism import Mechanism
 from mechviz.meshes.solids import Solids
 from mechviz.outputs.drawings import find_diagrams
@@ -27,10 +27,10 @@ from mechviz.outputs.viewer.world.warp import cam_profiles, stretched_cams, warp
 from mechviz.picture.arrows import arrows_of
 from mechviz.picture.build import picture_of, solid_nodes, solids_of
 from mechviz.picture.constructions import drawings_of
-from mechviz.picture.fixtures import find_fixtures
+from mechviz.picture.fixtures import find_fixtures, looks_of
 from mechviz.picture.nodes import Body as BodyNode
 from mechviz.picture.nodes import Lines, Mesh, Picture
-from mechviz.picture.springs import find_coils
+from mechviz.picture.springs import find_coils, find_struts
 from mechviz.quantities.events import events_of
 from mechviz.quantities.numbers import Numbers
 from mechviz.quantities.vectors import Scales
@@ -49,26 +49,33 @@ class Built:
     bodies: Mapping[str, LinkSolid]
     poses: Mapping[str, Real]  # of the run for which they were built
     cams: Mapping[str, tuple[str, Any]]  # by joint, see `cam_profiles`
+    drawn: tuple[Any, ...]  # see `drawn_in`
 
     def fits(self, run: Run) -> bool:
         """Whether the solids hold for a run too: same geometry, accuracy and poses; masses and load values may differ."""
-        if self.accuracy != run.accuracy or not alike(_drawn(self.mechanism), _drawn(run.motion.mechanism)):
+        if self.accuracy != run.accuracy or not alike(self.drawn, drawn_in(run)):
             return False
         return all(np.array_equal(pose, run.motion.pose(name)) for name, pose in self.poses.items())
 
 
-def _drawn(mechanism: Mechanism) -> tuple[Any, ...]:
-    """What determines the solids apart from the poses, including the points where forces act: link shapes extend to them."""
+def drawn_in(run: Run) -> tuple[Any, ...]:
+    """What determines the solids apart from the poses: the links with their looks and the points where forces act, to which their
+    shapes extend, and the springs, struts and stops, which have seats, brackets and anvils."""
+    mechanism = run.motion.mechanism
     points = [(link.name, link.points) for link in mechanism.links]
     loaded = [(load.link, load.point) for load in mechanism.loads if isinstance(load, Force)]
-    return points, mechanism.joints, mechanism.traced, loaded, [drive.joint for drive in mechanism.drives]
+    links = points, mechanism.joints, mechanism.traced, loaded, [drive.joint for drive in mechanism.drives]
+    springs = [(load.links, load.points, load.free_length) for load in mechanism.loads if isinstance(load, Spring)]
+    sprung = (springs, list(find_struts(mechanism))) if run.forces is not None else ()
+    stops = () if run.simulation is None else run.simulation.stops
+    return links, looks_of(run), sprung, [(stop.joint, stop.at, stop.side) for stop in stops]
 
 
 def build(run: Run) -> Built:
     """The solids of a run."""
     motion, solids = run.motion, solids_of(run)
     bodies = bodies_of(solid_nodes(run, solids, find_fixtures(run, solids, find_coils(run, solids))))
-    return Built(motion.mechanism, run.accuracy, solids, bodies, run.numbers.poses, cam_profiles(motion))
+    return Built(motion.mechanism, run.accuracy, solids, bodies, run.numbers.poses, cam_profiles(motion), drawn_in(run))
 
 
 def bodies_of(nodes: Iterable[BodyNode]) -> dict[str, LinkSolid]:

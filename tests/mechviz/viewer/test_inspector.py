@@ -29,7 +29,7 @@ from mechviz.outputs.rerun.reader import Recording
 from mechviz.outputs.rerun.writer import write_recording
 from mechviz.outputs.viewer import words
 from mechviz.outputs.viewer.app import Viewer
-from mechviz.outputs.viewer.build import Built, build, view_model_of_recording, view_model_of_run
+from mechviz.outputs.viewer.build import Built, build, drawn_in, view_model_of_recording, view_model_of_run
 from mechviz.outputs.viewer.panels import charts
 from mechviz.outputs.viewer.panels.diagrams import diagram_svg, diagrams_of
 from mechviz.outputs.viewer.panels.saving import file_name
@@ -608,6 +608,11 @@ def test_solids_follow_the_settings_of_the_accuracy():
         ("cam-roller", "240 rpm", "120 rpm", True),
         ("cam-roller", "to = 20", "to = 21", False),
         ("cam-roller", '"3-4-5"', '"cycloidal"', False),
+        ("cam-roller", "3 N/mm", "4 N/mm", True),
+        ("cam-roller", '"follower.E", "frame.H"', '"follower.E", "frame.O"', False),
+        ("cam-roller", "return_spring", "# return_spring", False),
+        ("pendulum-near-the-top", "free = {", "stops = [{ at = 7e3, side = 'upper' }], free = {", False),
+        ("crank-rocker", 'mass = "0.4 kg"', 'mass = "0.4 kg", looks = "nothing"', False),
         ("cam-drawing", "", "", True),
         ("kinetostatic-four-bar", "[-150, -60]", "[-150, 60]", True),
         ("kinetostatic-four-bar", 'on = "rocker", at = "P"', 'on = "rocker", at = "D"', False),
@@ -622,7 +627,7 @@ def test_solids_are_built_anew_only_where_something_else_is_drawn(name, before, 
     old, new = (run_scene(s, frames=4) for s in (opened, edited))
     poses = {link.name: old.motion.pose(link.name) for link in old.motion.mechanism.links}
     nothing: Any = None  # solids are not looked at
-    assert Built(old.motion.mechanism, old.accuracy, nothing, {}, poses, {}).fits(new) == fits
+    assert Built(old.motion.mechanism, old.accuracy, nothing, {}, poses, {}, drawn_in(old)).fits(new) == fits
 
 
 def test_a_recording_is_played_without_computing_anything(tmp_path, monkeypatch):

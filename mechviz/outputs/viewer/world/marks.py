@@ -216,7 +216,7 @@ class Masses:
         wanted = list(view_model.picture.of(Points, "masses"))
         if [_weights(node) for node in wanted] == [_weights(node) for node in self._drawn]:
             return
-        for old in self._nodes:
+        for old in reversed(self._nodes):  # labels before their balls, with which they would go
             old.remove()
         self._drawn, self._nodes, scene = wanted, [], self._server.scene
         for node in wanted:

@@ -16,6 +16,7 @@ from mechviz.outputs.viewer.viser_adapter import Posed
 from mechviz.picture.nodes import Body as BodyNode
 from mechviz.picture.proportions import about_z
 
+NOTHING = LinkSolid(())  # of a link that is not drawn
 CUT_SHADE = 0.8  # brightness of the cut surface over that of the rest of the part
 
 
@@ -113,8 +114,8 @@ class SolidNodes:
         for link, pose in view_model.poses.items():
             if link not in self._nodes:
                 self._nodes[link] = self._server.scene.add_frame(link_path(link), show_axes=False)
-            body = view_model.bodies.get(link)
-            if body is not None and self._bodies.get(link) is not body:
+            body = view_model.bodies.get(link, NOTHING)
+            if self._bodies.get(link, NOTHING) is not body:
                 self._shape(link, self._cut_body(link, body))
             self._moving[link] = quaternions(pose[:, 2]), np.column_stack([pose[:, :2], np.zeros(len(pose))])
         for solid in view_model.picture.of(BodyNode, "solids"):
