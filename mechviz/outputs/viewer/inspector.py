@@ -91,7 +91,7 @@ class Inspector:
             self.edit.on_click(callback("Opening the scene", lambda _: edit()))
         self.saver = None
         if session is not None:
-            self.saver = Saver(server, lambda: session.run, session.source, folder, callback)
+            self.saver = Saver(server, session, folder, callback)
         tabs = gui.add_tab_group()
         self.controls: Controls | None = None
         self.effects: EffectsTab | None = None

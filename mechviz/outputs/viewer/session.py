@@ -146,6 +146,12 @@ class EditSession:
         with self._asking:
             return key in self._working or any(key == waiting for waiting, _ in self._pending)
 
+    @property
+    def busy(self) -> bool:
+        """Whether a requested change is neither shown nor refused yet."""
+        with self._asking:
+            return bool(self._pending or self._working)
+
     def close(self) -> None:
         self._worker.close()
         self._builder.close()
@@ -258,6 +264,8 @@ class EditSession:
                 self._built = built
                 self.view_model = view_model_of_run(self.run, built, self.view_model)
                 self._present(self.view_model)
+            if not self._worker.overtaken:  # otherwise it rests later
+                self._settled()  # the events and all else that comes with the solids
         draft = self.history.present
         if run is self.run:
             shares = self._contributions(draft, run)

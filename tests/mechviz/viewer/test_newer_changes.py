@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import asyncio
 import threading
+from types import SimpleNamespace
+from typing import Any
+from unittest.mock import MagicMock
 
 import pytest
 from patience import PATIENCE
@@ -11,6 +15,8 @@ from viewer_sockets import CAMERA, send, sockets, until, update
 import mechviz
 from mechviz.editor.laws import TABLE, law_changes
 from mechviz.outputs.viewer.app import Viewer
+from mechviz.outputs.viewer.viser_adapter import uuid_of
+from mechviz.quantities.events import events_of
 from mechviz.runs import run_scene
 from mechviz.scene.document import value_at
 
@@ -131,3 +137,85 @@ def test_what_is_in_work_does_not_go_back_when_the_solids_of_an_earlier_change_a
         shown.set()
         until(lambda: has(viewer.run), "what was asked for")
         assert viewer.session.wait(rested=True) and box.value == wanted
+
+
+def test_at_rest_everything_is_that_of_the_last_change():
+    """Also what comes with solids that are quickly made, and sliders of values that were changed elsewhere."""
+    with Viewer(run_scene(mechviz.load("slider-crank-compressor"), frames=24), port=0) as viewer:
+        session, inspector = viewer.session, viewer.inspector
+        for key, value in (("links.piston.mass", 7.0), ("links.crank.points.B[0]", 50.0), ("joints.A.drive.speed", 300.0)):
+            (parameter,) = (p for p in session.parameters if p.key == key)
+            session.move(parameter, value)
+            assert session.wait(rested=True)
+            events = tuple(inspector.timeline._events_by_label.values())
+            assert events == events_of(run_scene(session.run.scene)), "in the list"
+            assert f"{events[-1].time:.4g} s: {events[-1].item}" in inspector.timeline.strip.content
+            assert inspector._followed is inspector._plotted is session.view_model and session.view_model.exact
+            assert not inspector.playback._held, "browsers play by themselves again"
+            assert inspector.controls.sliders[key].value == value
+
+
+def test_what_is_no_longer_drawn_goes_away():
+    with Viewer(run_scene(mechviz.load("crank-rocker"), frames=24), port=0) as viewer:
+        session, links = viewer.session, viewer.scene.links
+        session.change("looks", lambda draft: draft.with_value(("links", "crank", "looks"), "nothing"))
+        assert session.wait(rested=True) and not session.status.fault
+        assert not links._meshes["crank"] and links._meshes["rocker"]
+        session.undo()
+        assert session.wait(rested=True) and links._meshes["crank"]
+
+
+def test_a_refused_slider_goes_back_also_where_another_change_follows_at_once():
+    with Viewer(run_scene(mechviz.load("crank-rocker"), frames=24), port=0) as viewer:
+        session, sliders = viewer.session, viewer.inspector.controls.sliders
+        coupler, speed = "links.coupler.points.C[0]", "joints.A.drive.speed"
+        known = {p.key: p for p in session.parameters}
+        sliders[coupler].value = 500.0
+        session.move(known[coupler], 500.0)
+        assert session.wait() and session.status.fault
+        session.move(known[speed], 70.0)
+        assert session.wait(rested=True) and not session.status.fault
+        viewer.inspector.controls._edited._last[uuid_of(sliders[coupler])] = 500.0  # as after a browser's move
+        viewer.inspector.settle()
+        assert sliders[coupler].value == 180.0 and sliders[speed].value == 70.0
+
+
+def test_an_axis_that_a_swinging_drive_does_not_have_is_offered_again():
+    with Viewer(run_scene(mechviz.load("crank-rocker"), frames=24), port=0) as viewer:
+        session, axes = viewer.session, viewer.plots._against
+        (crank,) = (p for p in session.parameters if p.key == "links.crank.points.B[0]")
+        before = axes.options
+        session.move(crank, 140.0)
+        assert session.wait(rested=True) and axes.options == ("time [s]",) and axes.value == "time [s]"
+        session.undo()
+        assert session.wait(rested=True) and axes.options == before
+        viewer.plots.choose_axis(before[0])
+        assert axes.value == before[0] == viewer.plots._axis.title
+
+
+def test_nothing_is_saved_while_a_change_is_solved(tmp_path, monkeypatch):
+    """It would be the scene before; and the dialog saves what is shown when its button is pressed."""
+    run = run_scene(mechviz.load("crank-rocker"), frames=24)
+    with Viewer(run, port=0, folder=tmp_path) as viewer:
+        session, client = viewer.session, MagicMock()
+        made: dict[str, Any] = {}
+        client.gui.add_button = lambda label, **_: made.setdefault(label, MagicMock())
+        client.gui.add_text = lambda label, value: made.setdefault(label, SimpleNamespace(value=value))
+        client.gui.add_html = lambda text: made.setdefault(text or "warning", SimpleNamespace(content=text))
+        viewer.inspector.saver._ask(client, "Scene")
+
+        def press():
+            asyncio.run(made["Save"].on_click.call_args.args[0](SimpleNamespace(client=client)))
+
+        go, begun, solve = threading.Event(), threading.Event(), session._solved
+        monkeypatch.setattr(session, "_solved", lambda draft: (begun.set(), go.wait(PATIENCE), solve(draft))[-1])
+        (crank,) = (p for p in session.parameters if p.key == "links.crank.points.B[0]")
+        session.move(crank, 50.0)
+        assert begun.wait(PATIENCE) and session.busy
+        press()
+        assert "still being solved" in made["warning"].content and not list(tmp_path.iterdir())
+        go.set()
+        assert session.wait() and not session.busy
+        press()
+        (saved,) = tmp_path.iterdir()
+        assert mechviz.load(saved).document.links["crank"].points["B"][0] == 50.0

@@ -86,8 +86,9 @@ class Controls:
         self._build(session.run.scene)
         self.show_status(session.status)
 
-    def update(self, scene: Scene) -> None:
-        """Take the values of a scene; if it has a different set of values, build the controls anew."""
+    def update(self, scene: Scene, *, rebuild: bool = True) -> None:
+        """Take the values of a scene; if it has a different set of values, build the controls anew. With ``rebuild`` False,
+        controls of values that it no longer has stay as they are."""
         parameters, choices, rows = find_parameters(scene), find_choices(scene), find_rows(scene)
         idle = self._session.history.present.idle
         known: list[tuple[object, ...]] = [(p.key, p.unit) for p in self._parameters.values() if not _belongs(p.key, idle)]
@@ -98,18 +99,24 @@ class Controls:
             *((c.key, c.options) for c in choices),
             *(r.kind for r in rows),
         ]
-        if current != known:
+        if current != known and rebuild:
             self._build(scene)
             return
         for p in parameters:
-            slider = self.sliders[p.key]
+            slider = self.sliders.get(p.key)
+            if slider is None or (p.label, p.unit) != (self._parameters[p.key].label, self._parameters[p.key].unit):
+                continue
+            self._parameters[p.key] = p
             if abs(slider.value - p.value) > 1e-9 * max(abs(p.value), 1e-9) and not self._edited.is_pending(p.key, slider):
                 self._widen(slider, p.value)
                 self._edited.write(slider, p.value)
         for c in choices:
-            self._edited.follow(c.key, self.lists[c.key], c.value)
+            if c.key in self.lists:
+                self._edited.follow(c.key, self.lists[c.key], c.value)
         for r in rows:
-            shown, text = self._rows[r.key], self.texts[r.key]
+            shown, text = self._rows.get(r.key), self.texts.get(r.key)
+            if shown is None or text is None or shown.kind != r.kind:
+                continue
             self._rows[r.key] = r
             if shown.values != r.values and not _says(text.value, r) and not self._edited.is_pending(r.key, text):
                 self._edited.write(text, r.text)
@@ -139,10 +146,10 @@ class Controls:
                 self._note = self._gui.add_html(text, order=self.sliders[status.key].order + 1e-6)
 
     def settle(self) -> None:
-        """Update after a while without changes: a value that could not be built returns to the one that is shown."""
-        if self._session.status.fault:
-            self.update(self._session.run.scene)
-        elif self._praised is not self._session.status:
+        """Update after a while without changes: a value that could not be built returns to the one that is shown, also where a
+        later change was successful, and sliders follow what was dragged in the picture."""
+        self.update(self._session.run.scene, rebuild=bool(self._session.status.fault))
+        if not self._session.status.fault and self._praised is not self._session.status:
             self._confirm(self._session.status)
 
     # -- inside -------------------------------------------------------------------------------------------------------

@@ -124,9 +124,10 @@ class Plots:
             titles = tuple(self._quantities)
             self._quantities = {q.title: q for q in view_model.quantities}
             self._axes = {a.title: a for a in view_model.axes}
-            if self._axis.title not in self._axes:
-                self._against.options = tuple(self._axes)
             self._axis = self._axes.get(self._axis.title, view_model.axes[0])
+            if tuple(self._against.options) != tuple(self._axes):  # a drive goes to and fro now, or no longer
+                self._against.options = tuple(self._axes)
+                self._against.value = self._axis.title
             changed = titles != tuple(self._quantities)
             drawn = {q.title for slot in self.slots for q in slot.quantity.parts}
             spare = [q for q in view_model.first if q.title not in drawn]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import threading
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +14,7 @@ from mechviz.files import plain_name
 from mechviz.outputs.rerun.writer import write_recording
 from mechviz.outputs.viewer import words
 from mechviz.outputs.viewer.server import Callback
+from mechviz.outputs.viewer.session import EditSession
 from mechviz.runs import Run
 from mechviz.scene.scene import Scene, dump
 
@@ -29,12 +29,12 @@ def file_name(text: str, ending: str, otherwise: str) -> str:
 class Saver:
     """Buttons that save a scene or a recording into ``folder``, and a dialog that asks for the name.
 
-    ``run()`` returns the present run; ``opened`` is the scene that was opened, whose comments are kept.
+    What is saved is the run of ``session`` when *Save* is pressed, with the comments of the scene that was opened. While a change
+    is being solved nothing is saved: it would be the run before.
     """
 
-    def __init__(self, server: viser.ViserServer, run: Callable[[], Run], opened: Scene, folder: Path, callback: Callback):
-        self._opened = opened
-        self._server, self._run, self._folder, self._callback = server, run, folder, callback
+    def __init__(self, server: viser.ViserServer, session: EditSession, folder: Path, callback: Callback):
+        self._server, self._session, self._folder, self._callback = server, session, folder, callback
         self.buttons = server.gui.add_button_group("Save", ("Scene", "Recording"))
         self.buttons.on_click(callback("Saving", lambda event: self._ask(event.client, self.buttons.value)))
         self.last: threading.Thread | None = None
@@ -43,26 +43,30 @@ class Saver:
 
     def _ask(self, client: viser.ClientHandle, what: str) -> None:
         """Open a dialog in a browser for the name, and for the confirmation before an existing file is replaced."""
-        run, gui = self._run(), client.gui
+        usual, gui = self._session.run.scene.name, client.gui
         self._close(client)
         ending = ".toml" if what == "Scene" else ".rrd"
         with gui.add_modal(f"Save the {what.lower()}") as dialog:
             self._dialogs[client.client_id] = dialog
             gui.add_html(words.hint(f"It goes into the folder {self._folder}."))
-            name = gui.add_text("Name of the file", f"{run.scene.name}{ending}")
+            name = gui.add_text("Name of the file", f"{usual}{ending}")
             warning = gui.add_html("")
             save = gui.add_button("Save", icon=viser.Icon.DEVICE_FLOPPY)
             replace = gui.add_button("Replace it", color="red", visible=False)
             stop = gui.add_button("Cancel", color="dark")
 
         def go(confirmed: bool) -> None:
-            target = self._folder / file_name(name.value, ending, run.scene.name)
+            target = self._folder / file_name(name.value, ending, usual)
+            if self._session.busy:
+                warning.content = words.hint("A change is still being solved. Press the button again when it is shown.")
+                return
             if target.exists() and not confirmed:
                 warning.content = words.hint(f"{target.name} is there already. Give another name, or replace it.")
                 replace.visible = True
                 return
             self._close(client)
-            scene, kept = saved_scene(self._opened, run.scene)
+            run = self._session.run
+            scene, kept = saved_scene(self._session.source, run.scene)
             if what == "Scene":
                 copies = [path.name for path in dump(scene, target, keep=True)]
                 said = f"{target}" if kept else f"{target}, in the standard layout: its file's comments could not be kept."
