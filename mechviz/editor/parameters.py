@@ -108,10 +108,15 @@ def place_key(path: Place) -> str:
     return "".join(f"[{p}]" if isinstance(p, int) else f".{p}" for p in path).lstrip(".")
 
 
-def find_parameters(scene: Scene) -> tuple[Parameter, ...]:
-    """All numbers of a scene that are useful as sliders, in the order of ``GROUPS`` and of the file."""
+def find_parameters(scene: Scene, opened: SceneDocument | None = None) -> tuple[Parameter, ...]:
+    """All numbers of a scene that are useful as sliders, in the order of ``GROUPS`` and of the file.
+
+    ``opened``: the document from which the scene was edited; coordinates of points that it shows one by one are shown so also where
+    they have become zero.
+    """
     document = scene.document
-    parameters = [p for leaf in _editable_leaves(document) if not _options(leaf) and (p := _parameter(scene, leaf)) is not None]
+    leaves_shown = (leaf for leaf in _editable_leaves(document) if not _options(leaf))
+    parameters = [p for leaf in leaves_shown if (p := _parameter(scene, leaf, opened)) is not None]
     parameters = [*_named(scene), *_scaled(parameters)]
     return tuple(sorted(parameters, key=lambda p: (GROUPS.index(p.group), "–" not in p.label)))
 
@@ -216,11 +221,13 @@ def _named(scene: Scene) -> Iterator[Parameter]:
 
 
 # -- one value --------------------------------------------------------------------------------------------------------
-def _parameter(scene: Scene, leaf: Leaf) -> Parameter | None:
+def _parameter(scene: Scene, leaf: Leaf, opened: SceneDocument | None) -> Parameter | None:
     document, path, value, quantity = scene.document, leaf.path, leaf.value, leaf.mark(QuantityMark)
     along = False
     if path[0] == "links" and len(path) == 5 and path[2] == "points":
         skip, along = _of_point(document, path)
+        if (skip or along) and opened is not None and _has_point(opened, path) and not any(_of_point(opened, path)):
+            skip = along = False
         if skip:
             return None
     suffix = ""
@@ -257,6 +264,12 @@ def _parameter(scene: Scene, leaf: Leaf) -> Parameter | None:
     if along:
         label = f"{path[1]} {next(iter(document.links[str(path[1])].points))}–{path[3]}"
     return Parameter(path, group_of(path), label, number, unit, low, high, step, hard_low, low + span, suffix, sign, whole)
+
+
+def _has_point(document: SceneDocument, path: Place) -> bool:
+    """Whether a document states the point of a coordinate in a table of its link."""
+    link = document.links.get(str(path[1]))
+    return link is not None and isinstance(link.points, dict) and path[3] in link.points
 
 
 def _of_point(document: SceneDocument, path: Place) -> tuple[bool, bool]:

@@ -159,7 +159,7 @@ class EditSession:
     @property
     def parameters(self) -> tuple[Parameter, ...]:
         """The current values that can be edited, without those of loads that are switched off."""
-        return find_parameters(self.run.scene)
+        return find_parameters(self.run.scene, self.source.document)
 
     # -- the worker's thread ------------------------------------------------------------------------------------------
     def _ask(self, key: str, what: DraftChange | _Value | str) -> None:

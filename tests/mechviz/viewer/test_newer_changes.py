@@ -165,6 +165,30 @@ def test_what_is_no_longer_drawn_goes_away():
         assert session.wait(rested=True) and links._meshes["crank"]
 
 
+def test_a_section_stays_at_its_part_of_the_depth():
+    with Viewer(run_scene(mechviz.load("crank-rocker"), frames=24), port=0) as viewer:
+        session, section = viewer.session, viewer.switches.section
+        section.value = 50.0
+        viewer.switches._cut()
+        before = viewer.scene.links._height
+        (frame,) = (p for p in session.parameters if p.key == "links.frame.points.D[0]")
+        session.move(frame, 300.0)
+        assert session.wait(rested=True)
+        assert viewer.scene.links._height == pytest.approx(viewer.scene.current.bounds[:, 2].mean()) != before
+
+
+def test_a_coordinate_that_is_moved_to_zero_keeps_its_slider():
+    with Viewer(run_scene(mechviz.load("crank-rocker"), frames=24), port=0) as viewer:
+        session, controls = viewer.session, viewer.inspector.controls
+        for name, value in (("links.coupler.points.E[1]", 0.0), ("links.coupler.points.E[0]", -20.0)):
+            (parameter,) = (p for p in session.parameters if p.key == name)
+            session.move(parameter, value)
+            session.change("effect gravity", lambda draft: draft.with_effect("gravity", "gravity" not in draft.document.effects))
+            assert session.wait(rested=True) and not session.status.fault
+            assert controls.sliders[name].value == value and controls.sliders[name].label == parameter.title
+        assert session.run.scene.document.links["coupler"].points["E"] == (-20.0, 0.0)
+
+
 def test_a_refused_slider_goes_back_also_where_another_change_follows_at_once():
     with Viewer(run_scene(mechviz.load("crank-rocker"), frames=24), port=0) as viewer:
         session, sliders = viewer.session, viewer.inspector.controls.sliders

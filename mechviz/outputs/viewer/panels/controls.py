@@ -89,7 +89,8 @@ class Controls:
     def update(self, scene: Scene, *, rebuild: bool = True) -> None:
         """Take the values of a scene; if it has a different set of values, build the controls anew. With ``rebuild`` False,
         controls of values that it no longer has stay as they are."""
-        parameters, choices, rows = find_parameters(scene), find_choices(scene), find_rows(scene)
+        parameters = find_parameters(scene, self._session.source.document)
+        choices, rows = find_choices(scene), find_rows(scene)
         idle = self._session.history.present.idle
         known: list[tuple[object, ...]] = [(p.key, p.unit) for p in self._parameters.values() if not _belongs(p.key, idle)]
         known += [(c.key, c.options) for c in self._choices.values() if not _belongs(c.key, idle)]
@@ -164,7 +165,7 @@ class Controls:
             folder.remove()
         self._folders, self._note, self._edited = [], None, EditedControls(self._session, self._callback)
         self.sliders, self.lists, self.texts, self._homes = {}, {}, {}, {}
-        self._parameters = {p.key: p for p in find_parameters(scene)}
+        self._parameters = {p.key: p for p in find_parameters(scene, self._session.source.document)}
         self._choices = {c.key: c for c in find_choices(scene)}
         self._rows = {r.key: r for r in find_rows(scene)}
         opened = 0

@@ -85,6 +85,7 @@ class Switches:
         for label, families in SIZE_FAMILIES.items():
             self.sizes[label].visible = bool(view_model.families & set(families))
         self.arrows.visible = bool(view_model.families)
+        self._scene.cut(self._height)  # the solids may be thicker now
         paths = self.marks["Paths"]
         paths.visible = bool(view_model.paths)
 
@@ -110,10 +111,15 @@ class Switches:
         self._changed()
 
     def _cut(self) -> None:
+        self._scene.cut(self._height)
+        self._changed()
+
+    @property
+    def _height(self) -> float | None:
+        """Height z [m] of the section through the present solids; None without one."""
         part = finite(self.section.value, 0.0, 100.0, 0.0) / 100.0
         low, high = self._scene.current.bounds[:, 2]
-        self._scene.cut(None if part == 0.0 else float(high - part * (high - low)))
-        self._changed()
+        return None if part == 0.0 else float(high - part * (high - low))
 
     def _fade(self) -> None:
         self._scene.links.fade(finite(self.opacity.value, 0.1, 1.0, 1.0))
