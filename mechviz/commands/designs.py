@@ -245,6 +245,8 @@ def tolerance(
         measures = [parse_measure(loaded, text) for text in of]
         variables = toleranced(loaded, stated or ())
         ends = [parse_limits(text) for text in limits or ()]
+        if csv_file is not None and all(measure.reducer for measure in measures):
+            raise OutputError(f"'{csv_file}': no curve is asked for.", "Leave the reducer of a quantity out.")
         with interruptible(*(["matplotlib.figure"] if plot is not None else [])):
             run = solve(loaded, frames, cycles)
             remedy = "--jobs N takes N processes, --samples N fewer designs"
@@ -349,12 +351,9 @@ def optimise(
 
 
 def _write_bands(path: Path, axis: Axis, results: list[Tolerances]) -> None:
-    """Write the bands of curves over the frames as CSV. Raises `OutputError`, also where there is no curve."""
-    curves = [one for one in results if one.curve]
-    if not curves:
-        raise OutputError(f"'{path}': no curve is asked for.", "Leave the reducer of a quantity out.")
+    """Write the bands of curves over the frames as CSV. Raises `OutputError`."""
     heads, columns = [axis.title], [axis.values]
-    for one in curves:
+    for one in (one for one in results if one.curve):
         heads += [f"{one.measure.text}: {word} [{one.quantity.unit}]" for word in ("nominal", "worst ±", "rss ±", "mean", "sigma")]
         heads += [f"{one.measure.text}: {word} [{one.quantity.unit}]" for word in ("0.135 %", "99.865 %")]
         columns += [one.nominal, one.worst, one.root_sum_square, one.mean, one.sigma, *one.tails]

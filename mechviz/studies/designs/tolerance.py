@@ -44,6 +44,7 @@ SCRAMBLES = 8  # independent scrambles of the samples, whose scatter gives the s
 MOST_CORNERS = 12  # largest number of tolerances whose corners are all computed
 MOST_NUMBERS = 60_000_000  # largest number of values in the curves of all samples
 BAND_PLACES = 13  # rows of a printed band
+EXTREMES = ("max", "min", "peak", "range")  # reducers to values of single frames
 TAKEN_OVER = 1e-6  # relative: an extreme that moves farther than its own derivative says has passed to another frame
 TAIL_QUANTILES = (0.00135, 0.99865)  # of a normal distribution at three standard deviations on either side
 
@@ -61,8 +62,9 @@ class Tolerances:
     """Effects of tolerances on a measure, in its unit. The last axis of the arrays, written (...), is (F,) for a curve and empty
     for a number.
 
-    ``nominal`` (...): value of the nominal design; ``slopes`` (P, ...): slopes per unit of each variable; ``worst`` and
-    ``root_sum_square`` (...): half widths by the sum of the contributions and by the root of the sum of their squares; ``corners``
+    ``nominal`` (...): value of the nominal design; ``slopes`` (P, ...): slopes per unit of each variable; ``worst`` (...): half
+    width by all tolerances together, see `worst_within`; ``root_sum_square`` (...): by the root of the sum of the squares of the
+    contributions; ``corners``
     (2, ...): least and greatest value over all corners of the tolerances, None where there are too many; ``mean``, ``sigma`` (...):
     mean and standard deviation of the samples; ``errors`` (2, ...): standard errors of these two; ``tails``, ``ends`` (2, ...):
     99.73 % interval and extremes of the samples; ``lost``, ``lost_corners``: numbers of samples and corners that cannot be
@@ -226,28 +228,53 @@ def tolerances(
     if results.reasons[0]:
         raise MechanismError(Fault("--of", f"the nominal design has no values: {results.reasons[0]}.", "Mend the scene."))
     try:
-        slopes = [slopes_within(s, half) for s in sensitivities(run, measures, some)]
-        exact = True
+        known = sensitivities(run, measures, some)
+        slopes, worst, exact = [slopes_within(s, half) for s in known], [worst_within(s, half) for s in known], True
     except MechanismError:  # no exact derivatives: linear regression through the samples
         slopes, exact = [_fitted(values, designs, len(corners)) for values in results.values], False
+        worst = [np.tensordot(half, np.abs(d), 1) for d in slopes]
     stated = [*limits, *[None] * (len(measures) - len(limits))]
     return [
-        _judged(measure, quantity, tuple(some), distribution, d, exact, _Sampled(study, results, k, len(corners)), limit)
-        for k, (measure, quantity, d, limit) in enumerate(zip(measures, study.quantities, slopes, stated, strict=True))
+        _judged(measure, quantity, tuple(some), distribution, (d, w), exact, _Sampled(study, results, k, len(corners)), limit)
+        for k, (measure, quantity, d, w, limit) in enumerate(zip(measures, study.quantities, slopes, worst, stated, strict=True))
     ]
 
 
 def slopes_within(of: Sensitivity, half: Real) -> Real:
     """Slopes (P, ...) of a measure within the tolerances ``half`` (P,): its derivatives. Where an extreme passes to another frame
     within a tolerance, the slope is the greatest change for either sign, from the derivatives at all frames, over the tolerance."""
-    if of.measure.reducer not in ("max", "min", "peak", "range"):
+    if of.measure.reducer not in EXTREMES:
         return of.derivatives if of.measure.reducer else of.slopes
-    moved = np.where(np.isfinite(of.slopes), of.slopes, 0.0) * half[:, None]
+    moved = _moved(of, half)
     both = np.stack([of.measure.reduced(of.curve + sign * moved, of.curve, None) - of.number for sign in (1.0, -1.0)])
     most = np.abs(both).max(axis=0)
     taken = most > (1.0 + TAKEN_OVER) * np.abs(of.derivatives) * half
     with np.errstate(invalid="ignore", divide="ignore"):
         return np.where(taken, np.copysign(most / half, of.derivatives), of.derivatives)
+
+
+def worst_within(of: Sensitivity, half: Real) -> Real:
+    """Worst case (...) of a measure by all tolerances ``half`` (P,) together, from its derivatives. Of an extreme, the greatest
+    change that the derivatives at all frames allow, whichever frame it passes to."""
+    known = of.derivatives if of.measure.reducer else of.slopes
+    if of.measure.reducer not in EXTREMES or not np.isfinite(known).all():
+        return np.asarray(np.tensordot(half, np.abs(known), 1))
+    # an extreme is a convex function of the deviations (a least value a concave one), so that no change the other way is greater
+    moved, curve = _moved(of, half), of.curve
+    most = np.abs(moved).sum(axis=0)
+    if of.measure.reducer == "peak":
+        return np.asarray((np.abs(curve) + most).max() - of.number)
+    if of.measure.reducer != "range":
+        return np.asarray((curve + most).max() - of.number if of.measure.reducer == "max" else of.number - (curve - most).min())
+    highest = np.flatnonzero(curve + most >= (curve - most).max())  # other frames are neither the greatest nor the least anywhere
+    lowest = np.flatnonzero(curve - most <= (curve + most).min())
+    apart = [curve[k] - curve[lowest] + np.abs(moved[:, k, None] - moved[:, lowest]).sum(axis=0) for k in highest]
+    return np.asarray(max(float(x.max()) for x in apart) - of.number)
+
+
+def _moved(of: Sensitivity, half: Real) -> Real:
+    """Changes (P, F) of a curve by the tolerances, zero where they are not known."""
+    return np.asarray(np.where(np.isfinite(of.slopes), of.slopes, 0.0) * half[:, None])
 
 
 def parametrised(scene: Scene, variables: Sequence[Variable]) -> tuple[Scene, list[Variation]]:
@@ -305,11 +332,12 @@ def _judged(
     quantity: Quantity,
     variables: tuple[Variable, ...],
     distribution: Distribution,
-    slopes: Real,
+    linear: tuple[Real, Real],
     exact: bool,
     sample: _Sampled,
     limits: QuantityLimits | None,
 ) -> Tolerances:
+    slopes, worst = linear
     half = np.array([v.tolerance for v in variables]).reshape(-1, *[1] * (slopes.ndim - 1))
     moved = np.abs(slopes) * half
     groups = sample.samples.reshape(SCRAMBLES, -1, *sample.samples.shape[1:])
@@ -334,7 +362,7 @@ def _judged(
         nominal=np.asarray(sample.nominal),
         slopes=slopes,
         exact=exact,
-        worst=np.asarray(moved.sum(axis=0)),
+        worst=worst,
         root_sum_square=np.asarray(np.sqrt((moved**2).sum(axis=0))),
         corners=corners,
         mean=np.asarray(some.mean(axis=0)),
