@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mechcore.arrays import Real
+from mechcore.arrays import Index, Real
 
 
 def between(time: Real, values: Any, t: Real, order: int, rate: Any = None, second: Any = None) -> Real:
@@ -73,12 +73,23 @@ def lagrange_weights(x: Real, t: Real) -> Real:
     return weights
 
 
-def _through_neighbours(time: Real, values: Real, t: Real, k: Any, count: int) -> Real:
+def _neighbours(time: Real, k: Any, count: int) -> Index:
+    """Numbers (n, count) of the frames nearest to the intervals that begin at frames ``k`` (n,); all where these are fewer."""
     count = min(count, len(time))
-    first = np.clip(k - count // 2 + 1, 0, len(time) - count)
-    places = first[:, None] + np.arange(count)
+    return np.asarray(np.clip(k - count // 2 + 1, 0, len(time) - count)[:, None] + np.arange(count))
+
+
+def _through_neighbours(time: Real, values: Real, t: Real, k: Any, count: int) -> Real:
+    places = _neighbours(time, k, count)
     weights = lagrange_weights(time[places], t)
     return np.asarray(np.einsum("nm,nm...->n...", weights, values[places]))
+
+
+def rate_between(time: Real, values: Real, t: float, order: int) -> Real:
+    """Rate (...) at a time ``t`` [s] of the polynomial through the nearest frames that `between` takes; ``values`` (F, ...)."""
+    k = np.clip(np.searchsorted(time, [t], side="right") - 1, 0, len(time) - 2)
+    (places,) = _neighbours(time, k, order + 1)
+    return np.asarray(np.tensordot(_weights(time[places] - t, 1), values[places], 1))
 
 
 def differentiate(time: Real, values: Real, order: int, derivative: int = 1) -> Real:

@@ -148,7 +148,7 @@ class DesignBatch:
             for k in map(int, np.flatnonzero(pace <= 0.0) if pace is not None else ()):
                 reasons[k] = reasons[k] or f"joints.{self._leader}.drive: turns the other way"
             swept = sweep(self.compiled, points, self.time, self._collect, masses, loads, self.count, pace, drives)
-        curves = [swept.results[str(k)] for k in range(len(self.columns))]
+        curves = [swept.results[_curve_name(quantity, column)] for _, quantity, column in self.columns]
         for k in map(int, np.flatnonzero(~swept.assembled)):
             reasons[k] = reasons[k] or "joints: the mechanism cannot be assembled at all frames of the run"
         whole: Flags = np.all([np.isfinite(curve).all(axis=1) for curve in curves], axis=0)
@@ -218,18 +218,24 @@ class DesignBatch:
         return points, masses, np.flatnonzero(negative).tolist()
 
     def _collect(self, motion: Motion) -> dict[str, Real]:
-        """The curves (D, F) of all measures, by their index as text."""
+        """The curves (D, F) of all measures by name; several numbers of one curve share it."""
         forces = solve_forces(motion) if any(needs_forces(q.path) for _, q, _ in self.columns) else None
         collected: dict[str, Real] = {}
         tables: dict[tuple[str, ...], Real] = {}
-        for k, (_, quantity, column) in enumerate(self.columns):
+        for _, quantity, column in self.columns:
+            if _curve_name(quantity, column) in collected:
+                continue
             if quantity.path not in tables:
                 rows = table_values(quantity.path, motion, forces)
                 tables[quantity.path] = np.broadcast_to(rows, (*motion.shape, rows.shape[-1]))
             rows = tables[quantity.path]
             flat = quantity.entry.read(rows.reshape(-1, rows.shape[-1]))
-            collected[str(k)] = flat[:, column].reshape(motion.shape)
+            collected[_curve_name(quantity, column)] = flat[:, column].reshape(motion.shape)
         return collected
+
+
+def _curve_name(quantity: Quantity, column: int) -> str:
+    return f"{quantity.key}[{column}]"
 
 
 def batch_of(

@@ -14,6 +14,7 @@ import numpy as np
 from mechcore.arrays import Real
 from mechcore.compiled.kernels import cores
 from mechcore.compiled.motion import Executor
+from mechcore.constants import TURN
 from mechcore.errors import Fault, MechanismError
 from mechcore.records import dataclass
 from mechviz.accuracy.estimate import accuracy_warnings
@@ -22,7 +23,7 @@ from mechviz.runs import Run, run_scene
 from mechviz.scene.folder import SceneFolder
 from mechviz.scene.scene import Scene, loads
 from mechviz.studies.designs.batches import NOT_FINITE, DesignBatch, batch_of
-from mechviz.studies.designs.measures import Measure, needs_forces, quantity_of
+from mechviz.studies.designs.measures import OWN_TURNS, Measure, StartTurn, needs_forces, quantity_of
 from mechviz.studies.designs.sampling import Variation
 
 ONE_AT_A_TIME = Lock()  # threads of one process (as in workers of clusters) share its prepared studies
@@ -61,6 +62,11 @@ class Study:
     def quantities(self) -> tuple[Quantity, ...]:
         """The quantity of each measure in the nominal run."""
         return tuple(quantity_of(measure, self.nominal.catalogue) for measure in self.measures)
+
+    @property
+    def turns(self) -> tuple[StartTurn, ...]:
+        """The whole turns of each measure, counted from the nominal run."""
+        return _turns(self)
 
     @property
     def batch(self) -> DesignBatch | None:
@@ -147,6 +153,11 @@ def _prepared(study: Study) -> _Prepared:
 
 
 @lru_cache(maxsize=4)
+def _turns(study: Study) -> tuple[StartTurn, ...]:
+    return tuple(start_turn(m, q, study.nominal) for m, q in zip(study.measures, study.quantities, strict=True))
+
+
+@lru_cache(maxsize=4)
 def _batch(study: Study) -> DesignBatch | None:
     """The batch of a study; None where there is none, or where it does not agree with single runs of a few random designs."""
     run = study.nominal
@@ -188,12 +199,29 @@ def _run_alone(study: Study, design: Real) -> Run | str:
         return f"{first.path}: {first.message}"
 
 
-def reduced(measure: Measure, quantity: Quantity, run: Run) -> Real:
+def reduced(measure: Measure, quantity: Quantity, run: Run, turns: StartTurn = OWN_TURNS) -> Real:
     """Value of a measure in a run, a number or a curve (F,); ``quantity``: that of the measure."""
-    values = quantity.values()[:, measure.column(quantity)]
+    values = turns.near(quantity.values()[:, measure.column(quantity)])
     drives = run.motion.mechanism.drives
     drive = run.catalogue.coordinate(drives[0].joint) if drives else None
     return np.asarray(measure.reduced(values, run.catalogue.numbers.time, drive))
+
+
+def start_turn(measure: Measure, quantity: Quantity, run: Run) -> StartTurn:
+    """The whole turns of a measure of a nominal run."""
+    motion = run.motion
+    while (first := motion.parts[0][1]) is not motion:
+        motion = first
+    start, links = motion.angles.start, [motion.mechanism.frame]
+    match quantity.path[1:]:
+        case ("links", link, "pose"):
+            links.append(link)
+        case ("joints", joint, "motion") if joint not in start.ranges:
+            links = next((list(c.links) for c in motion.model.connections if c.name == joint), links)
+    if not quantity.key.endswith(".angle") or len({start.stated[link] for link in links}) == 1:
+        return OWN_TURNS
+    turn = TURN * run.scene.units.reads("rad")[1]
+    return StartTurn(turn, float(quantity.values()[0, measure.column(quantity)]))
 
 
 def evaluate(study: Study, designs: Real) -> DesignResults:
@@ -220,11 +248,11 @@ def _evaluated(study: Study, designs: Real) -> DesignResults:
         values = []
         missing = np.mean([~np.isfinite(curve) for curve in curves], axis=(0, 2))
         missing = np.where([not reason for reason in reasons], 0.0, np.where(missing > 0.0, missing, 1.0))
-        for (measure, _, _), curve in zip(batch.columns, curves, strict=True):
+        for (measure, _, _), curve, turns in zip(batch.columns, curves, study.turns, strict=True):
             known = np.array([not reason for reason in reasons])
             curve[~known] = np.nan
             with np.errstate(invalid="ignore"):
-                values.append(measure.reduced(curve, batch.time, drive))
+                values.append(measure.reduced(turns.near(curve), batch.time, drive))
         unsolved = [k for k, reason in enumerate(reasons) if batch.rubs and reason == NOT_FINITE]
         for k in (*_out_of_proportion(values), *unsolved):
             row, reasons[k] = _alone(study, designs[k], [np.full_like(v[k], np.nan) for v in values])
@@ -263,8 +291,8 @@ def _alone(study: Study, design: Real, empty: list[Real]) -> tuple[list[Real], s
         return empty, f"not to be trusted: {words[0]}"
     row = []
     try:
-        for measure in study.measures:
-            row.append(reduced(measure, quantity_of(measure, run.catalogue), run))
+        for measure, turns in zip(study.measures, study.turns, strict=True):
+            row.append(reduced(measure, quantity_of(measure, run.catalogue), run, turns))
     except MechanismError as error:
         return empty, f"{error.faults[0].path}: {error.faults[0].message}"
     if any(len(np.atleast_1d(value)) != len(np.atleast_1d(none)) for value, none in zip(row, empty, strict=True)):

@@ -47,6 +47,8 @@ def check_goal(scene: Scene, catalogue: Catalogue | None = None) -> None:
             if is_number and not measure.reducer:
                 remedy = f"Say what of it counts: {text}:peak, :max, :min or :rms."
                 faults.append(Fault(path, f"'{text}' is a curve.", remedy))
+            if measure.reducer and not is_number:
+                faults.append(Fault(path, f"'{text}' is a number.", "Leave out what is behind the colon."))
             if catalogue is not None:
                 measure.column(quantity_of(measure, catalogue))
         except MechanismError as error:

@@ -7,17 +7,19 @@ import math
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 
 from mechcore.arrays import Real
+from mechcore.constants import TURN
 from mechcore.errors import Fault, MechanismError
 from mechcore.forces.kinetostatics import Forces
 from mechcore.motion.metrics import mechanical_advantage, transmission_rows, velocity_ratios
 from mechcore.motion.motion import Motion
-from mechcore.numerics.interpolation import between
+from mechcore.numerics.interpolation import between, rate_between
 from mechcore.records import dataclass
-from mechcore.texts import as_angle
+from mechcore.texts import as_angle, as_length
 from mechviz.quantities.catalogue import Catalogue, Quantity
 from mechviz.quantities.vectors import centre_name, point_name
 from mechviz.scene.faults import did_you_mean
@@ -35,13 +37,15 @@ class Measure:
     """A quantity by its key, one of its curves, and the number that the curve is reduced to.
 
     ``curve``: "" for the only curve, or for the magnitude of a vector; ``reducer``: one of `REDUCERS`, or "" for the whole curve;
-    ``place``: coordinate of the first drive [rad or m], for the reducer "at"."""
+    ``place``: coordinate of the first drive [rad or m], for the reducer "at"; ``turn``: [rad] after which a turning drive is at the
+    same place again, 0 for a sliding one."""
 
     text: str
     key: str
     curve: str = ""
     reducer: str = ""
     place: float = math.nan
+    turn: float = 0.0
 
     def column(self, quantity: Quantity) -> int:
         """Column of the measure's curve in the values of the quantity. Raises `MechanismError` where there is none, or several."""
@@ -87,25 +91,57 @@ class Measure:
             return np.asarray(unit[k] * np.sign(values[k]))
         return np.asarray(high - low if self.reducer == "range" else high if self.reducer == "max" else low)
 
+    def slope(self, values: Real, time: Real, drive: Real | None) -> float:
+        """Slope of the curve (F,) over the coordinate of the first drive at ``place``; NaN where the drive rests there."""
+        t, _ = self._instant(time, drive)
+        gained, moved = rate_between(time, np.stack([values, self._drive(time, drive)], axis=-1), t, 3)
+        return float(gained / moved) if moved else math.nan
+
     def _at(self, values: Real, time: Real, drive: Real | None) -> Real:
         """Values (D,) where the first drive passes ``place`` for the first time, by cubic interpolation between frames."""
-        from scipy.optimize import brentq
-
-        if drive is None or len(time) < 4:
-            raise _wrong(self.text, "no drive passes a place in this run.", "Ask for max, min, mean, rms or range.")
-        off = drive - self.place
-        side = np.where(np.abs(off) <= PLACE_ROUNDING * (abs(self.place) + np.ptp(drive)), 0.0, np.sign(off))
-        met = np.flatnonzero((side[:-1] == 0.0) | (side[1:] != side[:-1]))
-        if not len(met):
-            ends = f"{as_angle(drive.min())} to {as_angle(drive.max())}"
-            raise _wrong(self.text, "the first drive never is there.", f"As an angle it runs over {ends}.")
-        k = int(met[0])
-        if side[k] == 0.0 or side[k + 1] == 0.0:
-            return values[..., k if side[k] == 0.0 else k + 1]
-        t = brentq(lambda t: float(between(time, off, np.array([t]), 3)[0]), time[k], time[k + 1], xtol=1e-15 * abs(time[-1]))
+        t, k = self._instant(time, drive)
+        if k is not None:
+            return values[..., k]
         moved = np.moveaxis(np.atleast_2d(values), -1, 0)
         value = between(time, moved, np.array([t]), 3)[0]
         return np.asarray(value if values.ndim > 1 else value[0])
+
+    def _drive(self, time: Real, drive: Real | None) -> Real:
+        if drive is None or len(time) < 4:
+            raise _wrong(self.text, "no drive passes a place in this run.", "Ask for max, min, mean, rms or range.")
+        return drive
+
+    def _instant(self, time: Real, drive: Real | None) -> tuple[float, int | None]:
+        """Time [s] at which the first drive passes ``place`` for the first time, and the number of the frame that is there, or
+        None."""
+        at = self._drive(time, drive)
+        met = _passage(time.tobytes(), np.ascontiguousarray(at).tobytes(), self.place, self.turn)
+        if met is None:
+            ends = " to ".join((as_angle if self.turn else as_length)(float(end)) for end in (at.min(), at.max()))
+            raise _wrong(self.text, "the first drive never is there.", f"It runs over {ends}.")
+        return met
+
+
+@lru_cache(maxsize=256)
+def _passage(times: bytes, drive: bytes, place: float, turn: float) -> tuple[float, int | None] | None:
+    """Time at which a drive first passes a place, or one a number of turns away, and the frame there; None if it never does. Many
+    numbers of a design share these."""
+    from scipy.optimize import brentq
+
+    time, at = np.frombuffer(times), np.frombuffer(drive)
+    if turn and not at.min() <= place <= at.max():
+        place += turn * np.ceil((at.min() - place) / turn)
+    off = at - place
+    side = np.where(np.abs(off) <= PLACE_ROUNDING * (abs(place) + np.ptp(at)), 0.0, np.sign(off))
+    met = np.flatnonzero((side[:-1] == 0.0) | (side[1:] != side[:-1]))
+    if not len(met):
+        return None
+    k = int(met[0])
+    if side[k] == 0.0 or side[k + 1] == 0.0:
+        k += int(side[k] != 0.0)
+        return float(time[k]), k
+    found = brentq(lambda t: float(between(time, off, np.array([t]), 3)[0]), time[k], time[k + 1], xtol=1e-15 * abs(time[-1]))
+    return float(found), None
 
 
 def parse_measure(scene: Scene, text: str) -> Measure:
@@ -131,7 +167,30 @@ def parse_measure(scene: Scene, text: str) -> Measure:
         place = scene.units.si(stated, "length" if slides else "angle")
     except QuantityError as error:
         raise _wrong(text, str(error), error.remedy) from None
-    return Measure(text.strip(), match["key"], match["curve"] or "", "at", place)
+    return Measure(text.strip(), match["key"], match["curve"] or "", "at", place, 0.0 if slides else TURN)
+
+
+@dataclass(frozen=True)
+class StartTurn:
+    """Whole turns of an angle that no drive states, such as a coupler's: each run counts its own, so that designs next to each
+    other may differ by a turn. ``turn``: one turn in the unit of the quantity, 0 where nothing is to be counted; ``start``: value
+    at the start of the nominal run."""
+
+    turn: float = 0.0
+    start: float = 0.0
+
+    def near(self, curves: Real) -> Real:
+        """Curves (..., F) moved by whole turns so that they start within half a turn of the nominal one."""
+        if self.turn == 0.0:
+            return curves
+        return np.asarray(curves - self.turn * np.nan_to_num(np.round((curves[..., :1] - self.start) / self.turn)))
+
+    def least(self, off: Real) -> Real:
+        """Deviations (...,) from wanted values, without whole turns."""
+        return off - self.turn * np.round(off / self.turn) if self.turn else off
+
+
+OWN_TURNS = StartTurn()
 
 
 def quantity_of(measure: Measure, catalogue: Catalogue) -> Quantity:

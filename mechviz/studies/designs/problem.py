@@ -14,16 +14,16 @@ from mechcore.errors import Fault, MechanismError
 from mechcore.motion.metrics import grashof
 from mechcore.records import dataclass
 from mechcore.spec.mechanism import Mechanism, Revolute
-from mechviz.quantities.catalogue import Quantity
 from mechviz.runs import Run, run_scene
 from mechviz.scene.annotations import Place
+from mechviz.scene.faults import under_other_names
 from mechviz.scene.kinds.settings import GoalDocument, LimitDocument
 from mechviz.scene.reading.formulas import formula_values, parameter_arrays
 from mechviz.scene.scene import Scene
 from mechviz.scene.units import QuantityError, split, unit_of
 from mechviz.studies.designs.evaluate import Study, evaluate, reduced, study_of
 from mechviz.studies.designs.goals import check_goal, goal_of, goal_variables, path_measures
-from mechviz.studies.designs.measures import Measure, parse_measure
+from mechviz.studies.designs.measures import Measure, StartTurn, parse_measure
 from mechviz.studies.designs.sampling import Variation
 from mechviz.studies.designs.sensitivity import sensitivities
 from mechviz.studies.designs.variables import Variable
@@ -275,7 +275,7 @@ class Problem:
         variables. Raises `MechanismError` where the design cannot be run, or has no derivatives."""
         run = self.run(design)
         moved = [v.at(float(x)) for v, x in zip(self.variables, design, strict=True)]
-        slopes = sensitivities(run, self.study.measures, moved)
+        slopes = sensitivities(run, self.study.measures, moved, self.study.turns)
         values = [np.asarray(s.number) if s.measure.reducer else s.curve for s in slopes]
         by = [s.derivatives[:, None] if s.measure.reducer else s.slopes for s in slopes]
         objectives, gradients = [], []
@@ -337,23 +337,32 @@ def _problem(scene: Scene, goal: GoalDocument, frames: int | None, cycles: int |
     numbers = [(text, 1.0) for text in goal.minimise] + [(text, -1.0) for text in goal.maximise]
     simple = [(text, measure(text), sign) for text, sign in numbers]
     limited = [(text, measure(text), entry) for text, entry in limits_stated.items()]
-    followed = None if goal.follow is None else measure(goal.follow.quantity)
-    along = None if goal.path is None else [measure(text) for text in path_measures(goal.path.point)]
+
+    def at_places(text: str, places: Sequence[float | str], path: str) -> list[int]:
+        """The measures of a curve at places of the first drive, which designs pass at instants of their own."""
+        with under_other_names({"--of": path}):
+            return [measure(f"{text}:at {place}") for place in places]
+
+    follow, along = goal.follow, goal.path
+    followed = [] if follow is None else at_places(follow.quantity, follow.drive, "goal.follow.drive")
+    axes: list[list[int]] = []
+    if along is not None:
+        texts = path_measures(along.point)
+        axes = [[measure(x)] if along.drive is None else at_places(x, along.drive, "goal.path.drive") for x in texts]
     varied = [Variation(v.name, v.unit, low=v.low, high=v.high) for v in variables]
     study = study_of(scene, varied, measures, frames=frames, cycles=cycles, executor=executor, count=count)
     quantities = study.quantities
     terms = [_signed_term(text, quantities[k].unit, k, sign) for text, k, sign in simple]
-    drive = _drive(study)
-    if goal.follow is not None and followed is not None:
-        wanted = np.array([_in_unit(x, quantities[followed].unit, "goal.follow.values") for x in goal.follow.values])
-        places = [_place(study, x, "goal.follow.drive") for x in goal.follow.drive]
-        terms.append(_following(goal.follow.quantity, quantities[followed], followed, _weights_at(study, drive, places), wanted))
-    if goal.path is not None and along is not None:
-        through = np.array(goal.path.through, float)
-        at = None
-        if goal.path.drive is not None:
-            at = _weights_at(study, drive, [_place(study, x, "goal.path.drive") for x in goal.path.drive])
-        terms.append(_passing(f"distance of {goal.path.point}", scene.units.reads("m")[0], (along[0], along[1]), through, at))
+    if follow is not None:
+        unit = quantities[followed[0]].unit
+        wanted = np.array([_in_unit(x, unit, "goal.follow.values") for x in follow.values])
+        terms.append(_following(follow.quantity, unit, followed, wanted, study.turns[followed[0]]))
+    if along is not None:
+        title, unit, through = f"distance of {along.point}", scene.units.reads("m")[0], np.array(along.through, float)
+        x, y = axes
+        terms.append(
+            _passing(title, unit, (x[0], y[0]), through) if along.drive is None else _meeting(title, unit, (x, y), through)
+        )
     limits, faults = [], list[Fault]()
     for text, k, entry in limited:
         path, unit = f"goal.limits.{text}", quantities[k].unit
@@ -409,58 +418,46 @@ def _in_unit(value: float | str, unit: str, path: str) -> float:
         raise MechanismError(Fault(path, str(error), error.remedy)) from None
 
 
-def _drive(study: Study) -> Real:
-    """Coordinate (F,) of the first drive over the run [rad or m], the same for all designs; empty without drives."""
-    drives = study.nominal.motion.mechanism.drives
-    if not drives:
-        return np.zeros(0)
-    return study.nominal.catalogue.coordinate(drives[0].joint)
+def _following(text: str, unit: str, measures: Sequence[int], wanted: Real, turns: StartTurn) -> Term:
+    """Objective: root mean square deviation of values at places of the drive, those of M measures, from ``wanted`` (M,); of
+    angles without whole turns."""
 
-
-def _place(study: Study, value: float | str, path: str) -> float:
-    """A stated position of the first drive [rad or m]."""
-    unit, factor = study.nominal.scene.units.reads(_along(study))
-    return _in_unit(value, unit, path) / factor
-
-
-def _along(study: Study) -> str:
-    """The SI unit of the first drive's coordinate."""
-    run = study.nominal
-    return "m" if run.motion.mechanism.drives and run.catalogue.numbers.slides(run.motion.mechanism.drives[0].joint) else "rad"
-
-
-def _weights_at(study: Study, drive: Real, places: Sequence[float]) -> Real:
-    """Matrix (M, F) that interpolates a curve (F,) to the M places of the drive. Raises `MechanismError` where the drive does not
-    reach a place."""
-    time, unit = study.nominal.catalogue.numbers.time, np.eye(len(drive))
-    rows = []
-    for place in places:
-        probe = Measure(f"at {study.nominal.scene.units.text(place, _along(study), 6)}", "", reducer="at", place=place)
-        rows.append(probe.reduced(unit, time, drive if len(drive) else None))
-    return np.array(rows)
-
-
-def _following(text: str, quantity: Quantity, measure: int, at: Real, wanted: Real) -> Term:
-    """Objective: root mean square deviation of a curve from the values ``wanted`` (M,); ``at`` (M, F) interpolates the curve."""
+    def off(own: Sequence[Real]) -> Real:
+        return turns.least(np.stack(own, axis=-1) - wanted)
 
     def value(own: Sequence[Real]) -> Real:
-        return np.asarray(np.sqrt(np.mean((own[0] @ at.T - wanted) ** 2, axis=-1)))
+        return np.asarray(np.sqrt(np.mean(off(own) ** 2, axis=-1)))
 
     def weights(own: Sequence[Real]) -> list[Real]:
-        left = own[0] @ at.T - wanted
-        return [left @ at / (len(wanted) * max(float(np.sqrt(np.mean(left**2))), 1e-300))]
+        left = off(own)
+        return list(left / (len(wanted) * max(float(np.sqrt(np.mean(left**2))), 1e-300)))
 
-    return Term(f"deviation of {text}", quantity.unit, (measure,), value, weights, distance=True)
+    return Term(f"deviation of {text}", unit, tuple(measures), value, weights, distance=True)
 
 
-def _passing(text: str, unit: str, measures: tuple[int, int], through: Real, at: Real | None) -> Term:
-    """Objective: root mean square distance, in ``unit``, of the points ``through`` (M, 2) from a path, at places of the drive
-    (``at`` (M, F) interpolates the path) or, where ``at`` is None, from the nearest point of the path."""
+def _meeting(text: str, unit: str, measures: tuple[Sequence[int], Sequence[int]], through: Real) -> Term:
+    """Objective: root mean square distance, in ``unit``, of the points ``through`` (M, 2) from a path at places of the drive, whose
+    coordinates x and y are the values of M measures each."""
+    count = len(through)
+
+    def off(own: Sequence[Real]) -> Real:
+        return np.stack(own, axis=-1) - through.T.ravel()
+
+    def value(own: Sequence[Real]) -> Real:
+        return np.asarray(np.sqrt(np.sum(off(own) ** 2, axis=-1) / count))
+
+    def weights(own: Sequence[Real]) -> list[Real]:
+        left = off(own)
+        return list(left / (count * max(float(np.sqrt(np.sum(left**2) / count)), 1e-300)))
+
+    return Term(text, unit, (*measures[0], *measures[1]), value, weights, distance=True)
+
+
+def _passing(text: str, unit: str, measures: tuple[int, int], through: Real) -> Term:
+    """Objective: root mean square distance, in ``unit``, of the points ``through`` (M, 2) from the nearest points of a path."""
 
     def distances(x: Real, y: Real) -> tuple[Real, Real, Real]:
         """Components x and y (..., M) of the vectors from the points to the path, and their weights of the frames (..., M, F)."""
-        if at is not None:
-            return x @ at.T - through[:, 0], y @ at.T - through[:, 1], np.broadcast_to(at, (*x.shape[:-1], *at.shape))
         dx, dy = x[..., None, :] - through[:, 0, None], y[..., None, :] - through[:, 1, None]
         # the nearest point of the polygon through the frames
         ex, ey = np.diff(dx, axis=-1), np.diff(dy, axis=-1)

@@ -40,7 +40,7 @@ from mechviz.quantities.vectors import point_name
 from mechviz.runs import Run
 from mechviz.scene.faults import under_other_names
 from mechviz.scene.scene import Scene
-from mechviz.studies.designs.measures import Measure, needs_forces, parse_measure, quantity_of, table_values
+from mechviz.studies.designs.measures import Measure, StartTurn, needs_forces, parse_measure, quantity_of, table_values
 from mechviz.studies.designs.variables import Variable, parameters_of, variables_of, without_ranges
 
 if TYPE_CHECKING:
@@ -140,25 +140,32 @@ def sensitivity(run: Run, of: str, by: str | Sequence[str] = ()) -> Sensitivity:
         return sensitivities(run, [measure], variables)[0]
 
 
-def sensitivities(run: Run, measures: Sequence[Measure], variables: Sequence[Variable]) -> list[Sensitivity]:
-    """Sensitivities of several measures, which share one computation.
+def sensitivities(
+    run: Run, measures: Sequence[Measure], variables: Sequence[Variable], turns: Sequence[StartTurn] = ()
+) -> list[Sensitivity]:
+    """Sensitivities of several measures, which share one computation; ``turns``: of the measures, by default those of the run.
 
     Derivatives of numbers come from reverse mode automatic differentiation, at a cost independent of the number of variables; those
     of curves from forward mode. Raises `MechanismError`.
     """
     quantities = [quantity_of(measure, run.catalogue) for measure in measures]
+    drives = run.motion.mechanism.drives
     parts: list[tuple[Index, Derivatives, list[Any]]] = []
+    driven: list[Any] = []  # coordinate of the first drive in each part
     for rows, exact in derivatives_of(run, variables):
-        columns = []
+        columns, once = [], dict[tuple[str, int], Any]()
         for measure, quantity in zip(measures, quantities, strict=True):
+            key = quantity.key, measure.column(quantity)
             try:
-                columns.append(traced(exact, quantity)[:, measure.column(quantity)])
+                once[key] = once[key] if key in once else traced(exact, quantity)[:, key[1]]
+                columns.append(once[key])
             except LookupError:
                 why = f"the derivatives of {quantity.key} are not known."
                 raise MechanismError(
                     Fault(f"--of {measure.text}", why, "Sweep it instead: mechviz sweep SCENE --vary ...")
                 ) from None
         parts.append((rows, exact, columns))
+        driven.append(exact.motion.coordinate(drives[0].joint)[:, 0] if any(m.reducer == "at" for m in measures) else None)
 
     def slopes_of(*numbers: int) -> list[Real]:
         slopes_found: list[Real | None] = [None] * len(numbers)
@@ -169,12 +176,12 @@ def sensitivities(run: Run, measures: Sequence[Measure], variables: Sequence[Var
 
     curves = [k for k, measure in enumerate(measures) if not measure.reducer]
     known = dict(zip(curves, slopes_of(*curves) if curves else (), strict=True))
-    drives = run.motion.mechanism.drives
     drive = run.catalogue.coordinate(drives[0].joint) if drives else None
     time = run.catalogue.numbers.time
     results = []
     for n, (measure, quantity) in enumerate(zip(measures, quantities, strict=True)):
         curve = quantity.values()[:, measure.column(quantity)]
+        curve = turns[n].near(curve) if turns else curve
         number, derivatives = float("nan"), np.full(len(variables), np.nan)
         if measure.reducer:
             number = float(measure.reduced(curve, time, drive))
@@ -183,6 +190,10 @@ def sensitivities(run: Run, measures: Sequence[Measure], variables: Sequence[Var
             unknown = any(weights[rows[exact.singular]].any() for rows, exact, _ in parts)
             unknown = unknown or any(weights[rows[np.isnan(value_of(columns[n]))]].any() for rows, _, columns in parts)
             derivatives = np.full(len(variables), np.nan) if unknown else np.sum(parts_of_sum, axis=0)
+            if measure.reducer == "at":  # the drive passes the place at another instant
+                moved = zip(driven, parts, strict=True)
+                ahead = np.sum([exact.adjoint(along, weights[None, rows])[0] for along, (rows, exact, _) in moved], axis=0)
+                derivatives = derivatives - np.where(ahead == 0.0, 0.0, measure.slope(curve, time, drive) * ahead)
         find = partial(known.__getitem__, n) if n in known else lambda n=n: slopes_of(n)[0]
         results.append(Sensitivity(measure, quantity, tuple(variables), curve, find, number, derivatives))
     return results

@@ -85,6 +85,22 @@ def test_a_hidden_linkage_is_found_again(kind, wanted):
     assert search.best()[1] < 1e-3 and not search.refused
 
 
+@pytest.mark.parametrize("kind", ["follow", "timed path"])
+def test_places_of_the_drive_do_not_move_with_its_start(kind, wanted):
+    """Wherever the crank of the hidden design starts, it passes the places; angles are wanted up to whole turns."""
+    goal = goals(wanted)[kind] | {"vary": ["c", "start"]}
+    if kind == "follow":
+        goal["follow"]["values"] = [float(x) + 360.0 for x in goal["follow"]["values"]]
+    start = {"value": "0 deg", "range": ["-90 deg", "90 deg"]}
+    scene = four_bar(HIDDEN, goal).changed({("parameters", "start"): start, ("joints", "A", "drive", "start"): "start"})
+    problem = problem_of(scene, frames=360)
+    starts = np.array([[HIDDEN["c"], 0.0], [HIDDEN["c"], -70.3], [HIDDEN["c"], 40.7], [1.1 * HIDDEN["c"], 0.0]])
+    objectives = problem.judged(starts).objectives[:, 0]
+    assert objectives[:3].max() < 1e-5 < 1e-2 < objectives[3]
+    slopes = problem.differentiated(np.array([1.1 * HIDDEN["c"], 40.7]))[2]
+    assert abs(slopes[0, 1]) < 1e-5 < 1e-2 < abs(slopes[0, 0])
+
+
 def test_grashofs_rule_is_a_limit():
     """Crank 60, coupler 175, frame 200 mm: the rocker of a crank-rocker is 85 to 315 mm long, also where the crank only swings."""
     goal = {"vary": ["c"], "minimise": "link.rocker.angle:range", "grashof": "crank-rocker"}

@@ -12,7 +12,7 @@ from mechcore.derivatives.exact import Derivatives
 from mechcore.errors import MechanismError
 from mechviz.__main__ import main
 from mechviz.editor.parameters import place_key
-from mechviz.runs import run_scene
+from mechviz.runs import Run, run_scene
 from mechviz.scene.document import value_at, with_values
 from mechviz.scene.scene import Scene, load, loads
 from mechviz.scene.units import split
@@ -390,3 +390,39 @@ def test_what_limits_a_cam_follows_its_base_circle_and_its_lift(name):
             np.testing.assert_allclose(found.slopes[0], differences, rtol=0.0, atol=1e-9 * scale, err_msg=f"{number} {key}")
     steepest = sensitivity(run, "cam.K.pressure_angle:max", [number])
     assert np.isfinite(steepest.derivatives).all()
+
+
+def test_a_value_where_the_drive_is_at_a_place_does_not_move_with_the_start():
+    """Frames move with the start of the drive, the place does not; it counts a turn further on, too."""
+    scene = load("crank-rocker")
+    run = run_scene(scene.changed({("joints", "A", "drive", "start"): 10.0}), frames=120)
+    for of in ("link.rocker.angle:at 60.3 deg", "link.rocker.angle:at -299.7 deg"):
+        moved = sensitivity(run, of, ["joints.A.drive.start", "links.crank.points.B[0]"])
+        assert abs(moved.derivatives[0]) < 1e-5 < abs(moved.derivatives[1])
+        assert moved.number == pytest.approx(sensitivity(run_scene(scene, frames=120), of, []).number, rel=1e-6)
+
+
+def test_a_free_link_is_elsewhere_when_a_faster_drive_comes_to_the_place():
+    def swing(speed: float) -> Run:
+        return run_scene(
+            Scene.build(
+                units={"length": "mm", "angle": "deg"},
+                effects=["inertia", "gravity"],
+                parameters={"speed": f"{speed!r} rad/s"},
+                links={
+                    "frame": {"points": {"O": [0, 0]}},
+                    "crank": {"points": {"O": [0, 0], "P": [100, 0]}},
+                    "bob": {"points": {"P": [0, 0], "Q": [200, 0]}, "mass": "1 kg", "shape": "bar"},
+                },
+                joints={
+                    "O": {"revolute": ["frame", "crank"], "drive": {"speed": "speed"}},
+                    "P": {"revolute": ["crank", "bob"], "free": {"position": -60}},
+                },
+                run={"frames": 60, "duration": "0.8 s"},
+            )
+        )
+
+    of, h = "joint.P.angle:at 20 deg", 1e-3
+    run = swing(1.5)
+    near = [sensitivity(swing(1.5 + step), of).number for step in (h, -h)]
+    assert sensitivity(run, of, "speed").derivatives[0] == pytest.approx((near[0] - near[1]) / (2.0 * h), rel=1e-4)

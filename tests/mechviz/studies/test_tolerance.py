@@ -14,6 +14,7 @@ from mechcore.errors import MechanismError
 from mechviz.commands.main import app
 from mechviz.runs import run_scene
 from mechviz.scene.scene import Scene, load, loads
+from mechviz.studies.designs.evaluate import start_turn
 from mechviz.studies.designs.measures import parse_measure
 from mechviz.studies.designs.sensitivity import Sensitivity
 from mechviz.studies.designs.tolerance import QuantityLimits, parse_limits, slopes_within, toleranced, tolerances, worst_within
@@ -240,8 +241,28 @@ def test_an_extreme_that_another_frame_takes_over_by_several_tolerances_together
         assert float(worst_within(of, half)) == pytest.approx(np.abs(moved).max(), rel=1e-12)
 
 
+def test_angles_of_designs_are_counted_from_the_turn_of_the_nominal_one():
+    """A rocker that starts at 180 degrees starts at -180 degrees in half of its neighbours."""
+    scene = load("crank-rocker")
+    turn = 180.0 - float(run_scene(scene, frames=12).catalogue["link.rocker.angle"].values()[0, 0])
+    pivot = 200.0 * np.exp(1j * np.radians(turn))
+    frame = {("links", "frame", "points", "D"): [float(pivot.real), float(pivot.imag)], ("joints", "A", "drive", "start"): turn}
+    run = run_scene(scene.changed(frame), frames=12)
+    measures = [parse_measure(run.scene, f"{key}:mean") for key in ("link.rocker.angle", "joint.D.angle")]
+    for of in tolerances(run, measures, toleranced(run.scene, ["links.crank.points.B[0]=0.1mm"]), samples=16):
+        np.testing.assert_allclose(np.abs(of.corners - of.nominal), of.worst, rtol=1e-2)
+        assert float(of.sigma) < float(of.worst)
+
+
 def test_a_table_of_bands_without_curves_is_refused_before_anything_is_computed(monkeypatch, tmp_path):
     monkeypatch.setattr("mechviz.commands.designs.tolerances", None)
     words = ["-t", "links.crank.points.B[0]=0.1mm", "--of", "link.rocker.angle:max", "--csv", str(tmp_path / "band.csv")]
     said = CliRunner().invoke(app, ["tolerance", "crank-rocker", *words])
     assert said.exit_code == 2 and "no curve is asked for" in said.output
+
+
+def test_stated_starts_of_free_links_are_not_moved_by_whole_turns():
+    """Of a motion in several parts, too."""
+    run = run_scene(load("thrown-wrench"))
+    measure = parse_measure(run.scene, "link.wrench.angle:max")
+    assert start_turn(measure, run.catalogue["link.wrench.angle"], run).turn == 0.0
