@@ -293,6 +293,8 @@ def test_what_cannot_be_had_is_said():
         ({"minimise": "drive.A.torque:peak", "limits": {"joint.B.reaction:peak": {"most": "3 mm"}}}, "no unit"),
         ({}, "without an objective"),
         ({"follow": {"quantity": "drive.A.torque", "drive": [0, 1], "values": [1, 2, 3]}}, "Give as many"),
+        ({"follow": {"quantity": "drive.A.torque:max", "drive": [0, 1], "values": [1, 2]}}, "is a number"),
+        ({"follow": {"quantity": "drive.A.torque", "drive": [0, "3 mm"], "values": [1, 2]}}, "goal.follow.drive"),
     ):
         with pytest.raises(MechanismError, match=words):
             problem_of(press(goal), frames=12)
