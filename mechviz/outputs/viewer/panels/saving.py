@@ -16,7 +16,7 @@ from mechviz.outputs.viewer import words
 from mechviz.outputs.viewer.server import Callback
 from mechviz.outputs.viewer.session import EditSession
 from mechviz.runs import Run
-from mechviz.scene.scene import Scene, dump
+from mechviz.scene.scene import dump
 
 
 def file_name(text: str, ending: str, otherwise: str) -> str:
