@@ -62,7 +62,7 @@ def compare(name: str, frames: int | None = None) -> Iterator[Compared]:
     scene = load(name)
     for order in (1, 3, 5):
         run = run_scene(scene, frames=frames, accuracy=Accuracy(interpolation=order))  # type: ignore[arg-type]  # of its literals
-        yield Compared(name, f"between frames, order {order}", float(np.nanmax(run.errors.between)), between_error(run))
+        yield Compared(name, f"between frames, order {order}", float(np.nanmax(run.errors.interpolation)), between_error(run))
     errors = estimate_errors(run)
     if run.simulation is None:
         for what, truth in position_errors(run.motion).items():
@@ -70,11 +70,11 @@ def compare(name: str, frames: int | None = None) -> Iterator[Compared]:
         reactions = reaction_error(scene, run.scene.frames)
         if reactions is not None:
             yield Compared(name, "reaction", float(np.nanmax(errors.reaction)), float(np.nanmax(reactions)))
-    elif run.again is not None:
+    elif run.resimulate is not None:
         t = np.linspace(0.0, run.simulation.duration, 65)
-        truth = integration_truth(run.simulation, run.again, t)
+        truth = integration_truth(run.simulation, run.resimulate, t)
         if truth is not None:
-            estimate = float(np.nanmax(integration_error(run.simulation, t, run.again)))
+            estimate = float(np.nanmax(integration_error(run.simulation, t, run.resimulate)))
             yield Compared(name, "motion under forces", estimate, float(np.max(truth[0])), max(FLOOR, truth[1]))
 
 

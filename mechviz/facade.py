@@ -241,7 +241,7 @@ class Result:
         else time. Without keys the figure shows the quantities with which the viewer opens. Raises `UnknownKey`, and `OutputError`
         where the units in a tuple differ or the file cannot be written.
         """
-        quantities = [self._together(key) for key in keys] or list(self.catalogue.first)
+        quantities = [self._together(key) for key in keys] or list(self.catalogue.initial_quantities)
         figure = plot_figure(self.title, quantities, self._axis(against))
         if path is not None:
             save_chart(figure, Path(path))

@@ -29,7 +29,7 @@ from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
 from mechcore.records import dataclass
 from mechcore.texts import Text
 from mechviz.accuracy.estimate import ErrorEstimate, check_finite, estimate_errors
-from mechviz.accuracy.fit import Fit, fit_frames, fixed_settings, simulated
+from mechviz.accuracy.fit import Fit, fit_frames, resolve_accuracy, simulate_to_target
 from mechviz.quantities.catalogue import Catalogue
 from mechviz.quantities.numbers import Numbers, numbers_of
 from mechviz.scene.assembly.under_forces import steady_state
@@ -72,7 +72,7 @@ class Run:
     steady: SteadyRun | None = None
     accuracy: Accuracy = DEFAULT
     fit: Fit | None = None  # of the number of frames, where the accuracy determined it
-    again: Resimulate | None = None  # repeats the simulation with another tolerance
+    resimulate: Resimulate | None = None  # repeats the simulation with another tolerance
 
     @cached_property
     def numbers(self) -> Numbers:
@@ -90,13 +90,13 @@ class Run:
         return estimate_errors(self)
 
     @cached_property
-    def kept(self) -> Accuracy:
+    def resolved_accuracy(self) -> Accuracy:
         """The accuracy settings, including those of drawing and recording, which follow from the target: chord, profile, numbers,
         pictures."""
-        return fixed_settings(self)
+        return resolve_accuracy(self)
 
 
-def with_run(scene: Scene, frames: int | None, cycles: int | None) -> Scene:
+def with_frames_and_cycles(scene: Scene, frames: int | None, cycles: int | None) -> Scene:
     """The scene with another number of frames or cycles, validated like any scene (not every drive can repeat)."""
     given = {"frames": frames, "cycles": cycles}
     changes: dict[Place, int] = {("run", key): value for key, value in given.items() if value is not None}
@@ -147,7 +147,7 @@ def run_scene(
     stages: list[Stage] = []
     settings = _settings(scene, accuracy)
     counted = frames is not None or (accuracy is None and "frames" in scene.document.run.model_fields_set)
-    scene = with_run(scene, settings.frames if frames is None else frames, cycles)
+    scene = with_frames_and_cycles(scene, settings.frames if frames is None else frames, cycles)
     mechanism = scene.mechanism
     check_frames(len(mechanism.links), scene.frames)
     wanted = set(outputs)
@@ -159,19 +159,19 @@ def run_scene(
 
     with stage("compile"):
         compiled = compile_mechanism(mechanism, settings, executor)
-    simulation, steady, again = None, None, None
+    simulation, steady, resimulate = None, None, None
     if scene.simulation is not None:
         if scene.simulation.steady is not None:
             with stage("steady run"):
                 steady, compiled = steady_state(scene.simulation.steady, compiled)
         with stage(StageKind.SIMULATION.value):
-            again = _resimulate(scene, compiled, advance, steady, observe, warn)
-            simulation = _simulate(scene, settings, again, asked=accuracy is not None)
+            resimulate = _resimulate(scene, compiled, advance, steady, observe, warn)
+            simulation = _simulate(scene, settings, resimulate, asked=accuracy is not None)
     fit = None
     if settings.target is not None and not counted and settings.frames is None:
         with stage("frames for the accuracy"):
             fit = _fit(scene, settings, simulation)
-        scene = with_run(scene, fit.frames, None)
+        scene = with_frames_and_cycles(scene, fit.frames, None)
     with stage(StageKind.POSITIONS.value):
         motion = _motion(scene, compiled, simulation)
         _read(motion, "origins")
@@ -207,7 +207,7 @@ def run_scene(
         steady=steady,
         accuracy=settings,
         fit=fit,
-        again=again,
+        resimulate=resimulate,
     )
     check_finite(run)
     return run
@@ -253,12 +253,12 @@ def _resimulate(
     return resimulate
 
 
-def _simulate(scene: Scene, settings: Accuracy, again: Resimulate, *, asked: bool) -> Simulation:
+def _simulate(scene: Scene, settings: Accuracy, resimulate: Resimulate, *, asked: bool) -> Simulation:
     """The simulation of a scene. ``asked``: the accuracy comes from the caller and overrides the scene's tolerance."""
     assert scene.simulation is not None
     if settings.target is not None and (asked or scene.document.run.tolerance is None):
-        return simulated(settings, again)
-    return again(settings.integrator if asked and settings.integrator is not None else scene.simulation.tolerance)
+        return simulate_to_target(settings, resimulate)
+    return resimulate(settings.integrator if asked and settings.integrator is not None else scene.simulation.tolerance)
 
 
 def _settings(scene: Scene, accuracy: Accuracy | float | None) -> Accuracy:

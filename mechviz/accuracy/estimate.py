@@ -40,10 +40,10 @@ from mechviz.accuracy.quantities import (
     CheckedQuantity,
     Passage,
     each_quantity,
-    pace_of_rest,
     passages_of,
+    pole_size,
     reactions,
-    size_at,
+    rest_rate_scale,
     stands_still,
 )
 from mechviz.quantities.items import ERROR_COLUMNS
@@ -73,12 +73,12 @@ class ErrorEstimate:
     velocity: Real
     acceleration: Real
     reaction: Real
-    between: Real  # largest of all quantities between each frame and the next, read with the run's interpolation
+    interpolation: Real  # largest of all quantities between each frame and the next, read with the run's interpolation
     order: int
 
     def table(self) -> Real:
         """The estimates as columns (F, 5), in the order of `ERROR_COLUMNS`."""
-        return np.column_stack([self.position, self.velocity, self.acceleration, self.reaction, self.between])
+        return np.column_stack([self.position, self.velocity, self.acceleration, self.reaction, self.interpolation])
 
     def worst(self) -> dict[str, float]:
         """The largest estimate of each column that has a finite one, by its name."""
@@ -102,8 +102,8 @@ def estimate_errors(run: Run) -> ErrorEstimate:
         reaction = condition * (np.abs(np.nan_to_num(run.forces.power_balance)) + ROUNDING) + acceleration + _cancelled(run)
         if run.forces.friction is not None:
             reaction = reaction + np.nan_to_num(_friction_residual(run))
-    if run.simulation is not None and run.again is not None:
-        error = np.maximum(integration_error(run.simulation, motion.time, run.again), _unbalanced(run))
+    if run.simulation is not None and run.resimulate is not None:
+        error = np.maximum(integration_error(run.simulation, motion.time, run.resimulate), _unbalanced(run))
         position, velocity = position + error, velocity + error
         acceleration, reaction = acceleration + error, reaction + error
         amplitude, frequency = run.simulation.unseen
@@ -166,9 +166,9 @@ def _bend(motion: Motion) -> float:
 
 def _peaks(motion: Motion) -> tuple[float, float]:
     """Largest velocity and acceleration, lengths in sizes of the mechanism; for a mechanism at rest the scales of
-    `pace_of_rest`."""
+    `rest_rate_scale`."""
     if stands_still(motion):
-        pace = pace_of_rest(motion)
+        pace = rest_rate_scale(motion)
         return pace, pace * pace
     size = motion.model.length_scale
     speed = acceleration = 0.0
@@ -247,7 +247,7 @@ def interpolation_error(every: Iterable[CheckedQuantity], time: Real, order: int
         each = np.interp(np.arange(frames), np.arange(1, 1 + 2 * len(local), 2)[: len(local)], local)
         worst = np.maximum(worst, np.maximum(each, local.max() * 1e-3 if len(local) else 0.0))
         for passage in passages:
-            worst[passage.frame] = max(worst[passage.frame], size_at(passage, q))
+            worst[passage.frame] = max(worst[passage.frame], pole_size(passage, q))
     return worst
 
 
@@ -323,11 +323,11 @@ def integration_error(simulation: Simulation, time: Real, simulate: Callable[...
         return np.full(len(time), np.nan)
     some = np.unique(np.linspace(0.0, simulation.duration, SAMPLED_FRAMES))
     some = some[some <= companion.duration]
-    apart = poses_apart(simulation.view(some), companion.view(some))
+    apart = pose_difference(simulation.view(some), companion.view(some))
     return np.asarray(np.interp(time, some, np.maximum.accumulate(np.nan_to_num(apart))) + ROUNDING + simulation.unseen[0])
 
 
-def poses_apart(one: Motion, other: Motion) -> Real:
+def pose_difference(one: Motion, other: Motion) -> Real:
     """Largest difference (F,) between the poses of links in two motions at the same times; lengths in sizes of the mechanism,
     angles in radians."""
     worst = np.zeros(one.frames)

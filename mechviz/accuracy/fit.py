@@ -22,7 +22,7 @@ from mechcore.motion.motion import Motion
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
 from mechcore.records import dataclass
 from mechviz.accuracy.estimate import integration_error
-from mechviz.accuracy.quantities import CheckedQuantity, errors_between, quantities
+from mechviz.accuracy.quantities import CheckedQuantity, measured_interpolation_errors, quantities
 from mechviz.scene.limits import check_frames
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from mechviz.runs import Run
     from mechviz.scene.scene import Scene
 
-Provider = Callable[[Real], list[CheckedQuantity]]
+QuantityFunction = Callable[[Real], list[CheckedQuantity]]
 
 FEWEST_FRAMES, MOST_FRAMES_FITTED = 16, 200_000  # frames per cycle
 MOST_FRAMES = 1_000_000  # of a run
@@ -51,18 +51,18 @@ class Fit:
     """A number of ``frames`` over the whole run and the largest relative ``error`` between them.
 
     ``jumps``: number of jumps and bends, where more frames hardly help. Their intervals are left out of ``error``: they are the
-    fraction ``left_out`` (0 to 1) of all, with errors of up to ``there``. ``needed``: estimated number of frames that would reach
-    the target where ``frames`` does not."""
+    fraction ``left_out`` (0 to 1) of all, with errors of up to ``jump_error``. ``needed_frames``: estimated number of frames that
+    would reach the target where ``frames`` does not."""
 
     frames: int
     error: float
     jumps: int
-    needed: int | None = None
-    there: float = 0.0
+    needed_frames: int | None = None
+    jump_error: float = 0.0
     left_out: float = 0.0
 
 
-def provider(scene: Scene, accuracy: Accuracy, simulation: Simulation | None = None) -> Provider:
+def quantity_function(scene: Scene, accuracy: Accuracy, simulation: Simulation | None = None) -> QuantityFunction:
     """A function of times (F,) [s] that gives the quantities of a scene's motion, with forces where the scene has some."""
     with_forces = bool(scene.mechanism.effects or scene.mechanism.loads)
     if simulation is not None:
@@ -89,7 +89,7 @@ def duration(scene: Scene, simulation: Simulation | None = None) -> float:
     return float(default_times(scene.mechanism, 1, scene.cycles)[-1])
 
 
-def achieved(at: Provider, end: float, frames: int, order: int) -> Fit:
+def measure_fit(at: QuantityFunction, end: float, frames: int, order: int) -> Fit:
     """The error of a run of ``frames`` intervals over ``end`` [s], probed where it is largest: half way between frames, or for
     order 0 just before the next frame."""
     time = np.linspace(0.0, end, frames + 1)
@@ -97,12 +97,12 @@ def achieved(at: Provider, end: float, frames: int, order: int) -> Fit:
     whole = at(np.sort(np.concatenate([time, probe])))
     coarse = [_rows(q, slice(0, None, 2)) for q in whole]
     fine = [_rows(q, slice(1, None, 2)) for q in whole]
-    errors = errors_between(coarse, time, fine, probe, order)
+    errors = measured_interpolation_errors(coarse, time, fine, probe, order)
     worst = np.nan_to_num(np.max([*errors.values()], axis=0)) if errors else np.zeros(frames)
-    bad = stand_out(worst)
+    bad = is_outlier(worst)
     jumps = int(np.count_nonzero(np.diff(np.concatenate([[0], bad.astype(int)])) == 1))
-    there = float(np.max(worst[bad], initial=0.0))
-    return Fit(frames, float(np.max(worst[~bad], initial=0.0)), jumps, there=there, left_out=float(np.mean(bad)))
+    jump_error = float(np.max(worst[bad], initial=0.0))
+    return Fit(frames, float(np.max(worst[~bad], initial=0.0)), jumps, jump_error=jump_error, left_out=float(np.mean(bad)))
 
 
 def _rows(q: CheckedQuantity, rows: Index | slice) -> CheckedQuantity:
@@ -114,7 +114,7 @@ def _rows(q: CheckedQuantity, rows: Index | slice) -> CheckedQuantity:
     )
 
 
-def stand_out(errors: Real) -> NDArray[np.bool_]:
+def is_outlier(errors: Real) -> NDArray[np.bool_]:
     """Whether the error of each interval is far above those around it; includes up to two intervals on either side that
     interpolation spoils too."""
     n = len(errors)
@@ -133,11 +133,11 @@ def stand_out(errors: Real) -> NDArray[np.bool_]:
 def fit_frames(scene: Scene, accuracy: Accuracy, simulation: Simulation | None = None) -> Fit:
     """The number of frames with which the interpolation error is within the target of an accuracy, and not far below it.
 
-    Where the largest possible number does not suffice, it is returned with an estimate of the number that would (``needed``). Where
-    rounding prevents the target, the result is the last number that reduced the error.
+    Where the largest possible number does not suffice, it is returned with an estimate of the number that would
+    (``needed_frames``). Where rounding prevents the target, the result is the last number that reduced the error.
     """
     assert accuracy.target is not None
-    at, end, order = provider(scene, accuracy, simulation), duration(scene, simulation), accuracy.interpolation
+    at, end, order = quantity_function(scene, accuracy, simulation), duration(scene, simulation), accuracy.interpolation
     parts = scene.cycles if simulation is None else 1
     goal = max(FRAMES_SHARE * accuracy.target, ENOUGH_ERROR)
     frames, best, crowded = 48 * parts, None, None
@@ -147,7 +147,7 @@ def fit_frames(scene: Scene, accuracy: Accuracy, simulation: Simulation | None =
     low, high = FEWEST_FRAMES * parts, most
     last: Fit | None = None
     for _ in range(FIT_ROUNDS):
-        fit = achieved(at, end, frames, order)
+        fit = measure_fit(at, end, frames, order)
         if _rounding(last, fit, goal):
             return last or fit
         last = fit
@@ -167,33 +167,35 @@ def fit_frames(scene: Scene, accuracy: Accuracy, simulation: Simulation | None =
             change = max(change, 1.06 * dense)
         wanted = int(np.ceil(frames * float(np.clip(change, 1.0 / 12.0, 12.0))))
         if best is None and frames >= high:
-            return replace(fit, needed=int(np.ceil(frames * change)))
+            return replace(fit, needed_frames=int(np.ceil(frames * change)))
         frames = int(np.clip(wanted, low, max(low, high)))
         if best is not None and frames >= best.frames:
             break
     chosen = best or crowded
     if chosen is None:
-        return replace(fit, needed=max(frames, fit.frames + 1))
+        return replace(fit, needed_frames=max(frames, fit.frames + 1))
     return _past_bends(at, end, order, chosen, accuracy.target, most)
 
 
-def _past_bends(at: Provider, end: float, order: int, fit: Fit, target: float, most: int) -> Fit:
+def _past_bends(at: QuantityFunction, end: float, order: int, fit: Fit, target: float, most: int) -> Fit:
     """A fit with more frames, where an interval that stands out holds a bend or a narrow peak, whose error falls with the number of
     frames, and no jump: as many frames as reach the target there too, if at most `MOST_REFINEMENT` times as many suffice. Else the
     given fit."""
     now, limit = fit, min(most, int(MOST_REFINEMENT * fit.frames))
     for _ in range(3):
-        if now.there <= target:
+        if now.jump_error <= target:
             return now
-        finer = achieved(at, end, min(2 * now.frames, limit), order)
-        slope = np.log(max(now.there / max(finer.there, 1e-300), 1e-300)) / np.log(max(finer.frames / now.frames, 1.0 + 1e-9))
+        finer = measure_fit(at, end, min(2 * now.frames, limit), order)
+        slope = np.log(max(now.jump_error / max(finer.jump_error, 1e-300), 1e-300)) / np.log(
+            max(finer.frames / now.frames, 1.0 + 1e-9)
+        )
         if slope < LEAST_ORDER:
             return fit
-        wanted = int(np.ceil(now.frames * (1.1 * now.there / (FRAMES_SHARE * target)) ** (1.0 / slope)))
+        wanted = int(np.ceil(now.frames * (1.1 * now.jump_error / (FRAMES_SHARE * target)) ** (1.0 / slope)))
         if wanted > limit:
             return fit
-        now = achieved(at, end, wanted, order)
-    return now if now.there <= target else fit
+        now = measure_fit(at, end, wanted, order)
+    return now if now.jump_error <= target else fit
 
 
 def _rounding(last: Fit | None, fit: Fit, goal: float) -> bool:
@@ -203,7 +205,7 @@ def _rounding(last: Fit | None, fit: Fit, goal: float) -> bool:
     )  # fmt: skip
 
 
-def simulated(accuracy: Accuracy, simulate: Callable[..., Simulation]) -> Simulation:
+def simulate_to_target(accuracy: Accuracy, simulate: Callable[..., Simulation]) -> Simulation:
     """The motion under forces, with a tolerance that is tightened (at most three times) until the estimated error is within the
     target."""
     assert accuracy.target is not None and accuracy.integrator is not None
@@ -229,7 +231,7 @@ DIGITS_SHARE = 0.1  # share of the target error for the digits; the frames have 
 SINGLE_ROUNDING = 2.0**-24  # largest relative error of rounding a number to float32
 
 
-def fixed_settings(run: Run) -> Accuracy:
+def resolve_accuracy(run: Run) -> Accuracy:
     """The settings of a run, with chord [m], profile, numbers and pictures filled in from its target; without a target profile and
     numbers have their defaults."""
     settings = run.accuracy
@@ -260,7 +262,7 @@ def _digits(every: Sequence[CheckedQuantity], target: float, *, balanced: bool) 
     return "float32" if not balanced and rounding(every) <= DIGITS_SHARE * target else "float64"
 
 
-def plain_stride(motion: Motion) -> int:
+def default_stride(motion: Motion) -> int:
     """Default stride of the frames with arrows: 1 up to 720 frames per cycle of the first drive (or per run, if that is
     shorter)."""
     if motion.frames < 2:
@@ -276,7 +278,7 @@ def _pictures(every: Sequence[CheckedQuantity], motion: Motion, target: float, t
     time = motion.time
     last = (len(time) - 1) // thin
     best = 1
-    for stride in range(2, min(last // 2, plain_stride(motion) // thin) + 1):
+    for stride in range(2, min(last // 2, default_stride(motion) // thin) + 1):
         if last % stride == 0:
             if not _joined(every, time, stride * thin, last * thin, target):
                 break
@@ -289,7 +291,7 @@ def _joined(every: Sequence[CheckedQuantity], time: Real, step: int, last: int, 
     nodes, frames = np.arange(0, last + 1, step), np.arange(last + 1)
     for q in every:
         values = q.values.reshape(len(q.values), -1)
-        if q.turns:  # points of a rotating link move on arcs
+        if q.is_angle:  # points of a rotating link move on arcs
             values = np.column_stack([np.cos(values), np.sin(values)])
         joined = np.column_stack([np.interp(time[frames], time[nodes], column[nodes]) for column in values.T])
         error = np.abs(joined - values[frames])
@@ -301,12 +303,12 @@ def _joined(every: Sequence[CheckedQuantity], time: Real, step: int, last: int, 
 def _points(run: Run, chord: float) -> int:
     """Number of points with which the profiles of all planar cams are within ``chord`` [m]; the error falls with the square of the
     number."""
-    contours = [p.contour for p in plane_cams(run)]
+    contours = [p.contour for p in planar_cams(run)]
     if not contours:
         return PROFILE_POINTS
     count = 360
     for _ in range(4):
-        away = max(profile_away(c, count) for c in contours)
+        away = max(profile_deviation(c, count) for c in contours)
         wanted = int(np.ceil(count * 1.05 * np.sqrt(away / (0.9 * chord))))
         if 0.5 * chord <= away <= 0.95 * chord or (away <= chord and count <= 180) or count >= MOST_POINTS:
             break
@@ -314,13 +316,13 @@ def _points(run: Run, chord: float) -> int:
     return count
 
 
-def plane_cams(run: Run) -> list[Any]:
+def planar_cams(run: Run) -> list[Any]:
     """The planar cams of a run, which have a contour; includes the second cams of conjugate pairs."""
     placed = [p for r in run.compiled.model.relations for p in (r.geometry, getattr(r.geometry, "mate", None))]
     return [p for p in placed if getattr(p, "contour", None) is not None]
 
 
-def profile_away(contour: Any, count: int) -> float:
+def profile_deviation(contour: Any, count: int) -> float:
     """Largest distance [m] between a contour and the polygon through ``count`` of its points, measured half way between the
     points."""
     each = max(count // contour.count, 8)
@@ -334,50 +336,54 @@ ORDERS = {0: "held values", 1: "straight lines", 3: "cubics", 5: "quintics"}
 """Names of the interpolation between frames, by its order."""
 
 
-def target_words(run: Run) -> list[str]:
+def target_lines(run: Run) -> list[str]:
     """Whether a run reaches its target error, and with which settings, as lines of text. The run must have a target."""
     target = run.accuracy.target
     assert target is not None
     motion = [] if run.simulation is None else [_motion(run, target)]
-    return [_frames(run, target), *motion, _kept(run, target)]
+    return [_frames(run, target), *motion, _outputs(run, target)]
 
 
 def _frames(run: Run, target: float) -> str:
     order, fit = ORDERS[run.accuracy.interpolation], run.fit
     if fit is None:
-        stated, worst = run.motion.frames - 1, float(np.nanmax(run.errors.between, initial=0.0))
+        stated, worst = run.motion.frames - 1, float(np.nanmax(run.errors.interpolation, initial=0.0))
         start = f"accuracy {target:g} with the {stated} frames that are stated, joined by {order}: "
         if worst <= target:
             return start + "reached between the frames"
         return f"warning: {start}not reached: about {worst:.1e} is left between frames. Leave the number of frames to the accuracy."
     start = f"accuracy {target:g} with {fit.frames} frames joined by {order}: "
     jumps = ""
-    if fit.jumps and fit.there > target:
+    if fit.jumps and fit.jump_error > target:
         holds = f"{fit.jumps} intervals that hold" if fit.jumps > 1 else "one interval that holds"
-        jumps = f", but in {holds} a jump or a bend: up to {fit.there:.1e} of the peak is left there, and more frames hardly help"
+        jumps = (
+            f", but in {holds} a jump or a bend: up to {fit.jump_error:.1e} of the peak is left there, and more frames hardly help"
+        )
     if fit.error <= target:
         return f"{start}reached{jumps}"
     warning = f"warning: {start}not reached: {fit.error:.1e} is left between frames"
-    if fit.needed is None:
+    if fit.needed_frames is None:
         return f"{warning}, and more frames do not help: it is rounding{_besides(fit)}. Ask for a larger error."
     remedy = "Ask for a larger error."
     if run.accuracy.interpolation < 5:
         remedy = 'Choose interpolation = "quintic", or ask for a larger error.'
-    most = f"{MOST_FRAMES_FITTED} a cycle, {MOST_FRAMES} in all, {MOST_POSES} of all links"
-    return f"{warning}; about {fit.needed} frames would be needed, and no more than {most} are computed{_besides(fit)}. {remedy}"
+    most, needed = f"{MOST_FRAMES_FITTED} a cycle, {MOST_FRAMES} in all, {MOST_POSES} of all links", fit.needed_frames
+    return f"{warning}; about {needed} frames would be needed, and no more than {most} are computed{_besides(fit)}. {remedy}"
 
 
 def _besides(fit: Fit) -> str:
     """Intervals with a jump or a bend, where interpolation is inexact in any case, in words."""
-    return f"; {fit.jumps} intervals besides hold a jump or a bend, with up to {fit.there:.1e} of the peak" if fit.jumps else ""
+    return (
+        f"; {fit.jumps} intervals besides hold a jump or a bend, with up to {fit.jump_error:.1e} of the peak" if fit.jumps else ""
+    )
 
 
 def _motion(run: Run, target: float) -> str:
     """Integration error, estimated with a companion run, in words."""
     assert run.simulation is not None
     left = float("nan")
-    if run.again is not None:
-        left = float(integration_error(run.simulation, np.array([run.simulation.duration]), run.again)[0])
+    if run.resimulate is not None:
+        left = float(integration_error(run.simulation, np.array([run.simulation.duration]), run.resimulate)[0])
     if left <= target:
         return f"motion under forces: within {left:.1e}, by a run with another tolerance"
     if np.isnan(left):
@@ -386,12 +392,13 @@ def _motion(run: Run, target: float) -> str:
     return f"{words} their neighbours, rounding with them. Ask for a larger error, or a shorter duration."
 
 
-def _kept(run: Run, target: float) -> str:
-    kept = run.kept
-    assert kept.chord is not None
-    relative = kept.chord / run.motion.model.length_scale
+def _outputs(run: Run, target: float) -> str:
+    """Settings of drawing and recording, in words."""
+    settings = run.resolved_accuracy
+    assert settings.chord is not None
+    relative = settings.chord / run.motion.model.length_scale
     finer = "" if relative <= target * (1 + 1e-9) else f", no finer than {FINEST_CHORD:g} of the size unless chord says so"
-    forces = " (links are to be in balance to 1e-8)" if run.forces is not None and kept.numbers == "float64" else ""
-    every = "every recorded frame" if kept.pictures == 1 else f"every {kept.pictures}th recorded frame"
-    chord = run.scene.units.show(kept.chord, "length", 3)
-    return f"drawn and kept: facets within {chord}{finer}; numbers in {kept.numbers}{forces}; arrows at {every}"
+    forces = " (links are to be in balance to 1e-8)" if run.forces is not None and settings.numbers == "float64" else ""
+    every = "every recorded frame" if settings.pictures == 1 else f"every {settings.pictures}th recorded frame"
+    chord = run.scene.units.show(settings.chord, "length", 3)
+    return f"drawn and kept: facets within {chord}{finer}; numbers in {settings.numbers}{forces}; arrows at {every}"

@@ -37,9 +37,9 @@ class CheckedQuantity:
     scale: float
     rate: Real | None = None
     second: Real | None = None
-    turns: bool = False  # an angle of a link
+    is_angle: bool = False  # an angle of a link
 
-    def between(self, time: Real, t: Real, order: int) -> Real:
+    def interpolated(self, time: Real, t: Real, order: int) -> Real:
         """Interpolated values (n, ...) at times between the frames."""
         return between(time, self.values, t, order, self.rate, self.second)
 
@@ -71,13 +71,13 @@ def _kinematics(motion: Motion) -> Iterator[CheckedQuantity]:
         for d, rows in enumerate((motion.velocity(k), motion.acceleration(k))):
             for what, part in parts.items():
                 peaks[what][d] = max(peaks[what][d], _peak(rows[:, part]))
-    pace = pace_of_rest(motion) if stands_still(motion) else 0.0
+    pace = rest_rate_scale(motion) if stands_still(motion) else 0.0
     for k in moving:
         every = motion.pose(k), motion.velocity(k), motion.acceleration(k)
         for what, part in parts.items():
             unit, (fast, strong) = motion.model.length_scale if what == "place" else 1.0, peaks[what]
             x, v, a = (rows[:, part] for rows in every)
-            yield CheckedQuantity(f"{what} of {k}", "position", x, unit, v, a, turns=what == "angle")
+            yield CheckedQuantity(f"{what} of {k}", "position", x, unit, v, a, is_angle=what == "angle")
             if fast:
                 yield CheckedQuantity(f"velocity of {k} ({what})", "velocity", v, max(_peak(v), LEAST_SCALE * fast, unit * pace), a)
             if strong:
@@ -93,7 +93,7 @@ def stands_still(motion: Motion) -> bool:
     return all(bool((np.ptp(motion.pose(k), axis=0) <= STILL_TRAVEL * unit).all()) for k in motion.model.links[1:])
 
 
-def pace_of_rest(motion: Motion) -> float:
+def rest_rate_scale(motion: Motion) -> float:
     """The rate [1/s] that scales the rates of a mechanism at rest: one over the duration of the run, 1 for a single instant."""
     return 1.0 / (float(np.ptp(motion.time)) or 1.0)
 
@@ -128,12 +128,14 @@ def _peak(values: Real) -> float:
     return float(np.abs(values[np.isfinite(values)]).max(initial=0.0))
 
 
-def errors_between(coarse: list[CheckedQuantity], time: Real, fine: list[CheckedQuantity], t: Real, order: int) -> dict[str, Real]:
+def measured_interpolation_errors(
+    coarse: list[CheckedQuantity], time: Real, fine: list[CheckedQuantity], t: Real, order: int
+) -> dict[str, Real]:
     """Relative errors (n,) by quantity: interpolation of ``coarse`` from frames at ``time`` to the times ``t`` (n,), compared with
     the values of ``fine`` there."""
     out = {}
     for a, b in zip(coarse, fine, strict=True):
-        error = np.abs(a.between(time, t, order) - b.values)
+        error = np.abs(a.interpolated(time, t, order) - b.values)
         out[a.name] = np.max(error, axis=1) / a.scale
     return out
 
@@ -144,10 +146,10 @@ NEAREST_POLE = 0.01  # distance from a pole at which values are stated, in spaci
 
 @dataclass(frozen=True)
 class Passage:
-    """A singular position between a frame and the next, at the fraction ``share`` of their spacing."""
+    """A singular position between a frame and the next, at the ``fraction`` of their spacing."""
 
     frame: int
-    share: float
+    fraction: float
 
 
 def passages_of(motion: Motion) -> list[Passage]:
@@ -171,7 +173,7 @@ def _passages(rows: NDArray[np.intp], part: Motion) -> Iterator[Passage]:
             yield Passage(int(rows[k]), float(d[k] / (d[k] - d[k + 1])))
 
 
-def size_at(passage: Passage, q: CheckedQuantity) -> float:
+def pole_size(passage: Passage, q: CheckedQuantity) -> float:
     """Size of a quantity at the distance `NEAREST_POLE` from a singular position, relative to its scale; 0 where it has no pole
     there.
 
@@ -185,5 +187,5 @@ def size_at(passage: Passage, q: CheckedQuantity) -> float:
     pole = marked & (jump * before < 0.0) & (jump * after < 0.0)
     if not pole.any():
         return 0.0
-    strength = np.abs(jump[pole]).max() * passage.share * (1.0 - passage.share)  # A of A / x, x in spacings of frames
+    strength = np.abs(jump[pole]).max() * passage.fraction * (1.0 - passage.fraction)  # A of A / x, x in spacings of frames
     return float(strength / NEAREST_POLE / q.scale)

@@ -18,7 +18,7 @@ from mechviz.outputs.inspection import inspect as inspect_recording
 from mechviz.outputs.rerun.reader import Recording
 from mechviz.outputs.rerun.writer import live, write_recording
 from mechviz.progress import progress_bar
-from mechviz.runs import Run, Stage, run_scene, stopwatch, with_run
+from mechviz.runs import Run, Stage, run_scene, stopwatch, with_frames_and_cycles
 from mechviz.scene.scene import Scene
 
 
@@ -80,7 +80,7 @@ def _solve_live(
     scene: Scene, frames: int | None, cycles: int | None, accuracy: float | None, path: Path, port: int, executor: Executor
 ) -> Run:
     """Solve a motion under forces; the part that is solved is written to the unfinished recording and can be watched meanwhile."""
-    scene = with_run(scene, frames, cycles)
+    scene = with_frames_and_cycles(scene, frames, cycles)
     with live(scene, path, port) as (observer, address), progress_bar("simulating") as bar:
         say(f"watch it with: rerun {address}")
         return run_scene(

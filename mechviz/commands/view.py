@@ -22,7 +22,7 @@ from mechviz.commands.shared.solving import (
 from mechviz.outputs.rerun.reader import Recording
 from mechviz.outputs.viewer.app import serve, serve_while
 from mechviz.outputs.viewer.server import ViewerError
-from mechviz.runs import Run, run_scene, with_run
+from mechviz.runs import Run, run_scene, with_frames_and_cycles
 from mechviz.studies.designs.figures import read_study
 
 
@@ -76,7 +76,7 @@ def view(
                 if loaded.simulation is None:
                     fail(f"{loaded.name}: nothing is free, so that the whole motion is there at once. Leave out --live.")
 
-                grown = with_run(loaded, frames, cycles)
+                grown = with_frames_and_cycles(loaded, frames, cycles)
                 serve_while(
                     lambda observe: run_scene(grown, accuracy=accuracy, observe=observe, executor=executor), grown, port, folder
                 )

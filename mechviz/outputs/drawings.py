@@ -224,7 +224,7 @@ def _indicator(run: Run) -> Diagram | None:
     if not loads or run.forces is None or run.simulation is not None:
         return None
     gases = [CylinderGas(load) for load in loads]
-    (unit, factor), (upwards, scale) = (run.scene.units.reads(si) for si in ("m", "Pa"))
+    (unit, factor), (upwards, scale) = (run.scene.units.display_unit(si) for si in ("m", "Pa"))
     curves = tuple(
         Curve(gas.name, factor * np.asarray(gas.displacement(motion)), scale * np.asarray(gas.pressure(motion))) for gas in gases
     )
@@ -245,7 +245,7 @@ def _phase(run: Run) -> Diagram | None:
     unit = joint_unit(motion, swinging[0])
     chosen = [n for n in swinging if joint_unit(motion, n) == unit][:MOST_CURVES]
     what = "displacement" if unit == "m" else "angle"
-    (across, factor), (upwards, rate) = (run.scene.units.reads(si) for si in (unit, f"{unit}/s"))
+    (across, factor), (upwards, rate) = (run.scene.units.display_unit(si) for si in (unit, f"{unit}/s"))
     curves = tuple(Curve(n, factor * motion.coordinate(n)[:, 0], rate * motion.coordinate(n)[:, 1]) for n in chosen)
     title = f"Phase: velocity [{upwards}] against {what} [{across}]" + (f", {chosen[0]}" if len(chosen) == 1 else "")
     return Diagram("phase", title, f"{what} [{across}]", f"[{upwards}]", curves)
@@ -271,7 +271,7 @@ def _polar(run: Run) -> Diagram | None:
     if run.forces is None:
         return None
     frame = run.motion.mechanism.frame
-    unit, factor = run.scene.units.reads("N")
+    unit, factor = run.scene.units.display_unit("N")
     bearings = []
     for joint in joints_of(run.motion):
         if joint.kind != "revolute" or frame not in joint.links:
@@ -294,7 +294,7 @@ def _overlaid(run: Run) -> Diagram | None:
     if run.forces is None or not motion.mechanism.drives:
         return None
     joint = motion.mechanism.drives[0].joint
-    (unit, factor), (upwards, times) = (run.scene.units.reads(si) for si in ("rad", "N m"))
+    (unit, factor), (upwards, times) = (run.scene.units.display_unit(si) for si in ("rad", "N m"))
     angle, turn = factor * motion.coordinate(joint)[:, 0], 2.0 * np.pi * factor
     steps = np.diff(angle)
     onwards = np.all(steps >= 0.0) or np.all(steps <= 0.0)

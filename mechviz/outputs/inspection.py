@@ -257,8 +257,8 @@ def _drive_at(rows: ComponentRows, k: int, units: Units) -> str:
 def _tick_words(timeline: str, tick: int | np.int64, units: Units) -> str:
     """Text of a position of a drive, given as a tick of its timeline: millidegrees or micrometres."""
     si, more = {"drive_mdeg": ("rad", 2), "drive_um": ("m", 1)}[timeline]
-    unit, factor = units.reads(si)
-    value = 1e-3 * int(tick) * factor / MILLIMETRES.reads(si)[1]
+    unit, factor = units.display_unit(si)
+    value = 1e-3 * int(tick) * factor / MILLIMETRES.display_unit(si)[1]
     return f"{value:.{units.decimals(si) + more}f}{'' if unit == '°' else ' '}{unit}"
 
 
@@ -293,15 +293,15 @@ def format_inspection(inspection: Inspection) -> str:
     ]
     width = max(len(name) for name, _ in rows)
     lines = [inspection.title, *(f"  {name:<{width}}  {text}" for name, text in rows)]
-    reads = inspection.units.reads
+    display_unit = inspection.units.display_unit
     sections = {"Peaks": inspection.peaks, "Peaks of the motion": inspection.motion, "Peaks of the studies": inspection.studies}
     for title, peaks in sections.items():
         if peaks:
-            lines += ["", title, *_peak_lines(_without_noise(peaks), reads)]
+            lines += ["", title, *_peak_lines(_without_noise(peaks), display_unit)]
     if inspection.losses:
         lines += ["", *_loss_lines(inspection)]
     if inspection.health:
-        lines += ["", "Worst health", *_peak_lines(inspection.health, partial(reads, small=True))]
+        lines += ["", "Worst health", *_peak_lines(inspection.health, partial(display_unit, small=True))]
     lines += ["", "Events", *(f"  {e.level:<4}  {line_of(e)}" for e in inspection.events)]
     if not inspection.events:
         lines.append("  none")
@@ -317,9 +317,9 @@ def _without_noise(peaks: tuple[Peak, ...]) -> tuple[Peak, ...]:
     return tuple(replace(peak, value=0.0) if abs(peak.value) <= LEAST_PEAK * largest[peak.unit] else peak for peak in peaks)
 
 
-def _peak_lines(peaks: tuple[Peak, ...], reads: Callable[[str], tuple[str, float]]) -> list[str]:
+def _peak_lines(peaks: tuple[Peak, ...], display_unit: Callable[[str], tuple[str, float]]) -> list[str]:
     """A line for each peak, in display units."""
-    peaks = tuple(replace(p, value=p.value * factor, unit=unit) for p in peaks for unit, factor in (reads(p.unit),))
+    peaks = tuple(replace(p, value=p.value * factor, unit=unit) for p in peaks for unit, factor in (display_unit(p.unit),))
     width, units = max(len(p.item) for p in peaks), max(4, *(len(p.unit) for p in peaks))
     return [
         f"  {p.item:<{width}}  {p.value:>12.5g} {p.unit:<{units}}"

@@ -201,12 +201,14 @@ def _vectors(n: Numbers) -> Iterator[Vector]:
         if table is not None and np.any(np.nan_to_num(table.values[:, :2])):
             place, force = table.part(PLACE_COLUMNS), table.part(FORCE_COLUMNS)
             if load.points and load.links[0] == n.frame:  # the table has the force on the ground: draw that on the link
-                place, force = n.place(load.links[1], load.points[1]), -table.values[:, :2]
+                place, force = n.world_positions(load.links[1], load.points[1]), -table.values[:, :2]
             yield Vector(*(("gravity", load.links[0]) if gravity else ("applied", name)), place, force)
     for name in n.links:
         table, at = _inertia(n, name)
         if table is not None and at is not None:
-            yield Vector("inertia", name, n.held(partial(_line_of_inertia, at, table, n.length_scale)), table.part(FORCE_COLUMNS))
+            yield Vector(
+                "inertia", name, n.derived_source(partial(_line_of_inertia, at, table, n.length_scale)), table.part(FORCE_COLUMNS)
+            )
     for name in n.drives:
         table = n.tables.get(("data", "drive", name, "wrench"))
         if table is not None and name in places and np.any(table.values[:, :2]):

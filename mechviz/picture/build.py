@@ -298,7 +298,7 @@ def _single(values: Real) -> Single:
 def solids_of(run: Run) -> Solids:
     """Meshes of all links, in layers that do not collide during the run. Raises `MechanismError` where there are too many links, or
     where one moves farther away than can be drawn."""
-    settings = run.kept
+    settings = run.resolved_accuracy
     solids = build_solids(
         run.motion.mechanism,
         looked_at(run),

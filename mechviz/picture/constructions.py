@@ -252,7 +252,7 @@ def _aside(f: Funicular) -> complex:
 
 def scale_title(units: Units, per_metre: float, si: str) -> str:
     """A scale of ``per_metre`` units ``si`` per metre in words, such as "1 m of the drawing = 48.7 kN"."""
-    (unit, factor), (length, per) = units.reads(si), units.reads("m", small=True)
+    (unit, factor), (length, per) = units.display_unit(si), units.display_unit("m", small=True)
     value = per_metre * factor / per
     amount = f"{value / 1e3:.4g} kN" if unit == "N" and value >= 1e4 else f"{value:.4g} {unit}"
     return f"1 {length} of the drawing = {amount}"

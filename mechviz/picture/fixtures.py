@@ -161,7 +161,7 @@ def _anvil(run: Run, solids: Solids, stop: EndStop) -> Iterator[tuple[str, Place
     frame = int(np.nanargmin(np.abs(coordinate - stop.at)))
     pose, pivot, left = motion.pose(link)[frame], complex(places[frame]), float(stop.at - coordinate[frame])
     beyond = 1.0 if stop.side == "upper" else -1.0
-    if run.numbers.slides(stop.joint):
+    if run.numbers.is_sliding(stop.joint):
         along = complex(np.nansum(np.diff(places) * np.sign(np.diff(coordinate))))  # direction of increasing coordinate
         if not along:
             return

@@ -300,7 +300,7 @@ def section_nodes(run: Run, solids: Solids) -> Iterator[Lines | Points]:
             common: dict[str, Any] = {"owner": ("link", link), "group": group, "height": height, "colors": (diagram.color,)}
             key, path, radius = f"section.{link}.{group}", ("sections", group, link), ORDINATE_RADIUS * solids.size
             yield Lines(key=key, entity=path, strips=(outline, ordinates), radii=(radius, 0.5 * radius), **common)
-            unit, factor = run.scene.units.reads(diagram.unit)
+            unit, factor = run.scene.units.display_unit(diagram.unit)
             words = f"|{diagram.letter}| ≤ {float(f'{factor * peaks[link]:.4g}'):.7g} {unit}"
             look: dict[str, Any] = {"radii": (3.0 * radius,), "labels": (words,)}
             yield Points(key=f"{key}.largest", entity=(*path, "largest"), parent="", places=tip, **look, **common)

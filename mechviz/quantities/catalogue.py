@@ -17,7 +17,7 @@ from mechviz.quantities.entries import Entry, EntryFacts, entries
 from mechviz.quantities.items import ItemTable
 from mechviz.quantities.numbers import Numbers
 
-MOST_FIRST = 3
+MOST_INITIAL = 3
 MOST_OF_IT = 0.99  # quantile of the frames at which forces are clipped
 ASIDE_SINE = 0.31  # least |sine| of a crank's angle at which the crank counts as away from its dead points
 
@@ -170,7 +170,7 @@ class Catalogue:
     @cached_property
     def quantities(self) -> tuple[Quantity, ...]:
         n = self.numbers
-        listed = entries(tuple((path, table.columns) for path, table in n.tables.items()), names_of(n))
+        listed = entries(tuple((path, table.columns) for path, table in n.tables.items()), entry_facts(n))
         every = (Quantity(entry, n.tables[entry.path]) for entry in listed)
         return tuple(q for q in every if not q.entry.sparse or np.isfinite(q.values()).any())
 
@@ -190,8 +190,8 @@ class Catalogue:
             position = self.coordinate(name)
             steps = np.diff(position)
             if len(steps) and np.any(steps) and (np.all(steps >= 0.0) or np.all(steps <= 0.0)):
-                slides = self.numbers.slides(name)
-                unit, factor = self.numbers.units.reads("m" if slides else "rad")
+                slides = self.numbers.is_sliding(name)
+                unit, factor = self.numbers.units.display_unit("m" if slides else "rad")
                 label, turn = f"{'displacement' if slides else 'angle'} of drive {name}", None if slides else 2.0 * np.pi * factor
                 axes.append(Axis(label, unit, position * factor, turn, name))
         return (*axes, Axis("time", "s", self.numbers.time))
@@ -201,25 +201,25 @@ class Catalogue:
         return self.numbers.tables["data", "joints", drive, "motion"].values[:, 0]
 
     @cached_property
-    def first(self) -> tuple[Quantity, ...]:
+    def initial_quantities(self) -> tuple[Quantity, ...]:
         """Quantities that are plotted at first: driving efforts, then the motion of the output or of a traced point; at most
         three."""
         n = self.numbers
         wanted = [f"drive.{name}.{effort}" for name in n.drives for effort in ("torque", "force")]
-        wanted += self._moves(self.output)
+        wanted += self._motion_keys(self.output)
         wanted += [f"point.{name}.{what}" for name in n.traced for what in ("position", "velocity", "acceleration")]
-        wanted += self._moves(next(iter(self._outputs), None))  # of several outputs the first
+        wanted += self._motion_keys(next(iter(self._outputs), None))  # of several outputs the first
         passive = [name for name in n.joints if name not in n.drives]
         wanted += [q.key for name in passive[-1:] for q in self.quantities if q.item == f"joint {name}"]
         keys = [key for key in dict.fromkeys([*wanted, *self.by_key]) if key in self.by_key]
-        return tuple(self.by_key[key] for key in keys[:MOST_FIRST])
+        return tuple(self.by_key[key] for key in keys[:MOST_INITIAL])
 
-    def _moves(self, joint: str | None) -> list[str]:
+    def _motion_keys(self, joint: str | None) -> list[str]:
         """Keys of the motion of a joint on the frame; none where ``joint`` is None."""
         n = self.numbers
         if joint is None:
             return []
-        if n.slides(joint):
+        if n.is_sliding(joint):
             return [f"joint.{joint}.{what}" for what in ("displacement", "velocity", "acceleration")]
         link = next((name for name in n.joints[joint].links if name != n.frame), "")
         # for a pin the angle of its link: it counts from the world's x axis, whatever the order of the joint's links
@@ -240,7 +240,7 @@ class Catalogue:
         grounded = [
             name for name, joint in n.joints.items() if name not in n.drives and n.frame in joint.links and joint.kind != "weld"
         ]
-        return [name for name in grounded if n.slides(name)] or grounded
+        return [name for name in grounded if n.is_sliding(name)] or grounded
 
     @cached_property
     def health(self) -> tuple[Health, ...]:
@@ -260,16 +260,16 @@ class Catalogue:
         for name, (si, good, bad) in limits.items():
             values = self.numbers.values("health", name)
             if values is not None:
-                unit, factor = self.numbers.units.reads(si, small=True)
+                unit, factor = self.numbers.units.display_unit(si, small=True)
                 health.append(Health(name.replace("_", " "), unit, factor * values[:, 0], factor * good, factor * bad))
         return tuple(health)
 
     @cached_property
-    def opening(self) -> int:
-        """The frame that is shown first, see `opening_among`."""
-        return self.opening_among(np.arange(len(self.numbers.time)))
+    def opening_frame(self) -> int:
+        """The frame that is shown first, see `opening_frame_among`."""
+        return self.opening_frame_among(np.arange(len(self.numbers.time)))
 
-    def opening_among(self, rows: Index) -> int:
+    def opening_frame_among(self, rows: Index) -> int:
         """Which of the frames ``rows`` (R,) is shown first.
 
         With forces, the frame where the sum of reactions and driving efforts, relative to their peaks, is largest; of frames that
@@ -282,7 +282,7 @@ class Catalogue:
             efforts = [v[rows, 3] for d in n.drives if (v := n.values("data", "drive", d)) is not None]
             peaks = [np.max(reactions, axis=0), *efforts] if reactions else efforts
             load = sum((_of_peak(values) for values in peaks), np.zeros(len(rows)))
-            if n.drives and not n.slides(n.drives[0]):
+            if n.drives and not n.is_sliding(n.drives[0]):
                 load = np.where(np.abs(np.sin(self.coordinate(n.drives[0])[rows])) > ASIDE_SINE, load, 0.0)
             if np.any(np.nan_to_num(load)):
                 return int(np.argmax(np.round(np.nan_to_num(load), 6)))
@@ -298,10 +298,10 @@ class Catalogue:
         return float(np.max(values, initial=0.0, where=np.isfinite(values)))
 
 
-def names_of(n: Numbers) -> EntryFacts:
+def entry_facts(n: Numbers) -> EntryFacts:
     """The names and facts that the entries of the catalogue depend on in addition to the tables."""
     pins = frozenset(name for name in n.joints if n.is_pin(name))
-    rubbing = frozenset(name for name in n.joints if n.rubs(name))
+    rubbing = frozenset(name for name in n.joints if n.has_friction(name))
     return EntryFacts(n.frame, n.drives, tuple(n.joints), n.links, n.points, tuple(n.loads), pins, rubbing, n.has_forces, n.units)
 
 
@@ -343,7 +343,7 @@ def time_at(catalogue: Catalogue, *, at: float | None = None, frame: int | None 
         return float(time[frame])
     if angle is None:
         return None
-    turning = [name for name in numbers.drives if not numbers.slides(name)]
+    turning = [name for name in numbers.drives if not numbers.is_sliding(name)]
     if not turning:
         raise OutputError("There is no angle to go to: no drive of this mechanism turns.", "Name a time or a frame.")
     position = catalogue.coordinate(turning[0])

@@ -115,7 +115,7 @@ def _place(path: Path, n: EntryFacts) -> tuple[int, int, int, Path]:
 def _of_table(path: Path, columns: ColumnUnits, n: EntryFacts) -> Iterator[Entry]:
     if path[0] == "health":
         curves = tuple(column.replace("_", " ") for column, _ in columns)
-        unit, factor = n.units.reads(columns[0][1], small=True)
+        unit, factor = n.units.display_unit(columns[0][1], small=True)
         read = partial(_scaled, columns=list(range(len(columns))), factor=factor)
         yield Entry(f"health.{path[1]}", "health", " ".join(path[1:]).replace("_", " "), unit, curves, path, read)
         return
@@ -133,7 +133,7 @@ def _of_table(path: Path, columns: ColumnUnits, n: EntryFacts) -> Iterator[Entry
             yield from made(("joint", name), f"joint {name}", "friction", (2,))
         case ("cams", name, "contact"):
             yield from made(("cam", name), f"cam {name}", "contact", (3, 2) if n.forces else (3,))
-            unit, factor = n.units.reads("1/m")
+            unit, factor = n.units.display_unit("1/m")
             read = partial(_curvature, factor=factor)
             yield Entry(f"cam.{name}.curvature", f"cam {name}", "curvature", unit, ("curvature",), path, read)
             yield from made(("cam", name), f"cam {name}", "contact", (5,), sparse=True)
@@ -174,7 +174,7 @@ def _grouped(
     for (unit, _), group in groups.items():
         names = tuple(columns[k][0] if what == "power" else columns[k][0].replace("_", " ") for k in group)  # powers: of the scene
         name = _name(what, unit, names)
-        shown, factor = units.reads(unit)
+        shown, factor = units.display_unit(unit)
         length = LENGTHS.get(names) if len(names) == 2 else None
         curves = (name,) if len(names) == 1 else names if length is None else (*names, length)
         tail = (name.replace(" ", "_"),) if item else ()
@@ -207,7 +207,7 @@ def _scaled(values: Real, *, columns: list[int], factor: float, length: bool = F
 def _drawn_laws(units: Units, name: str, path: Path, columns: ColumnUnits) -> Iterator[Entry]:
     """Entries of the lift and its derivatives by the graphical method, each with the drawn and the exact curve."""
     for k, (column, unit) in enumerate(columns[:3]):
-        shown, factor = units.reads(unit)
+        shown, factor = units.display_unit(unit)
         what = column.replace("_", " ").replace("drawn lift acceleration", "drawn acceleration")
         read = partial(_drawn_and_exact, column=k, factor=factor)
         yield Entry(f"cam.{name}.{what.replace(' ', '_')}", f"cam {name}", what, shown, ("drawn", "exact"), path, read)

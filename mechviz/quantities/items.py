@@ -33,7 +33,7 @@ ERROR_COLUMNS = ("position", "velocity", "acceleration", "reaction", "between_fr
 class ItemTable:
     """Values (F, n) of one item. ``path``: parts of its entity path in a recording; ``columns``: name and unit of each component.
 
-    ``source``: the values, or a function that computes them. If ``kept``, they are computed once at first use and kept; otherwise
+    ``source``: the values, or a function that computes them. If ``cached``, they are computed once at first use and kept; otherwise
     they are computed at each use, which saves memory in long runs of many bodies.
     """
 
@@ -41,11 +41,11 @@ class ItemTable:
     item: str
     columns: ColumnUnits
     source: Source
-    kept: bool = True
+    cached: bool = True
 
     @property
     def values(self) -> Real:
-        return self._computed if self.kept else values_of(self.source)
+        return self._computed if self.cached else values_of(self.source)
 
     @cached_property
     def _computed(self) -> Real:
@@ -53,7 +53,7 @@ class ItemTable:
 
     def part(self, columns: slice | int) -> Source:
         """Source of the values of some columns (F, n) or of one (F,): the values where the table is kept, else a function."""
-        return self.values[:, columns] if self.kept else partial(_part, self, columns)
+        return self.values[:, columns] if self.cached else partial(_part, self, columns)
 
     def headers(self) -> list[str]:
         """Column names with units, such as ``crank.x [m]``."""
@@ -125,7 +125,7 @@ Path = tuple[str, ...]
 _RATES = {"pose": ("velocity", "acceleration"), "position": ("velocity", "acceleration"), "velocity": ("acceleration", None)}
 
 
-def slopes_of(path: Path) -> tuple[Path | None, Path | None]:
+def derivative_paths(path: Path) -> tuple[Path | None, Path | None]:
     """Paths of the tables with the first and the second time derivative of a table; None where there is none."""
     if path[:1] != ("data",) or path[1] not in ("links", "points") or path[-1] not in _RATES:
         return None, None
@@ -133,7 +133,7 @@ def slopes_of(path: Path) -> tuple[Path | None, Path | None]:
     return (*path[:-1], first), (*path[:-1], second) if second else None
 
 
-def read_between(path: Path, time: Real, values: Callable[[Path], Real | None], t: Real, order: int) -> Real:
+def interpolate_table(path: Path, time: Real, values: Callable[[Path], Real | None], t: Real, order: int) -> Real:
     """Values (n, m) of a table at times ``t`` (n,) [s], interpolated with ``order`` from its values (F, m) at the ``time`` (F,) of
     the frames.
 
@@ -146,7 +146,7 @@ def read_between(path: Path, time: Real, values: Callable[[Path], Real | None], 
     t = np.clip(np.asarray(t, float), time[0], time[-1])
     if len(time) < 2:
         return np.repeat(own[:1], len(t), axis=0)
-    first, second = (None if p is None else values(p) for p in slopes_of(path))
+    first, second = (None if p is None else values(p) for p in derivative_paths(path))
     drive = path[:2] == ("data", "drive") and len(path) == 3
     joint = path[:2] == ("data", "joints") and path[-1] == "motion"
     if not (drive or joint):

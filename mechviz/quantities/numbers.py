@@ -59,13 +59,13 @@ class Numbers:
     tolerance: float
 
     @cached_property
-    def kept(self) -> bool:
+    def cached(self) -> bool:
         """Whether every table keeps the values that it has computed."""
-        return all(table.kept for table in self.tables.values())
+        return all(table.cached for table in self.tables.values())
 
-    def held(self, compute: Callable[[], Real]) -> Source:
+    def derived_source(self, compute: Callable[[], Real]) -> Source:
         """Source of values that follow from the tables: computed now where all tables are kept, else at each use."""
-        return compute() if self.kept else compute
+        return compute() if self.cached else compute
 
     def values(self, *path: str) -> Real | None:
         """Values (F, n) of the table at a path; None where there is no such table."""
@@ -77,7 +77,7 @@ class Numbers:
         """Whether reactions were computed."""
         return ("data", "energy") in self.tables
 
-    def rubs(self, joint: str) -> bool:
+    def has_friction(self, joint: str) -> bool:
         """Whether there is friction in a joint."""
         return ("data", "joints", joint, "friction") in self.tables
 
@@ -85,7 +85,7 @@ class Numbers:
         """Whether a joint is a revolute joint without clearance, whose couple is due to dry friction alone."""
         return self.joints[joint].kind == "revolute"
 
-    def slides(self, joint: str) -> bool:
+    def is_sliding(self, joint: str) -> bool:
         """Whether a joint's coordinate is a displacement; else it is an angle."""
         return self.joints[joint].unit == "m"
 
@@ -95,7 +95,7 @@ class Numbers:
         centres = [centre_name(link) for link in self.links]
         return (*self.traced, *(c for c in centres if ("data", "points", c, "position") in self.tables))
 
-    def place(self, link: str, xy: Vec2) -> Real:
+    def world_positions(self, link: str, xy: Vec2) -> Real:
         """World positions (F, 2) [m] of a point given in a link's frame [m]."""
         x, y, angle = self.poses[link].T
         c, s = np.cos(angle), np.sin(angle)

@@ -124,7 +124,7 @@ def _lines(run: Run, in_words: ValueWords) -> Iterator[str]:
         yield f"force system {name}: {' or '.join(kinds)}; the drawing agrees with the algebra to {worst:.1e}"
     for name, r in studies.reduced.items():
         good = r.mass[np.isfinite(r.mass)]
-        unit, factor = run.scene.units.reads("kg m^2" if r.point is None else "kg")
+        unit, factor = run.scene.units.display_unit("kg m^2" if r.point is None else "kg")
         if len(good):
             yield f"reduced to {name}: {factor * good.min():.5g} to {factor * good.max():.5g} {unit}"
     for what, s in (("shaking force", studies.shaking), ("with counterweights", studies.balanced)):
@@ -132,7 +132,7 @@ def _lines(run: Run, in_words: ValueWords) -> Iterator[str]:
             forces = f"peak {in_words(s.peak, 'N')}, rms {in_words(s.rms, 'N')}"
             yield f"{what}: {forces}; moment peak {in_words(s.peak_moment, 'N m')}, rms {in_words(s.rms_moment, 'N m')}"
     for w in studies.weights:
-        length, per = run.scene.units.reads("m", small=True)
+        length, per = run.scene.units.display_unit("m", small=True)
         place = f"({per * w.at[0]:.5g}, {per * w.at[1]:.5g}) {length}"
         yield f"counterweight on {w.link}: {in_words(w.mass, 'kg')} at {place} of its frame"
     for name, body in studies.substitutes.items():
@@ -176,7 +176,7 @@ def _centre_lines(run: Run, in_words: ValueWords) -> Iterator[str]:
     for name, circle in studies.inflection.items():
         across = np.abs(circle.end - circle.pole)
         if np.isfinite(across).any():
-            unit, factor = run.scene.units.reads("m")
+            unit, factor = run.scene.units.display_unit("m")
             low, high = factor * np.nanmin(across), factor * np.nanmax(across)
             yield f"inflection circle of {name}: diameter {low:.5g} to {high:.5g} {unit}"
     for name, struck in studies.percussion.items():

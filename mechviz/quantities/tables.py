@@ -72,7 +72,7 @@ def tables(run: Run) -> list[ItemTable]:
     """All tables of a run. Results that the scene does not need have no table."""
     quick = [*_links(run), *_points(run), *_joints(run), *_loads(run)]
     if run.motion.frames * sum(len(t.columns) for t in quick) > MOST_KEPT and len(run.motion.parts) == 1:
-        quick = [replace(t, kept=False) for t in quick]
+        quick = [replace(t, cached=False) for t in quick]
     return [*quick, *_cams(run), *_drives(run), *_servos(run), *_powers(run), *_metrics(run), *_health(run), *study_tables(run)]
 
 

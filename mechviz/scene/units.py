@@ -372,29 +372,29 @@ class Units:
             return parse(value, kind)
         return float(Decimal(repr(float(value))) * self.factor(kind))
 
-    def reads(self, si: str, *, small: bool = False) -> tuple[str, float]:
+    def display_unit(self, si: str, *, small: bool = False) -> tuple[str, float]:
         """The display unit of values in an SI unit, such as "m", "N m" or "rad/s^2", and its factor from SI: ("mm", 1000.0).
 
         Lengths, angles, masses, forces, torques and moments of inertia have the scene's units. Units composed of them do, too, but
         with radians, as formulas require, and with metres where lengths are metric: "m/s", "rad/s". Pressures are in MPa where
         forces are metric. ``small``: residuals of lengths and angles, which have the units of rates.
         """
-        return _reads(self, si, small)
+        return _display_unit(self, si, small)
 
     def text(self, value: float, si: str, digits: int = 5) -> str:
         """A quantity [``si``] as text in its display unit: its number, with ``digits`` significant digits, and the unit."""
-        unit, factor = self.reads(si)
+        unit, factor = self.display_unit(si)
         return shown(value * factor, unit, digits)
 
     def decimals(self, si: str) -> int:
         """Number of decimals of a displayed coordinate: it resolves about a hundredth of a millimetre ("m", at least 2 decimals) or
         a tenth of a degree ("rad", at least 1)."""
         least, fewest = {"m": (1e-5, 2), "rad": (math.pi / 1800.0, 1)}[si]
-        return max(fewest, round(-math.log10(least * self.reads(si)[1])))
+        return max(fewest, round(-math.log10(least * self.display_unit(si)[1])))
 
 
 @cache
-def _reads(units: Units, si: str, small: bool) -> tuple[str, float]:
+def _display_unit(units: Units, si: str, small: bool) -> tuple[str, float]:
     alone = {} if small else {"m": units.length, "rad": units.angle}
     length = "m" if _is_decimal(units.length) else units.length
     parts = {"kg m^2": units.inertia, "N m": units.torque, "kg": units.mass, "N": units.force, "m": length}

@@ -44,7 +44,11 @@ class BalancedScene:
     def lines(self) -> list[str]:
         """The counterweights, and a table of the shaking force and moment before and after, as lines of text."""
         units = self.scene.units
-        (length, per), (force, forces), (moment, moments) = units.reads("m"), units.reads("N"), units.reads("N m")
+        (length, per), (force, forces), (moment, moments) = (
+            units.display_unit("m"),
+            units.display_unit("N"),
+            units.display_unit("N m"),
+        )
         out = []
         for w in self.weights:
             place = f"({per * w.at[0]:.6g}, {per * w.at[1]:.6g}) {length}"
@@ -132,7 +136,7 @@ def polar_figure(title: str, motion: Motion, shakings: Mapping[str, Shaking], un
     angle of the drive, outside the zero circle where it is positive.
 
     ``shakings``: the curves by their names in the legend; ``units``: those of the labels."""
-    (force, per), (moment, moment_per) = units.reads("N"), units.reads("N m")
+    (force, per), (moment, moment_per) = units.display_unit("N"), units.display_unit("N m")
     angle = _angle(motion)
     least = max((s.single for s in shakings.values()), default=0.0)
     with chart(9.0, 5.2) as figure:
@@ -154,7 +158,7 @@ def polar_figure(title: str, motion: Motion, shakings: Mapping[str, Shaking], un
         moments.plot(np.linspace(0.0, 2.0 * np.pi, 361), np.zeros(361), color="#9aa3ad", linewidth=1.2, zorder=1.0)
         forces.set_title(f"shaking force [{force}]", loc="center")
         moments.set_title(f"shaking moment [{moment}] over the drive", loc="center")
-        if units.reads("rad")[0] != "°":
+        if units.display_unit("rad")[0] != "°":
             for axes in (forces, moments):
                 angles = np.arange(8) * np.pi / 4.0
                 axes.set_xticks(angles, [units.text(float(a), "rad", 3) for a in angles])

@@ -309,8 +309,8 @@ def drawn_lines(motion: Motion, units: Units, drawn: CamDrawn | None = None) -> 
         except MechanismError as error:
             lines += ["", *(f"cam {cam.name}: {f.in_units(units).message}" for f in error.faults)]
             continue
-        unit, factor = units.reads("m" if cam.arm == 0.0 else "rad")
-        along, across = units.reads("rad")
+        unit, factor = units.display_unit("m" if cam.arm == 0.0 else "rad")
+        along, across = units.display_unit("rad")
         lines += ["", Text(f"cam {cam.name}, graphical method: {_drawn_words(cam, how, construction.largest)}", units)]
         lines += [Text(f"  {words}", units) for words in _simplified_words(cam)]
         lines.append(f"  {'cam':>7} {'s':>10} {'error':>10} {'ds':>10} {'error':>10} {'dds':>10} {'error':>10}")

@@ -51,16 +51,16 @@ def _groups(equilibrium: EquilibriumSystem, frame: int, units: Units) -> list[Gr
     """The equations of every group at a frame, the last group first, in the given units of forces and moments. Loads that are
     rounding are set to zero."""
     size = equilibrium.forces.motion.model.length_scale
-    per = {si: units.reads(si)[1] for si in ("N", "N m")}
+    per = {si: units.display_unit(si)[1] for si in ("N", "N m")}
 
     def unknown(u: ForceUnknown) -> ForceUnknown:
-        return replace(u, unit=units.reads(u.unit)[0])
+        return replace(u, unit=units.display_unit(u.unit)[0])
 
     def values(pairs: Sequence[tuple[ForceUnknown, float]]) -> tuple[tuple[ForceUnknown, float], ...]:
         return tuple((unknown(u), per[u.unit] * value) for u, value in pairs)
 
     def equation(link: LinkEquations, e: Equation) -> Equation:
-        factor, unit = per[e.unit], units.reads(e.unit)[0]
+        factor, unit = per[e.unit], units.display_unit(e.unit)[0]
         terms = tuple((c * factor / per[u.unit], unknown(u)) for c, u in e.terms)
         return replace(e, terms=terms, load=factor * e.load if abs(e.load) > _rounding(link, e.unit, size) else 0.0, unit=unit)
 
@@ -85,7 +85,7 @@ def _groups(equilibrium: EquilibriumSystem, frame: int, units: Units) -> list[Gr
 
 def _heading(equilibrium: EquilibriumSystem, frame: int, units: Units) -> str:
     """Heading: the time, and the units of forces, lever arms and moments."""
-    force, moment = (units.reads(si)[0] for si in ("N", "N m"))
+    force, moment = (units.display_unit(si)[0] for si in ("N", "N m"))
     arm = moment.removeprefix(f"{force} ") if moment.startswith(f"{force} ") else f"{moment}/{force}"
     return f"equilibrium at {equilibrium.forces.motion.time[frame]:.6g} s, in {force}, {arm} and {moment}"
 

@@ -120,7 +120,7 @@ def comparison_lines(rows: list[LawOnCam], units: Units) -> list[str]:
     """A table as lines of text: stroke, peaks of the lift's derivatives with respect to the angle or displacement of the cam,
     largest pressure angle, least convex radius, peak and rms effort, least contact force, least spring."""
     first = next(row for row in rows if not row.fault)
-    per = f"/{units.reads('rad' if first.rotary else 'm', small=True)[0]}"
+    per = f"/{units.display_unit('rad' if first.rotary else 'm', small=True)[0]}"
     heads = [
         "law",
         "lift",
@@ -165,11 +165,11 @@ def comparison_figure(rows: list[LawOnCam], units: Units) -> Figure:
     """Figure of eight panels over the angle or displacement of the cam: lift and its derivatives up to the jerk, pressure angle,
     radius of curvature, effort, contact force."""
     first = next(row for row in rows if not row.fault)
-    (length, lengths), (angle, angles) = units.reads("m"), units.reads("rad")
+    (length, lengths), (angle, angles) = units.display_unit("m"), units.display_unit("rad")
     unit, size = (angle, angles) if first.swings else (length, lengths)
     along, across = (angle, angles) if first.rotary else (length, lengths)
-    per, pers = units.reads("rad" if first.rotary else "m", small=True)
-    (effort, efforts), (force, forces) = units.reads("N m" if first.rotary else "N"), units.reads("N")
+    per, pers = units.display_unit("rad" if first.rotary else "m", small=True)
+    (effort, efforts), (force, forces) = units.display_unit("N m" if first.rotary else "N"), units.display_unit("N")
     labels = [f"lift [{unit}]", f"s' [{unit}/{per}]", f"s'' [{unit}/{per}²]", f"s''' [{unit}/{per}³]"]
     labels += [
         f"pressure angle [{angle}]",

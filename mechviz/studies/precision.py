@@ -22,8 +22,17 @@ from mechcore.errors import MechanismError
 from mechcore.forces.kinetostatics import solve_forces
 from mechcore.motion.solve import default_times, solve_motion
 from mechcore.records import dataclass
-from mechviz.accuracy.estimate import estimate_errors, poses_apart
-from mechviz.accuracy.fit import ORDERS, PROFILE_POINTS, achieved, duration, fit_frames, plane_cams, profile_away, provider
+from mechviz.accuracy.estimate import estimate_errors, pose_difference
+from mechviz.accuracy.fit import (
+    ORDERS,
+    PROFILE_POINTS,
+    duration,
+    fit_frames,
+    measure_fit,
+    planar_cams,
+    profile_deviation,
+    quantity_function,
+)
 from mechviz.accuracy.quantities import quantities
 from mechviz.meshes.kinds.cam_profiles import profile_points
 from mechviz.picture.build import solids_of
@@ -122,7 +131,7 @@ def ladder(
     steps["tessellation"] = lambda: _tessellation(base, budget)
     if record is not None:
         steps["recording"] = lambda: _recording(base, record)
-    if plane_cams(base):
+    if planar_cams(base):
         steps["cam profile"] = lambda: _profiles(base, budget)
     chosen = [step for setting, step in steps.items() if only is None or setting in only]
     points: list[PrecisionPoint] = []
@@ -152,14 +161,14 @@ def _solve(run: Run, accuracy: Accuracy, time: Real) -> Any:
 def _frames(run: Run, target: float | None, budget: float) -> Iterator[PrecisionPoint]:
     """Points for numbers of frames per cycle and orders of interpolation, and for the numbers that just reach the target."""
     scene = run.scene
-    at, end = provider(scene, run.accuracy, run.simulation), duration(scene, run.simulation)
+    at, end = quantity_function(scene, run.accuracy, run.simulation), duration(scene, run.simulation)
     parts = scene.cycles if run.simulation is None else 1
     own = scene.frames // parts
     counts = sorted({*(n for n in FRAMES if n * parts * len(scene.mechanism.links) <= MOST_MEASURED), own})
     times = {n: timed(partial(_solve, run, run.accuracy, np.linspace(0.0, end, n * parts + 1)), budget) for n in counts}
     for order, words in ORDERS.items():
         for n in counts:
-            fit = achieved(at, end, n * parts, order)
+            fit = measure_fit(at, end, n * parts, order)
             here = n == own and order == run.accuracy.interpolation
             note = f"{fit.jumps} jumps left out" if fit.jumps else ""
             options = {"frames": n * parts, "interpolation": order}
@@ -240,13 +249,13 @@ def _simulated(scene: Scene, accuracy: Accuracy) -> Simulation:
 
 def _integrator(run: Run, budget: float) -> Iterator[PrecisionPoint]:
     """Points for method, order and tolerance of the integrator; the reference is collocation at its tightest tolerance."""
-    assert run.again is not None and run.simulation is not None
-    again, spec = run.again, run.scene.simulation
+    assert run.resimulate is not None and run.simulation is not None
+    resimulate, spec = run.resimulate, run.scene.simulation
     assert spec is not None
     try:
-        best = again(1e-13, "gauss")
+        best = resimulate(1e-13, "gauss")
     except MechanismError:
-        best = again(1e-11, "gauss")
+        best = resimulate(1e-11, "gauss")
     t = np.linspace(0.0, min(best.duration, run.simulation.duration), 257)
     truth = best.view(t)
     methods: list[tuple[str, str, int | None]] = [
@@ -264,7 +273,7 @@ def _integrator(run: Run, budget: float) -> Iterator[PrecisionPoint]:
             try:
                 result = work()
                 shared = t[t <= result.duration]
-                error = float(np.nanmax(poses_apart(result.view(shared), best.view(shared) if len(shared) < len(t) else truth)))
+                error = float(np.nanmax(pose_difference(result.view(shared), best.view(shared) if len(shared) < len(t) else truth)))
             except MechanismError:
                 continue  # the integration fails at this tolerance
             spent = timed(work, budget, least=1 if budget < 0.1 else 3)
@@ -273,7 +282,7 @@ def _integrator(run: Run, budget: float) -> Iterator[PrecisionPoint]:
             yield _at("integrator", words, f"{tolerance:.0e}", options, error, spent, current=here)
     if run.simulation.tolerance not in TOLERANCES:
         now = run.simulation.tolerance
-        error = float(np.nanmax(poses_apart(run.simulation.view(t), truth)))
+        error = float(np.nanmax(pose_difference(run.simulation.view(t), truth)))
         words = next(w for m, w, n in methods if m == run.simulation.method and n is None)
         options = {"method": run.simulation.method, "integrator": now}
         work = partial(_simulated, run.scene, _setting("method", run.simulation.method, Accuracy(integrator=now)))
@@ -299,7 +308,7 @@ def _recording(run: Run, record: Callable[..., object]) -> Iterator[PrecisionPoi
     it, and size of the file."""
     solids = solids_of(run)
     at, end, order = (
-        provider(run.scene, run.accuracy, run.simulation),
+        quantity_function(run.scene, run.accuracy, run.simulation),
         duration(run.scene, run.simulation),
         run.accuracy.interpolation,
     )
@@ -312,9 +321,9 @@ def _recording(run: Run, record: Callable[..., object]) -> Iterator[PrecisionPoi
                 accuracy = replace(run.accuracy, numbers=numbers, decimation=thin)
                 chosen = replace(run, accuracy=accuracy)
                 spent = timed(partial(record, chosen, path, solids=solids), 0.0, least=2)
-                error = achieved(at, end, (run.motion.frames - 1) // thin, order).error + (6e-8 if numbers == "float32" else 0.0)
+                error = measure_fit(at, end, (run.motion.frames - 1) // thin, order).error + (6e-8 if numbers == "float32" else 0.0)
                 note = f"{path.stat().st_size / 1e6:.2f} MB"
-                here = (numbers, thin) == (run.kept.numbers, run.accuracy.decimation)
+                here = (numbers, thin) == (run.resolved_accuracy.numbers, run.accuracy.decimation)
                 options = {"numbers": numbers, "decimation": thin}
                 words = "every frame" if thin == 1 else f"every {thin} frames"
                 yield _at("recording", numbers, words, options, error, spent, current=here, note=note)
@@ -323,15 +332,15 @@ def _recording(run: Run, record: Callable[..., object]) -> Iterator[PrecisionPoi
 def _profiles(run: Run, budget: float) -> Iterator[PrecisionPoint]:
     """Points for the number of vertices of cam profiles: largest distance between polygon and profile, relative to the mechanism's
     size."""
-    cams, size = plane_cams(run), run.motion.model.length_scale
+    cams, size = planar_cams(run), run.motion.model.length_scale
 
     def draw(count: int) -> list[Any]:
         return [profile_points(placed, count) for placed in cams]
 
-    for count in sorted({90, 180, 360, 720, 1080, 2160, 4320, run.kept.profile or PROFILE_POINTS}):
-        worst = max(profile_away(placed.contour, count) for placed in cams) / size
+    for count in sorted({90, 180, 360, 720, 1080, 2160, 4320, run.resolved_accuracy.profile or PROFILE_POINTS}):
+        worst = max(profile_deviation(placed.contour, count) for placed in cams) / size
         spent = timed(partial(draw, count), budget)
-        here = count == run.kept.profile
+        here = count == run.resolved_accuracy.profile
         yield _at("cam profile", "points of the contour", f"{count} points", {"profile": count}, worst, spent, current=here)
 
 

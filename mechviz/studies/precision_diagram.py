@@ -165,7 +165,7 @@ def in_use(run: Run, setting: str, options: Mapping[str, Any]) -> bool:
     present: dict[str, Any] = {name: getattr(settings, name) for name in SETTINGS if name in options}
     present |= {"frames": run.scene.frames}
     if "profile" in options or "numbers" in options:  # read only where needed: to find them may take a measurement
-        present |= {"profile": run.kept.profile, "numbers": run.kept.numbers}
+        present |= {"profile": run.resolved_accuracy.profile, "numbers": run.resolved_accuracy.numbers}
     if simulation is not None:
         present |= {"method": simulation.method, "integrator": simulation.tolerance}
     return all(present.get(name) == value for name, value in options.items())

@@ -23,9 +23,9 @@ from mechcore.kinematics.columns import rates
 from mechcore.kinematics.state import value
 from mechcore.motion.motion import Motion
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
-from mechviz.accuracy.estimate import poses_apart
-from mechviz.accuracy.fit import provider
-from mechviz.accuracy.quantities import errors_between, quantities
+from mechviz.accuracy.estimate import pose_difference
+from mechviz.accuracy.fit import quantity_function
+from mechviz.accuracy.quantities import measured_interpolation_errors, quantities
 
 if TYPE_CHECKING:
     from mechcore.dynamics.simulation import Simulation
@@ -128,11 +128,11 @@ def reaction_error(scene: Scene, frames: int) -> Real | None:
 def between_error(run: Run, each: int = 4, seed: int = 1) -> float:
     """The largest true error between the frames of a run, at random times in every interval, jumps included."""
     time = run.motion.time
-    at = provider(run.scene, run.accuracy, run.simulation)
+    at = quantity_function(run.scene, run.accuracy, run.simulation)
     rng = np.random.default_rng(seed)
     share = np.concatenate([rng.uniform(0.02, 0.98, (each - 1, len(time) - 1)), np.full((1, len(time) - 1), 0.5)])
     t = np.sort((time[:-1] + share * np.diff(time)).ravel())
-    errors = errors_between(quantities(run.motion, run.forces), time, at(t), t, run.accuracy.interpolation)
+    errors = measured_interpolation_errors(quantities(run.motion, run.forces), time, at(t), t, run.accuracy.interpolation)
     return float(np.nanmax([np.nanmax(e) for e in errors.values() if np.isfinite(e).any()]))
 
 
@@ -163,6 +163,6 @@ def integration_truth(simulation: Simulation, simulate: Callable[..., Simulation
             best, next_to_it = (other.y[0] for other in solutions)
             return np.abs(q[:, 0] - best), float(np.abs(best - next_to_it).max())
     try:
-        return poses_apart(simulation.view(t), simulate(1e-14, None if simulation.method == "radau" else "gauss").view(t)), 0.0
+        return pose_difference(simulation.view(t), simulate(1e-14, None if simulation.method == "radau" else "gauss").view(t)), 0.0
     except MechanismError:
         return None

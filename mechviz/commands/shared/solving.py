@@ -14,7 +14,7 @@ import typer
 from mechcore.compiled.motion import Executor
 from mechcore.compiled.toolchain import required_compiler
 from mechviz.accuracy.estimate import accuracy_warnings
-from mechviz.accuracy.fit import target_words
+from mechviz.accuracy.fit import target_lines
 from mechviz.commands.shared.messages import UNTRUSTED, fail, say
 from mechviz.progress import progress_bar
 from mechviz.runs import Run, run_scene
@@ -96,7 +96,7 @@ def print_accuracy_warnings(run: Run, *, errors: bool = False) -> bool:
 def warn_of_accuracy(run: Run) -> None:
     """Report where the target accuracy of a run is not reached."""
     if run.accuracy.target is not None:
-        for line in target_words(run):
+        for line in target_lines(run):
             if line.startswith("warning"):
                 say(line)
 

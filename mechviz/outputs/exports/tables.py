@@ -20,7 +20,7 @@ from mechviz.figures import DOTS_AN_INCH, chart, chart_svg
 from mechviz.files import replacing
 from mechviz.outputs.rerun.content import model_json, scene_text
 from mechviz.quantities.catalogue import Axis, Quantity, QuantityGroup
-from mechviz.quantities.items import read_between
+from mechviz.quantities.items import interpolate_table
 from mechviz.runs import Run, package_version
 
 if TYPE_CHECKING:
@@ -44,7 +44,9 @@ def wide_table(run: Run, times: Real | None = None) -> dict[str, Real]:
     for table in sorted(tables, key=lambda t: t.path[:2] != ("data", "drive")):  # drives first, the others in their order
         rows = table.values if times is None else solved.get(table.path, nothing)
         if times is not None and (done := rows.shape[1]) < len(table.columns):
-            read = read_between(table.path, at_frames, lambda path: run.numbers.values(*path), times, run.accuracy.interpolation)
+            read = interpolate_table(
+                table.path, at_frames, lambda path: run.numbers.values(*path), times, run.accuracy.interpolation
+            )
             rows = np.hstack([rows, read[:, done:]])
         for name, values in zip(table.headers(), rows.T, strict=True):
             while name in columns:  # a link may have a name that gives its columns the name of a joint's

@@ -91,7 +91,7 @@ def _gathered(catalogue: Catalogue, halves: Mapping[str, Real]) -> Iterator[Plot
         yield from together(title, "plots.reactions", {name: f"joint.{name}.reaction" for name in part}, 2)
     at_frame = _moved_at_frame(n)
     for kind, rates in (("displacement", ("velocity", "acceleration")), ("angle", ("angular_velocity", "angular_acceleration"))):
-        moved = [name for name in at_frame if n.slides(name) == (kind == "displacement")]
+        moved = [name for name in at_frame if n.is_sliding(name) == (kind == "displacement")]
         for what in (kind, *rates):
             title = f"Joints at the frame, {what.replace('_', ' ')}"
             yield from together(title, f"plots.{what}", {name: f"joint.{name}.{what}" for name in moved})
@@ -119,7 +119,7 @@ def first_plots(catalogue: Catalogue, plots: list[Plot], *, simulated: bool) -> 
     phases = [k for k, p in enumerate(plots) if p.x is not None and not p.equal]
     moved = having("plots.displacement", "plots.angle", "plots.velocity") if not n.traced else []
     points = having(*(f"point.{name}.{what}" for name in n.traced for what in ("velocity", "position", "acceleration")))
-    motion = having(*(f"joint.{j}.{what}" for j in at_frame if n.slides(j) for what in ("displacement", "velocity")))[:2]
+    motion = having(*(f"joint.{j}.{what}" for j in at_frame if n.is_sliding(j) for what in ("displacement", "velocity")))[:2]
     rest = having(*(f"joint.{j}.{what}" for j in at_frame for what in ("angle", "angular_velocity")))[:2]
     wanted = [*cams[:2], *having("plots.shaking moment", "shaking.moment", "reduced.")[:1], *efforts[:1]]
     wanted += having("plots.reactions")[:1]
@@ -255,7 +255,7 @@ def show_text(
         "time_decimals": time_decimals(frames.time),
         "axes": _axes(catalogue, frames, pack),
         "pace": pace_of(shown),
-        "opening": catalogue.opening_among(frames.rows),
+        "opening": catalogue.opening_frame_among(frames.rows),
         "bounds": picture.bounds.tolist(),
         "core": _core(picture).tolist(),
         "drawn": _extent(picture, [(d["group"], box) for d, box in drawn]).tolist(),
@@ -264,7 +264,7 @@ def show_text(
         "drawables": drawables,
         "constructions": [pack_drawing(d, picture.size, frames, pack) for d in shown.drawings().values()] if plots else [],
         "groups": _groups(picture, [*drawables, *bodies], catalogue.numbers.units),
-        "length": dict(zip(("unit", "per_metre"), catalogue.numbers.units.reads("m"), strict=True)),
+        "length": dict(zip(("unit", "per_metre"), catalogue.numbers.units.display_unit("m"), strict=True)),
         "plots": [pack_plot(p, pack) for p in curves],
         "first": first,
         "lanes": [
@@ -348,7 +348,7 @@ def _groups(picture: Picture, drawn: list[dict[str, Any]], units: Units) -> list
         entry = {"name": name, "label": family.label, "meaning": family.meaning, "shown": name in FORCE_FAMILIES or not forces}
         entry["shown"] = entry["shown"] and name != "acceleration" and picture.marks
         entry |= {"light": hex_of(family.color), "dark": hex_of(family.on_dark)}
-        unit, factor = units.reads(family.unit)
+        unit, factor = units.display_unit(family.unit)
         per_metre = picture.scales.per_metre(name)
         arrows = any(d["group"] == name and d["kind"] == "arrows" for d in drawn if "kind" in d)
         if arrows and per_metre > 0.0 and per_metre != 1.0:

@@ -14,7 +14,7 @@ import numpy as np
 
 from mechcore.forces.powers import power_labels, power_table
 from mechcore.records import dataclass
-from mechviz.accuracy.fit import target_words
+from mechviz.accuracy.fit import target_lines
 from mechviz.outputs.drawings import Diagram, diagram_shapes, diagram_streams, polygon_shapes, polygon_streams, polygon_views
 from mechviz.outputs.rerun.blueprint import BACKGROUND_COLOR
 from mechviz.outputs.rerun.entities import Static, Stream, entity, link_streams, magnification, table_streams, view_statics
@@ -68,7 +68,7 @@ class EntityFamily:
 
 ENTITY_FAMILIES: tuple[EntityFamily, ...] = (
     EntityFamily("links", streams=lambda c: link_streams(c.run), statics=lambda c: view_statics(c.picture.size)),
-    EntityFamily("data", streams=lambda c: table_streams(c.tables, c.run.kept.numbers)),
+    EntityFamily("data", streams=lambda c: table_streams(c.tables, c.run.resolved_accuracy.numbers)),
     EntityFamily("picture", streams=lambda c: picture_streams(c.picture, c.every), statics=lambda c: picture_statics(c.picture)),
     EntityFamily("lanes", statics=lambda c: lane_styles(c.run)),
     EntityFamily("legend", statics=lambda c: legend_shapes(c.picture, overlay_box(c.run, c.solids), c.run.scene.units)),
@@ -246,7 +246,7 @@ def _stated(run: Run) -> dict[str, Any]:
     """The settings that differ from their defaults, including those chosen for a target error."""
     if run.accuracy.target is None:
         return run.accuracy.changed
-    return {**run.kept.changed, "frames": run.motion.frames - 1}
+    return {**run.resolved_accuracy.changed, "frames": run.motion.frames - 1}
 
 
 def recorded_frames(run: Run) -> int:
@@ -260,7 +260,7 @@ def accuracy_words(run: Run) -> tuple[str, ...]:
     words = ", ".join(f"{name.replace('_', ' ')} {value:.1e}" for name, value in worst.items())
     lines = [f"estimated errors, relative: {words}"]
     if run.accuracy.target is not None:
-        lines += target_words(run)
+        lines += target_lines(run)
     return tuple(lines)
 
 
@@ -286,7 +286,7 @@ def notes(run: Run, solids: Solids, scales: Scales, stages: list[Stage], every: 
     lines += equation_table(run)
     lines += ["## Cost", "", "| stage | time [ms] |", "|---|---|"]
     lines += [f"| {s.name} | {1e3 * s.seconds:.1f} |" for s in stages]
-    length, per = scene.units.reads("m", small=True)
+    length, per = scene.units.display_unit("m", small=True)
     shown = []
     for value, si, what in (
         (scales.newtons_per_metre, "N", "of force per {} of an arrow"),
@@ -294,7 +294,7 @@ def notes(run: Run, solids: Solids, scales: Scales, stages: list[Stage], every: 
         (scales.mps_per_metre, "m/s", "of velocity per {} of an arrow"),
         (scales.mps2_per_metre, "m/s^2", "of acceleration per {} of an arrow"),
     ):
-        unit, factor = scene.units.reads(si)
+        unit, factor = scene.units.display_unit(si)
         shown.append((value * factor / per, f"{unit} {what.format('metre' if length == 'm' else length)}"))
     if run.forces is not None:
         lines += ["", *power_markdown(power_table(run.forces))]

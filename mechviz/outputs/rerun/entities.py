@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from mechcore.arrays import Integers, Real, Single
 from mechcore.records import dataclass
-from mechviz.accuracy.fit import plain_stride
+from mechviz.accuracy.fit import default_stride
 from mechviz.files import OutputError
 from mechviz.picture.proportions import about_z, in_space
 from mechviz.quantities.items import ItemTable, joint_unit
@@ -181,7 +181,7 @@ def _integers(values: Real) -> Integers:
 
 def picture_stride(run: Run) -> int:
     """The stride of frames with arrows: as the accuracy states, by default 1 up to 720 frames per cycle of the first drive."""
-    return run.kept.pictures or plain_stride(run.motion)
+    return run.resolved_accuracy.pictures or default_stride(run.motion)
 
 
 def table_streams(all_tables: list[ItemTable], numbers: str | None = None) -> Iterator[Stream]:

@@ -270,7 +270,7 @@ def legend_shapes(picture: Picture, around: Real, units: Units) -> Iterator[Stat
             per_metre = scales.per_metre(family)
             words, length = VECTOR_FAMILIES[family].label, LEGEND_LENGTH * size
             if family in pointing:
-                unit, factor = units.reads(VECTOR_FAMILIES[family].unit)
+                unit, factor = units.display_unit(VECTOR_FAMILIES[family].unit)
                 value = round_value(length * per_metre * factor)
                 length = value / (per_metre * factor)
                 words += f": {value:g} {unit}"

@@ -92,7 +92,7 @@ def _of_points(run: Run, points: list[tuple[str, str]]) -> list[Gathered]:
     gathered = []
     for k, (kind, letter, si) in enumerate((("position", "", "m"), ("velocity", "v", "m/s"), ("acceleration", "a", "m/s^2"))):
         if points:
-            unit, factor = run.scene.units.reads(si)
+            unit, factor = run.scene.units.display_unit(si)
             names = tuple(f"{point_name(*p)}.{letter}{axis} [{unit}]" for p in points for axis in "xy")
             values = factor * np.column_stack([run.motion.point(*p, k) for p in points])
             data = tuple((entity("data", "points", point_name(*p), kind), (True, True)) for p in points)
@@ -110,7 +110,7 @@ def _reduced(run: Run) -> list[Gathered]:
     gathered = []
     for name, r in run.studies.reduced.items():
         what, si = ("Reduced moment of inertia", "kg m^2") if r.point is None else ("Reduced mass", "kg")
-        unit, factor = run.scene.units.reads(si)
+        unit, factor = run.scene.units.display_unit(si)
         data = ((entity("data", "reduced", name), (True, False, False, False)),) if factor == 1.0 else ()
         view, values = f"{what} [{unit}], {name}", factor * r.mass[:, None]
         gathered.append(Gathered(("plots", "reduced", name), view, (f"{name} [{unit}]",), values, data))
@@ -123,7 +123,7 @@ def _shaking(run: Run) -> list[Gathered]:
     if before is None:
         return []
     both = [before] if after is None else [before, after]
-    unit, factor = run.scene.units.reads("N m")
+    unit, factor = run.scene.units.display_unit("N m")
     data = ((entity("data", "shaking"), (False, False, True)),) if after is None and factor == 1.0 else ()
     names = (f"shaking moment [{unit}]", f"with counterweights [{unit}]")[: len(both)]
     values = factor * np.column_stack([s.moment for s in both])
@@ -141,7 +141,7 @@ def _drawn_laws(run: Run) -> list[Gathered]:
     rated = {p.name: p for p in run.motion.mechanism.joints if isinstance(p, CamJoint) and p.name in _cams(run)}
     for name in (n for n, p in rated.items() if p.drawn is not None):
         drawn, exact = (run.numbers.tables["data", "cams", name, table] for table in ("graphical", "lift"))
-        unit, factor = run.scene.units.reads(exact.columns[2][1])
+        unit, factor = run.scene.units.display_unit(exact.columns[2][1])
         both = (entity("data", "cams", name, "graphical"), (False, False, True, False, False, False))
         data = (both, (entity("data", "cams", name, "lift"), (False, False, True))) if factor == 1.0 else ()
         values = factor * np.column_stack([drawn.values[:, 2], exact.values[:, 2]])
@@ -160,8 +160,8 @@ def _of_cams(run: Run) -> list[Gathered]:
     gathered, force = [], () if run.forces is None else (("contact", 2, "Contact force"),)
     for table, column, title in (("lift", 0, "Lift"), ("contact", 3, "Pressure angle"), *force, ("stress", 0, "Hertz pressure")):
         tables = {name: run.numbers.tables.get(("data", "cams", name, table)) for name in _cams(run)}
-        reads = run.scene.units.reads
-        curves = {name: (t.values[:, column], reads(t.columns[column][1])) for name, t in tables.items() if t is not None}
+        display_unit = run.scene.units.display_unit
+        curves = {name: (t.values[:, column], display_unit(t.columns[column][1])) for name, t in tables.items() if t is not None}
         if curves:
             units = {unit for _, (unit, _) in curves.values()}
             series = tuple(f"{name} [{unit}]" for name, (_, (unit, _)) in curves.items())
@@ -194,7 +194,7 @@ def _of_joints(run: Run, joints: list[JointInfo]) -> list[Gathered]:
     unit, noun, first = ("m", "Slider", "displacement") if sliding else ("rad", "Output" if turning else "Rocker", "angle")
     gathered = []
     for k, (kind, si) in enumerate(((first, unit), ("velocity", f"{unit}/s"), ("acceleration", f"{unit}/s²"))):
-        u, factor = run.scene.units.reads(si)
+        u, factor = run.scene.units.display_unit(si)
         own = len(joints) == 1 and factor == 1.0  # the data themselves are plotted
         data = ((entity("data", "joints", joints[0].name, "motion"), tuple(i == k for i in range(3))),) if own else ()
         values = factor * np.column_stack([motion[:, k] for motion in motions])
@@ -215,7 +215,7 @@ def _efforts(run: Run) -> list[Gathered]:
     for unit, path, name, si in (("rad", "torque", "Driving torque", "N m"), ("m", "force", "Driving force", "N")):
         joints = [d.joint for d in run.motion.mechanism.drives if joint_unit(run.motion, d.joint) == unit]
         if joints:
-            u, factor = run.scene.units.reads(si)
+            u, factor = run.scene.units.display_unit(si)
             values = factor * np.column_stack([forces.effort(p) for p in joints])
             own = len(joints) == 1 and factor == 1.0
             data = ((entity("data", "drive", joints[0]), (False, False, False, True, False)),) if own else ()
@@ -244,7 +244,7 @@ def _speeds(run: Run) -> list[Gathered]:
     for unit, path in (("rad", "angular speed"), ("m", "speed")):
         some = [p for p in joints if joint_unit(run.motion, p) == unit]
         if some:
-            u, factor = run.scene.units.reads(f"{unit}/s")
+            u, factor = run.scene.units.display_unit(f"{unit}/s")
             rates = factor * np.column_stack([run.motion.coordinate(p)[:, 1] for p in some])
             own = len(some) == 1 and factor == 1.0
             data = ((entity("data", "joints", some[0], "motion"), (False, True, False)),) if own else ()
@@ -258,7 +258,7 @@ def _gaps(run: Run) -> list[Gathered]:
     if not journals:
         return []
     apart = [j.radial - np.hypot(*(run.motion.coordinate(s)[:, 0] for s in j.slides)) for j in journals.values()]
-    unit, factor = run.scene.units.reads("m")
+    unit, factor = run.scene.units.display_unit("m")
     names = tuple(f"{p} [{unit}]" for p in journals)
     return [Gathered(("plots", "gap"), f"Gap in the bearing [{unit}]", names, factor * np.column_stack(apart))]
 
@@ -268,7 +268,7 @@ def reaction_outputs(run: Run) -> list[Output]:
     names = [j.name for j in joints_of(run.motion)]
     if run.forces is None or not names:
         return []
-    sizes, (unit, _) = _reactions(run), run.scene.units.reads("N")
+    sizes, (unit, _) = _reactions(run), run.scene.units.display_unit("N")
     parts = [range(k, min(k + MOST_REACTIONS, len(names))) for k in range(0, len(names), MOST_REACTIONS)]
     return [
         Output(
@@ -284,7 +284,7 @@ def reaction_outputs(run: Run) -> list[Output]:
 
 def _reactions(run: Run) -> Real:
     assert run.forces is not None
-    _, factor = run.scene.units.reads("N")
+    _, factor = run.scene.units.display_unit("N")
     return factor * np.column_stack([np.hypot(*run.forces.reaction(j.name)[:, :2].T) for j in joints_of(run.motion)])
 
 
@@ -299,8 +299,8 @@ def health_outputs(run: Run) -> list[Output]:
 
 
 def _closures(run: Run) -> Gathered:
-    reads = {name: run.scene.units.reads(si, small=True) for name, si in HEALTH_UNITS.items()}
-    units, factors = zip(*reads.values(), strict=True)
+    display = {name: run.scene.units.display_unit(si, small=True) for name, si in HEALTH_UNITS.items()}
+    units, factors = zip(*display.values(), strict=True)
     values = np.column_stack([run.numbers.tables["health", name].values for name in HEALTH_UNITS]) * factors
     data = tuple((entity("health", name), ()) for name in HEALTH_UNITS) if set(factors) == {1.0} else ()
     names = tuple(f"{name.replace('_', ' ')} [{unit}]" for name, unit in zip(HEALTH_UNITS, units, strict=True))
@@ -352,7 +352,7 @@ def plot_styles(run: Run, all_tables: list[ItemTable]) -> Iterator[Static]:
     for gathered in _gathered(run):
         effort = gathered.path[-1] in ("torque", "force")  # green first, like the arrows
         yield Static(entity(*gathered.path), style(list(gathered.names), 2 if effort else 0))
-    names = [f"{j.name} [{run.scene.units.reads('N')[0]}]" for j in joints_of(run.motion)]
+    names = [f"{j.name} [{run.scene.units.display_unit('N')[0]}]" for j in joints_of(run.motion)]
     for output in reaction_outputs(run):
         assert output.values is not None
         count = output.values.shape[1]

@@ -18,7 +18,7 @@ from mechviz.files import open_regular, plain_name
 from mechviz.outputs.rerun.contract import Properties, faults_of, missing_tables, needed_tables, read_properties
 from mechviz.outputs.rerun.entities import APPLICATION_ID, RecordingError, entity
 from mechviz.outputs.rerun.rerun_adapter import FILE_MAGIC, DamageError, application_of, check_readable, chunks_in, entity_of
-from mechviz.quantities.items import read_between
+from mechviz.quantities.items import interpolate_table
 from mechviz.scene.folder import SceneFolder
 from mechviz.scene.scene import Scene, loads
 
@@ -269,7 +269,7 @@ class Recording:
             return self.scalars(*path)[1] if self.has(*path) else None
 
         time = np.asarray(1e-9 * self.rows(*parts, component="Scalars:scalars").time, float)
-        return read_between(parts, time, values, np.atleast_1d(times), self.said.interpolation)
+        return interpolate_table(parts, time, values, np.atleast_1d(times), self.said.interpolation)
 
     def rows(self, *parts: str, component: str) -> ComponentRows:
         """All rows of a component such as ``Transform3D:translation``; raises KeyError if there are none."""

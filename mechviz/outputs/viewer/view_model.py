@@ -132,9 +132,9 @@ class ViewModel:
     def drives(self) -> tuple[DriveCoordinate, ...]:
         ways = []
         for name in self.numbers.drives:
-            slides = self.numbers.slides(name)
+            slides = self.numbers.is_sliding(name)
             si = "m" if slides else "rad"
-            unit, factor = self.units.reads(si)
+            unit, factor = self.units.display_unit(si)
             ways.append(DriveCoordinate(name, slides, factor * self.catalogue.coordinate(name), unit, self.units.decimals(si)))
         return tuple(ways)
 
@@ -161,7 +161,7 @@ class ViewModel:
     @property
     def opening(self) -> int:
         """The frame to open at."""
-        return self.catalogue.opening if self.opens_at is None else self.opens_at
+        return self.catalogue.opening_frame if self.opens_at is None else self.opens_at
 
     @property
     def quantities(self) -> tuple[Quantity, ...]:
@@ -174,7 +174,7 @@ class ViewModel:
     @property
     def first(self) -> tuple[Quantity, ...]:
         """Quantities that are plotted when the viewer opens."""
-        return self.catalogue.first
+        return self.catalogue.initial_quantities
 
     @property
     def health(self) -> tuple[Health, ...]:

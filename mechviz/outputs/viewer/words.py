@@ -156,7 +156,7 @@ def contributions(items: Iterable[Contribution], effort: str, units: Units) -> s
     """A table: by how much each effect changes the peak of the ``effort`` (a drive torque, a drive force or a reaction), and its
     computing time; below it, why a contribution is not known."""
     items = list(items)
-    unit, factor = units.reads("N m" if effort.endswith("torque") else "N")
+    unit, factor = units.display_unit("N m" if effort.endswith("torque") else "N")
     rows = []
     for item in items:
         known = np.isfinite([item.peak_with, item.peak_without]).all()
@@ -245,9 +245,9 @@ def _position(drive: DriveCoordinate, frame: int) -> str:
 
 def scale(units: Units, si: str, per_metre: float, size: float) -> str:
     """The scale of a drawing, as a round value and its drawn length, "Scale: 500 N = 41 mm"; ``per_metre`` [``si`` per m]."""
-    unit, factor = units.reads(si)
+    unit, factor = units.display_unit(si)
     value = round_value(LEGEND_ARROW * size * per_metre * factor)
-    long, metre = units.reads("m")
+    long, metre = units.display_unit("m")
     length = f"{number(float(f'{value / factor / per_metre * metre:.3g}'))} {long}"
     for big, small in (("kN", "N"), ("km/s²", "m/s²")):
         if unit == small and value >= 1000.0:

@@ -220,7 +220,7 @@ def start_turn(measure: Measure, quantity: Quantity, run: Run) -> StartTurn:
             links = next((list(c.links) for c in motion.model.connections if c.name == joint), links)
     if not quantity.key.endswith(".angle") or len({start.stated[link] for link in links}) == 1:
         return OWN_TURNS
-    turn = TURN * run.scene.units.reads("rad")[1]
+    turn = TURN * run.scene.units.display_unit("rad")[1]
     return StartTurn(turn, float(quantity.values()[0, measure.column(quantity)]))
 
 

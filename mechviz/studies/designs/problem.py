@@ -55,7 +55,7 @@ class FourBarLoop:
 
     def margins(self, scene: Scene, variables: Sequence[Variable], designs: Real) -> Real:
         """Margins (D,) of designs (D, n), in the scene's display unit of lengths; the designs are in the units of the variables."""
-        _, factor = scene.units.reads("m")
+        _, factor = scene.units.display_unit("m")
         values = {v.name: v.factor * designs[:, k] for k, v in enumerate(variables)}
         document = scene.document
         if all(_known(place) for place in document.formulas if place[0] == "links"):
@@ -358,7 +358,7 @@ def _problem(scene: Scene, goal: GoalDocument, frames: int | None, cycles: int |
         wanted = np.array([_in_unit(x, unit, "goal.follow.values") for x in follow.values])
         terms.append(_following(follow.quantity, unit, followed, wanted, study.turns[followed[0]]))
     if along is not None:
-        title, unit, through = f"distance of {along.point}", scene.units.reads("m")[0], np.array(along.through, float)
+        title, unit, through = f"distance of {along.point}", scene.units.display_unit("m")[0], np.array(along.through, float)
         x, y = axes
         terms.append(
             _passing(title, unit, (x[0], y[0]), through) if along.drive is None else _meeting(title, unit, (x, y), through)
@@ -381,7 +381,7 @@ def _problem(scene: Scene, goal: GoalDocument, frames: int | None, cycles: int |
         raise MechanismError(faults)
     for loop in [] if goal.grashof is None else four_bar_loops(study.nominal, goal.grashof):
         text = f"Grashof {loop.name}" + (f", {loop.type}" if loop.type != "any" else "")
-        unit, factor = scene.units.reads("m")
+        unit, factor = scene.units.display_unit("m")
         size = float(np.mean(loop.lengths(scene.mechanism))) * factor
         limits.append(Limit(text, unit, -1, GRASHOF_MARGIN * size, np.inf, size, loop))
     return Problem(stated, study, variables, tuple(terms), tuple(limits))

@@ -133,7 +133,7 @@ def test_a_falsified_motion_is_found_out():
         false = falsified(run.simulation, part)  # its windows no longer fit together
         truth = np.abs(false(t)[0] - run.simulation(t)[0]).max()
         assert truth > 1e-5 * part
-        assert 0.1 < integration_error(false, t, run.again)[-1] / truth < 10.0
+        assert 0.1 < integration_error(false, t, run.resimulate)[-1] / truth < 10.0
 
 
 def test_companion_is_not_marched(monkeypatch):
@@ -142,14 +142,14 @@ def test_companion_is_not_marched(monkeypatch):
     calls, plain = [], Integrator.run
     monkeypatch.setattr(Integrator, "run", lambda *a: calls.append(a) or plain(*a))
     for run in runs:
-        assert np.isfinite(integration_error(run.simulation, run.motion.time, run.again)).all()
+        assert np.isfinite(integration_error(run.simulation, run.motion.time, run.resimulate)).all()
     assert not calls
 
 
 def test_same_events_and_pieces():
     """Against the same tolerance without the motion that it is like: events, times, impacts."""
     run = run_scene(load("toggle-press-stop"), outputs=())
-    one, other = run.again(1e-11), run.again(1e-11, None, run.simulation)
+    one, other = run.resimulate(1e-11), run.resimulate(1e-11, None, run.simulation)
     assert [(h.kind, h.item) for h in one.events] == [(h.kind, h.item) for h in other.events]
     times = np.array([[h.time for h in x.events] for x in (one, other)])
     assert np.abs(times[0] - times[1]).max() < 1e-10

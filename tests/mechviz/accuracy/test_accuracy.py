@@ -22,8 +22,8 @@ from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
 from mechcore.numerics.interpolation import between, differentiate
 from mechviz.accuracy import fit as fit_module
 from mechviz.accuracy.estimate import integration_error, interpolation_error
-from mechviz.accuracy.fit import achieved, fit_frames, provider, stand_out, target_words
-from mechviz.accuracy.quantities import CheckedQuantity, Passage, passages_of, quantities, size_at
+from mechviz.accuracy.fit import fit_frames, is_outlier, measure_fit, quantity_function, target_lines
+from mechviz.accuracy.quantities import CheckedQuantity, Passage, passages_of, pole_size, quantities
 from mechviz.hard_cases.dynamics import SQUEEZED
 from mechviz.runs import run_scene
 from mechviz.scene.faults import SceneError
@@ -188,7 +188,7 @@ def test_what_is_recorded_has_the_digits_and_frames_that_are_asked(tmp_path):
             assert np.array_equal(values, run.motion.pose("rocker"))
     assert sizes[1] < 0.7 * sizes[0]
     computed = {p.item: p.value for p in inspect(tmp_path / "full.rrd").health}
-    assert computed["estimated error: between frames"] == pytest.approx(np.nanmax(full.errors.between))
+    assert computed["estimated error: between frames"] == pytest.approx(np.nanmax(full.errors.interpolation))
     assert 0.0 < computed["estimated error: position"] < 1e-13
 
 
@@ -256,9 +256,9 @@ def test_interpolation_has_its_order(order, rates):
 
 def test_intervals_with_a_jump_stand_out():
     errors = 1e-6 * (1.5 + np.sin(np.linspace(0.0, 6.0, 200)))
-    assert not stand_out(errors).any()
+    assert not is_outlier(errors).any()
     errors[80] = 0.3
-    assert list(np.flatnonzero(stand_out(errors))) == [80]
+    assert list(np.flatnonzero(is_outlier(errors))) == [80]
 
 
 @pytest.mark.sample(6)
@@ -276,8 +276,8 @@ def test_the_wanted_error_is_reached_and_not_far_undercut(name, target):
 def test_a_jump_is_counted_and_named():
     run = run_scene(load("cam-roller"), accuracy=1e-4)
     assert run.fit.error <= 1e-4 and run.fit.jumps > 0
-    assert np.nanmax(run.errors.between) > 1e-3, "the estimate does not leave it out"
-    assert run.fit.there > 1e-3 and f"up to {run.fit.there:.1e} of the peak is left there" in target_words(run)[0]
+    assert np.nanmax(run.errors.interpolation) > 1e-3, "the estimate does not leave it out"
+    assert run.fit.jump_error > 1e-3 and f"up to {run.fit.jump_error:.1e} of the peak is left there" in target_lines(run)[0]
 
 
 @pytest.mark.parametrize(
@@ -295,27 +295,27 @@ def test_more_frames_resolve_a_bend_and_not_a_jump(extra, reached, jumps, monkey
     def at(t):
         return [CheckedQuantity("x", "position", (np.sin(6.0 * t) + extra(t))[:, None], 1.0)]
 
-    monkeypatch.setattr(fit_module, "provider", lambda *_: at)
+    monkeypatch.setattr(fit_module, "quantity_function", lambda *_: at)
     monkeypatch.setattr(fit_module, "duration", lambda *_: 1.0)
     fit = fit_frames(types.SimpleNamespace(cycles=1, mechanism=load("crank-rocker").mechanism), accuracy_for(1e-5, interpolation=3))
-    assert fit.error <= 1e-5 and (fit.there <= 1e-5) == reached and fit.left_out <= 0.1
+    assert fit.error <= 1e-5 and (fit.jump_error <= 1e-5) == reached and fit.left_out <= 0.1
     assert fit.jumps == jumps and fit.frames < 3000
     if not reached:
-        assert fit.there == pytest.approx(0.15, rel=0.1)
+        assert fit.jump_error == pytest.approx(0.15, rel=0.1)
 
 
 def test_a_motion_whose_rounding_grows_beyond_the_wanted_error_says_so(monkeypatch):
     run = run_scene(load("andrews-squeezer"), frames=100, accuracy=1e-6)
-    assert target_words(run)[1].startswith("motion under forces: within")
+    assert target_lines(run)[1].startswith("motion under forces: within")
     monkeypatch.setattr(fit_module, "integration_error", lambda *_: np.array([3e-5]))
-    assert target_words(run)[1].startswith("warning: motion under forces: about 3.0e-05 is left")
-    assert target_words(dataclasses.replace(run, again=None))[1].startswith("warning: motion under forces: no second run")
+    assert target_lines(run)[1].startswith("warning: motion under forces: about 3.0e-05 is left")
+    assert target_lines(dataclasses.replace(run, resimulate=None))[1].startswith("warning: motion under forces: no second run")
 
 
 def test_what_a_motion_is_compared_with_is_made_once_and_goes_with_its_run():
     """Both were kept for four runs more, which were hundreds of megabytes of long motions."""
     run, made = run_scene(load("swinging-double-pendulum"), frames=8), []
-    simulate, judged = run.again, weakref.ref(run.simulation)
+    simulate, judged = run.resimulate, weakref.ref(run.simulation)
 
     def again(*args: object) -> Simulation:
         made.append(weakref.ref(companion := simulate(*args)))
@@ -338,7 +338,7 @@ def test_motion_under_forces_within_the_wanted_error(target):
     assert abs(run.simulation([0.03])[0][0, 0] - SQUEEZED[0]) <= target
     t = np.linspace(0.0, 0.03, 65)
     truth = np.abs(run.simulation(t)[0] - simulate(run.compiled, 0.03, method="energy")(t)[0]).max()
-    said = integration_error(run.simulation, t, run.again).max()
+    said = integration_error(run.simulation, t, run.resimulate).max()
     assert truth <= target and 0.1 < max(said, 1e-12) / max(truth, 1e-12) < 10.0
 
 
@@ -372,13 +372,13 @@ def test_positions_in_extended_precision_are_better():
 
 
 def test_the_estimate_between_frames_falls_with_the_frames():
-    scene, at = load("crank-rocker"), provider(load("crank-rocker"), DEFAULT)
+    scene, at = load("crank-rocker"), quantity_function(load("crank-rocker"), DEFAULT)
     for order in (0, 1, 3, 5):
         said = []
         for frames in (90, 180):
             run = run_scene(scene, frames=frames)
             said.append(np.nanmax(interpolation_error(quantities(run.motion, None), run.motion.time, order)))
-            true = achieved(at, 1.0, frames, order).error
+            true = measure_fit(at, 1.0, frames, order).error
             assert 0.3 < said[-1] / true < 4.0
         assert np.log2(said[0] / said[1]) > order + 0.4
 
@@ -386,8 +386,8 @@ def test_the_estimate_between_frames_falls_with_the_frames():
 def test_fit_is_the_least_number_of_frames():
     scene, settings = load("crank-rocker"), accuracy_for(1e-5)
     fit = fit_frames(scene, settings)
-    at = provider(scene, settings)
-    assert achieved(at, 1.0, fit.frames, 3).error <= 1e-5 < achieved(at, 1.0, int(0.6 * fit.frames), 3).error
+    at = quantity_function(scene, settings)
+    assert measure_fit(at, 1.0, fit.frames, 3).error <= 1e-5 < measure_fit(at, 1.0, int(0.6 * fit.frames), 3).error
 
 
 def test_a_number_of_a_few_is_told_with_those_that_are_known():
@@ -404,10 +404,10 @@ def test_a_pole_between_frames_is_told_as_large_as_it_is_beside_it(share):
     passage = Passage(5, share)
     for strength in (1.0, -3.0):
         values = (strength / x + 0.7 + 0.2 * x)[:, None]
-        said = size_at(passage, CheckedQuantity("reaction A", "reaction", values, 2.0))
+        said = pole_size(passage, CheckedQuantity("reaction A", "reaction", values, 2.0))
         assert said == pytest.approx(abs(strength) / 0.01 / 2.0, rel=0.1)
     for values in (0.7 + 0.2 * x, np.sin(x), x**3, 1e-5 / x + 1.0):
-        assert size_at(passage, CheckedQuantity("reaction A", "reaction", values[:, None], 1.0)) == 0.0
+        assert pole_size(passage, CheckedQuantity("reaction A", "reaction", values[:, None], 1.0)) == 0.0
 
 
 def test_poles_are_where_bars_come_into_line():
@@ -418,10 +418,10 @@ def test_poles_are_where_bars_come_into_line():
     turns = np.flatnonzero(np.diff(np.floor(angle / np.pi)) != 0)
     assert len(turns) == 8 and sorted({p.frame for p in passages}) == list(turns)
     k = int(turns[0])
-    share = next(p.share for p in passages if p.frame == k)
+    share = next(p.fraction for p in passages if p.frame == k)
     there = run.motion.time[k] + share * (run.motion.time[k + 1] - run.motion.time[k])
     assert abs(np.sin(run.simulation([there])[0][0, 0])) < 1e-3
-    assert run.errors.between[k] > 10.0 > 100.0 * np.median(run.errors.between)
+    assert run.errors.interpolation[k] > 10.0 > 100.0 * np.median(run.errors.interpolation)
 
 
 def test_rounding_next_to_a_change_point_does_not_fall_with_the_number_of_frames():

@@ -296,7 +296,9 @@ def test_picking_a_point_in_the_viewer_applies_it(monkeypatch):
         assert timeline.slider.value == 16 and timeline.slider.max == 128
         viewer.inspector.settle()
         assert [(p.options["frames"], p.method) for p in tab._points if p.current] == [(128, "quintics")], "the ring has moved"
-        assert f"between frames {np.nanmax(viewer.run.errors.between):.1e}" in tab.errors.content, "it says so of the present run"
+        assert f"between frames {np.nanmax(viewer.run.errors.interpolation):.1e}" in tab.errors.content, (
+            "it says so of the present run"
+        )
         viewer.session.undo()
         assert viewer.session.wait()
         assert viewer.run.accuracy.interpolation == 3
@@ -304,7 +306,9 @@ def test_picking_a_point_in_the_viewer_applies_it(monkeypatch):
         tab._want("1e-6")
         assert viewer.session.wait()
         assert (
-            viewer.run.scene.accuracy.target == 1e-6 and viewer.run.scene.frames == 265 and viewer.run.errors.between.max() < 1e-6
+            viewer.run.scene.accuracy.target == 1e-6
+            and viewer.run.scene.frames == 265
+            and viewer.run.errors.interpolation.max() < 1e-6
         )
 
 

@@ -13,14 +13,14 @@ from typer.testing import CliRunner
 from mechcore.accuracy import Accuracy, accuracy_for
 from mechcore.errors import MechanismError
 from mechviz.accuracy import fit as fit_module
-from mechviz.accuracy.fit import FINEST_CHORD, profile_away, provider, target_words
+from mechviz.accuracy.fit import FINEST_CHORD, profile_deviation, quantity_function, target_lines
 from mechviz.commands.main import app
 from mechviz.meshes.kinds import cam_profiles as profiles
 from mechviz.outputs.exports.tables import even_times, wide_table
 from mechviz.outputs.rerun.reader import Recording
 from mechviz.outputs.rerun.writer import write_recording
 from mechviz.picture.build import solids_of
-from mechviz.quantities.items import read_between, slopes_of
+from mechviz.quantities.items import derivative_paths, interpolate_table
 from mechviz.runs import run_scene
 from mechviz.scene.builder import SceneBuilder
 from mechviz.scene.scene import Scene, load
@@ -36,11 +36,11 @@ def random_times(run, seed):
 def test_recorded_numbers_are_within_the_target_between_the_frames(target, digits, tmp_path):
     """Read back from the file at random times, against the motion itself: at most the target, and not far below."""
     run = run_scene(load("crank-rocker"), accuracy=target)
-    assert run.kept.numbers == digits
+    assert run.resolved_accuracy.numbers == digits
     write_recording(run, tmp_path / "a.rrd")
     recording = Recording(tmp_path / "a.rrd")
     t = random_times(run, 5)
-    truth = {q.name: q for q in provider(run.scene, run.accuracy)(t)}
+    truth = {q.name: q for q in quantity_function(run.scene, run.accuracy)(t)}
     worst = 0.0
     for link in ("crank", "coupler", "rocker"):
         for what, kind in (("pose", "{}"), ("velocity", "velocity of {} ({})"), ("acceleration", "acceleration of {} ({})")):
@@ -54,12 +54,16 @@ def test_recorded_numbers_are_within_the_target_between_the_frames(target, digit
 
 def test_digits_that_balances_need_are_kept_and_long_turns_are_not_rounded():
     forces = run_scene(load("slider-crank-compressor"), accuracy=1e-2)
-    assert forces.forces is not None and forces.kept.numbers == "float64"
-    assert run_scene(load("crank-rocker"), accuracy=1e-5).kept.numbers == "float32"
-    assert run_scene(load("crank-rocker"), cycles=100, frames=1000, accuracy=1e-5).kept.numbers == "float64", "angles of 600 rad"
+    assert forces.forces is not None and forces.resolved_accuracy.numbers == "float64"
+    assert run_scene(load("crank-rocker"), accuracy=1e-5).resolved_accuracy.numbers == "float32"
+    assert run_scene(load("crank-rocker"), cycles=100, frames=1000, accuracy=1e-5).resolved_accuracy.numbers == "float64", (
+        "angles of 600 rad"
+    )
     stated = run_scene(load("crank-rocker"), frames=50, accuracy=accuracy_for(1e-2, numbers="float64"))
-    assert stated.kept.numbers == "float64"
-    assert run_scene(load("crank-rocker"), frames=50).kept == dataclasses.replace(Accuracy(), profile=1080, numbers="float64")
+    assert stated.resolved_accuracy.numbers == "float64"
+    assert run_scene(load("crank-rocker"), frames=50).resolved_accuracy == dataclasses.replace(
+        Accuracy(), profile=1080, numbers="float64"
+    )
 
 
 # -- meshes --------------------------------------------------------------------------------------------------------------------
@@ -83,7 +87,7 @@ def test_pins_are_within_the_target_of_circles(target):
             worst = max(worst, float(np.max(radius[a] - middle)))
             largest = max(largest, float(radius.max()))
     assert 0.0 < worst <= target * size
-    assert run.kept.chord == pytest.approx(target * size)
+    assert run.resolved_accuracy.chord == pytest.approx(target * size)
     count = np.pi / np.arccos(1.0 - worst / largest)
     assert count <= 24.5 or worst > 0.02 * target * size, "no finer than the largest circle of the mechanism needs"
 
@@ -103,15 +107,15 @@ def test_profiles_are_within_the_target_of_the_cam(target, monkeypatch):
     size = run.motion.model.length_scale
     assert 0.0 < away <= target * size
     assert away >= 0.3 * target * size or len(drawn[-1]) <= 180
-    assert profile_away(placed.contour, len(drawn[-1])) == pytest.approx(away, rel=0.1)
+    assert profile_deviation(placed.contour, len(drawn[-1])) == pytest.approx(away, rel=0.1)
 
 
 def test_meshes_get_no_finer_than_can_be_seen_and_say_so():
     run = run_scene(load("crank-rocker"), accuracy=1e-8)
-    assert run.kept.chord == pytest.approx(FINEST_CHORD * run.motion.model.length_scale)
-    assert "no finer than 1e-05 of the size" in target_words(run)[-1]
+    assert run.resolved_accuracy.chord == pytest.approx(FINEST_CHORD * run.motion.model.length_scale)
+    assert "no finer than 1e-05 of the size" in target_lines(run)[-1]
     stated = run_scene(load("crank-rocker"), accuracy=accuracy_for(1e-8, chord=1e-4))
-    assert stated.kept.chord == 1e-4
+    assert stated.resolved_accuracy.chord == 1e-4
 
 
 # -- pictures ------------------------------------------------------------------------------------------------------------------
@@ -120,7 +124,7 @@ def test_arrows_between_drawn_frames_are_within_the_target(target, tmp_path, mon
     """Arrows of a recording with far more frames than needed, joined by straight lines, against its numbers at all frames."""
     monkeypatch.setattr(fit_module, "PICTURES_A_CYCLE", 45)
     run = run_scene(load("ten-link-forces"), frames=1440, accuracy=target)
-    stride = run.kept.pictures
+    stride = run.resolved_accuracy.pictures
     assert stride > 1 and 1440 % stride == 0
     write_recording(run, tmp_path / "a.rrd")
     recording = Recording(tmp_path / "a.rrd")
@@ -138,10 +142,12 @@ def test_arrows_between_drawn_frames_are_within_the_target(target, tmp_path, mon
         worst = max(worst, float(np.abs(drawn - numbers[:, :2]).max() / np.abs(numbers[:, :2]).max()))
     assert 0.02 * target < worst <= target + 2e-7, "arrows are float32"
     monkeypatch.undo()
-    assert dataclasses.replace(run, accuracy=accuracy_for(1e-1)).kept.pictures == 2, "as many as without a target, at least"
+    assert dataclasses.replace(run, accuracy=accuracy_for(1e-1)).resolved_accuracy.pictures == 2, (
+        "as many as without a target, at least"
+    )
     finer = dataclasses.replace(run, accuracy=accuracy_for(1e-9))
-    assert finer.kept.pictures == 1
-    assert dataclasses.replace(run, accuracy=accuracy_for(target, pictures=5)).kept.pictures == 5
+    assert finer.resolved_accuracy.pictures == 1
+    assert dataclasses.replace(run, accuracy=accuracy_for(target, pictures=5)).resolved_accuracy.pictures == 5
 
 
 # -- frames --------------------------------------------------------------------------------------------------------------------
@@ -150,19 +156,19 @@ def test_a_target_that_needs_too_many_frames_is_named(monkeypatch, capsys):
     monkeypatch.setattr(fit_module, "MOST_FRAMES_FITTED", 300)
     run = run_scene(load("crank-rocker"), accuracy=accuracy_for(1e-8, interpolation=1))
     assert run.fit.frames == 300 and run.fit.error > 1e-8
-    (words, _) = target_words(run)
+    (words, _) = target_lines(run)
     assert words.startswith("warning: accuracy 1e-08") and "not reached" in words and "quintic" in words
     # the error of straight lines falls with the square of the frames
-    assert run.fit.needed == pytest.approx(300 * (run.fit.error / 0.9e-8) ** 0.5, rel=0.1)
+    assert run.fit.needed_frames == pytest.approx(300 * (run.fit.error / 0.9e-8) ** 0.5, rel=0.1)
     monkeypatch.undo()
     enough = run_scene(load("crank-rocker"), accuracy=accuracy_for(1e-8, interpolation=1))
-    assert enough.fit.error <= 1e-8 and enough.fit.frames < 1.2 * run.fit.needed and enough.fit.needed is None
+    assert enough.fit.error <= 1e-8 and enough.fit.frames < 1.2 * run.fit.needed_frames and enough.fit.needed_frames is None
 
 
 def test_stated_frames_that_do_not_reach_the_target_are_named():
     stated = run_scene(load("crank-rocker"), frames=60, accuracy=1e-9)
-    assert target_words(stated)[0].startswith("warning: accuracy 1e-09 with the 60 frames that are stated")
-    assert "reached between the frames" in target_words(run_scene(load("crank-rocker"), frames=720, accuracy=1e-6))[0]
+    assert target_lines(stated)[0].startswith("warning: accuracy 1e-09 with the 60 frames that are stated")
+    assert "reached between the frames" in target_lines(run_scene(load("crank-rocker"), frames=720, accuracy=1e-6))[0]
     told = CliRunner().invoke(app, ["forces", "slider-crank-compressor", "--frames", "60", "--accuracy", "1e-9"])
     assert told.exit_code == 0 and "warning: accuracy 1e-09" in told.stderr
 
@@ -174,17 +180,17 @@ def test_numbers_between_frames_use_the_recorded_rates():
     t = np.linspace(0.0, 2.0, 57)
     path = ("data", "joints", "A", "motion")
     table = np.column_stack([time**5, 5 * time**4, 20 * time**3])
-    frames = read_between(path, time, {path: table}.get, t, 5)
+    frames = interpolate_table(path, time, {path: table}.get, t, 5)
     assert np.abs(frames - np.column_stack([t**5, 5 * t**4, 20 * t**3])).max() < 1e-11
     pose, velocity = ("data", "links", "a", "pose"), ("data", "links", "a", "velocity")
     tables = {pose: np.tile(time[:, None] ** 3, 3), velocity: np.tile(3 * time[:, None] ** 2, 3)}
-    assert slopes_of(pose) == (velocity, ("data", "links", "a", "acceleration"))
-    assert np.abs(read_between(pose, time, tables.get, t, 3) - t[:, None] ** 3).max() < 1e-13
-    assert np.abs(read_between(pose, time, tables.get, t, 1) - t[:, None] ** 3).max() > 1e-3
+    assert derivative_paths(pose) == (velocity, ("data", "links", "a", "acceleration"))
+    assert np.abs(interpolate_table(pose, time, tables.get, t, 3) - t[:, None] ** 3).max() < 1e-13
+    assert np.abs(interpolate_table(pose, time, tables.get, t, 1) - t[:, None] ** 3).max() > 1e-3
     wrench = ("data", "drive", "A", "wrench")
-    assert np.abs(read_between(wrench, time, {wrench: table}.get, t, 1)[:, 0] - np.interp(t, time, table[:, 0])).max() < 1e-13
+    assert np.abs(interpolate_table(wrench, time, {wrench: table}.get, t, 1)[:, 0] - np.interp(t, time, table[:, 0])).max() < 1e-13
     with pytest.raises(KeyError, match="/data/links/b/pose"):
-        read_between(("data", "links", "b", "pose"), time, tables.get, t, 3)
+        interpolate_table(("data", "links", "b", "pose"), time, tables.get, t, 3)
 
 
 @pytest.mark.parametrize(("words", "order"), [("hold", 0), ("linear", 1), ("cubic", 3), ("quintic", 5)])
@@ -193,7 +199,7 @@ def test_a_recording_is_read_by_the_interpolation_of_its_scene(words, order, tmp
     recording = Recording(write_recording(run, tmp_path / "a.rrd").path)
     assert recording.said.interpolation == order
     path, t = ("data", "links", "rocker", "pose"), random_times(run, 1)
-    read = read_between(path, run.motion.time, lambda path: run.numbers.values(*path), t, order)
+    read = interpolate_table(path, run.motion.time, lambda path: run.numbers.values(*path), t, order)
     assert np.abs(recording.at(t, *path) - read).max() < 1e-8
 
 

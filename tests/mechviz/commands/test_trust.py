@@ -184,10 +184,10 @@ def test_a_motion_of_very_many_windows_is_told_once_while_it_begins(monkeypatch)
     assert "100 windows led to" in words
     told.clear()
     run = run_scene(changed("swinging-double-pendulum"), warn=told.append)
-    assert not told and run.again is not None
+    assert not told and run.resimulate is not None
     monkeypatch.setattr(sys.modules["mechcore.dynamics.simulate"], "QUIET_SECONDS", -1.0)
     for tolerance in (1e-11, 1e-12):  # as an error estimate asks for, which may take much longer than the run itself
-        run.again(tolerance)
+        run.resimulate(tolerance)
     (words,) = told
     assert "it goes on for about" in words
 

@@ -181,7 +181,7 @@ def test_a_recording_holds_its_units_and_data_in_si_units(system):
     _, lifts = read.scalars("data", "cams", "K", "lift")
     np.testing.assert_allclose(lifts, usual.numbers.tables["data", "cams", "K", "lift"].values, rtol=1e-9, atol=1e-12)
     rows = read.rows("plots", "lift", component="Scalars:scalars")
-    unit, times = read.said.units.reads("m")
+    unit, times = read.said.units.display_unit("m")
     assert read.static("plots", "lift", component="SeriesLines:names") == [f"K [{unit}]"]
     np.testing.assert_allclose(rows.values.reshape(-1), times * lifts[:, 0], rtol=1e-12, atol=1e-12)
 
@@ -198,11 +198,13 @@ def test_a_recording_that_does_not_state_its_units_shows_millimetres_and_degrees
 
 
 def test_the_units_that_people_read():
-    read = {si: MILLIMETRES.reads(si)[0] for si in ("m", "rad", "m/s", "rad/s^2", "N", "N m", "Pa", "1/m", "kg m^2", "1", "")}
+    read = {
+        si: MILLIMETRES.display_unit(si)[0] for si in ("m", "rad", "m/s", "rad/s^2", "N", "N m", "Pa", "1/m", "kg m^2", "1", "")
+    }
     assert list(read.values()) == ["mm", "°", "m/s", "rad/s²", "N", "N m", "MPa", "1/m", "kg m²", "1", ""]
-    read = {si: Units(**INCHES).reads(si)[0] for si in read}
+    read = {si: Units(**INCHES).display_unit(si)[0] for si in read}
     assert list(read.values()) == ["in", "°", "in/s", "rad/s²", "lbf", "lbf in", "lbf/in²", "1/in", "lb in²", "1", ""]
-    assert [Units(length="um", torque="N mm").reads(si)[0] for si in ("m", "m/s", "N m")] == ["µm", "m/s", "N mm"]
+    assert [Units(length="um", torque="N mm").display_unit(si)[0] for si in ("m", "m/s", "N m")] == ["µm", "m/s", "N mm"]
     assert Units(length="in").text(0.0254, "m") == "1 in" and MILLIMETRES.text(np.pi, "rad") == "180°"
     assert [u.decimals("m") for u in (MILLIMETRES, Units(), Units(length="in"), Units(length="um"))] == [2, 5, 3, 2]
 

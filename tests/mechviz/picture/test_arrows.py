@@ -79,7 +79,7 @@ def test_numbers_that_are_not_kept_make_the_same_tables_and_picture(name, monkey
     monkeypatch.setattr(tables, "MOST_KEPT", 0)
     thrifty = replace(m.run)  # has no numbers yet
     table = thrifty.numbers.tables["data", "joints", next(iter(thrifty.numbers.joints)), "reaction"]
-    assert not thrifty.numbers.kept and table.values is not table.values, "else this run keeps what it computes"
+    assert not thrifty.numbers.cached and table.values is not table.values, "else this run keeps what it computes"
     for path, kept in m.run.numbers.tables.items():
         np.testing.assert_array_equal(thrifty.numbers.tables[path].values, kept.values)
     picture, other = picture_of(m.run, m.solids), picture_of(thrifty, m.solids)

@@ -107,11 +107,11 @@ def the_catalogue_is_that_of_the_run(m: Made) -> None:
         values = q.values()
         assert values.shape == (m.run.motion.frames, len(q.curves)), q.key
         np.testing.assert_array_equal(recording[q.key].values(), values, err_msg=q.key)
-    assert [q.key for q in recording.first] == [q.key for q in run.first]
+    assert [q.key for q in recording.initial_quantities] == [q.key for q in run.initial_quantities]
     assert [a.title for a in recording.axes] == [a.title for a in run.axes]
     assert [h.name for h in recording.health] == [h.name for h in run.health]
     assert [(h.good, h.bad) for h in recording.health] == [(h.good, h.bad) for h in run.health]
-    assert recording.opening == run.opening and recording.numbers.cycle == run.numbers.cycle
+    assert recording.opening_frame == run.opening_frame and recording.numbers.cycle == run.numbers.cycle
     events = events_of(m.run)
     assert [(e.level, e.item, e.text) for e in m.recording.events] == [(e.level, e.item, e.text) for e in events]
     assert [e.time for e in m.recording.events] == pytest.approx([e.time for e in events], abs=1e-9)

@@ -23,12 +23,12 @@ from mechviz.outputs.rerun.writer import live, write_recording
 from mechviz.outputs.viewer.app import Viewer
 from mechviz.outputs.viewer.growth import Computing, Stopped
 from mechviz.picture.nodes import Arrow
-from mechviz.runs import Running, run_scene, with_run
+from mechviz.runs import Running, run_scene, with_frames_and_cycles
 
 
 @pytest.fixture(scope="module")
 def scene():
-    return with_run(mechviz.load("swinging-double-pendulum"), 200, None)
+    return with_frames_and_cycles(mechviz.load("swinging-double-pendulum"), 200, None)
 
 
 def test_what_is_known_can_be_read_and_watched_while_it_runs(scene, tmp_path: Path):

@@ -148,7 +148,7 @@ def test_a_family_is_one_entry_of_the_registry(bar, monkeypatch):
 @pytest.mark.parametrize("name", ["slider-crank-compressor", "slider-crank-engine"])
 def test_the_viewer_opens_away_from_dead_centres_at_a_large_load(name):
     run = run_scene(mechviz.load(name))
-    frame, forces = run.catalogue.opening, run.forces
+    frame, forces = run.catalogue.opening_frame, run.forces
     assert forces is not None
     drive = run.motion.mechanism.drives[0].joint
     angle = float(np.degrees(run.motion.coordinate(drive)[frame, 0]) % 180.0)
@@ -158,7 +158,7 @@ def test_the_viewer_opens_away_from_dead_centres_at_a_large_load(name):
 
 
 def test_a_kinematic_run_opens_an_eighth_of_a_cycle_in(leg):
-    turned = np.ptp(leg.motion.coordinate(leg.motion.mechanism.drives[0].joint)[[0, leg.catalogue.opening], 0])
+    turned = np.ptp(leg.motion.coordinate(leg.motion.mechanism.drives[0].joint)[[0, leg.catalogue.opening_frame], 0])
     assert np.degrees(turned) == pytest.approx(45.0, abs=6.0)
 
 

@@ -18,7 +18,7 @@ from mechviz.editor.saving import saved_scene
 from mechviz.files import OutputError
 from mechviz.outputs.rerun.reader import Recording
 from mechviz.outputs.rerun.writer import write_recording
-from mechviz.runs import run_scene, with_run
+from mechviz.runs import run_scene, with_frames_and_cycles
 from mechviz.scene.faults import SceneError
 from mechviz.scene.folder import SceneFolder
 from mechviz.scene.scene import Scene, dump, loads
@@ -88,7 +88,12 @@ def stroke(motion) -> float:
 
 def test_other_frames_and_cycles_keep_the_folder(cam):
     loaded = mechviz.load(cam)
-    for scene in (loaded, with_run(loaded, 48, None), with_run(loaded, 48, 2), loaded.changed({("effects",): []})):
+    for scene in (
+        loaded,
+        with_frames_and_cycles(loaded, 48, None),
+        with_frames_and_cycles(loaded, 48, 2),
+        loaded.changed({("effects",): []}),
+    ):
         assert stroke(run_scene(scene).motion) == pytest.approx(STROKE, rel=1e-3)
     assert stroke(run_scene(loaded, frames=72).motion) == pytest.approx(STROKE, rel=1e-3)
     assert stroke(run_scene(loaded, accuracy=1e-4).motion) == pytest.approx(STROKE, rel=1e-3)
@@ -143,7 +148,7 @@ def test_a_recording_carries_the_files_of_its_scene(cam, tmp_path):
     scene = Recording(moved / "r.rrd").scene()
     assert scene.folder.foreign
     assert stroke(run_scene(scene).motion) == pytest.approx(STROKE, rel=1e-2)
-    assert scene == with_run(scene, 24, None) and scene != mechviz.load("cam-measured")
+    assert scene == with_frames_and_cycles(scene, 24, None) and scene != mechviz.load("cam-measured")
 
 
 @pytest.mark.parametrize("way", ["absolute", "upwards", "link"])

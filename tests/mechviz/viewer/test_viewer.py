@@ -315,12 +315,19 @@ def test_every_quantity_has_a_value_in_every_frame_and_a_unique_title(compressor
 
 
 def test_plots_start_with_the_driving_torque_and_the_motion_of_the_output(compressor, kinematic):
-    assert [q.label for q in compressor.catalogue.first[:3]] == ["drive A: torque", "joint S: displacement", "joint S: velocity"]
-    torque = compressor.catalogue.first[:1][0].values()
+    assert [q.label for q in compressor.catalogue.initial_quantities[:3]] == [
+        "drive A: torque",
+        "joint S: displacement",
+        "joint S: velocity",
+    ]
+    torque = compressor.catalogue.initial_quantities[:1][0].values()
     np.testing.assert_array_equal(torque[:, 0], compressor.forces.effort("A"))
-    assert [q.label for q in kinematic.catalogue.first[:2]] == ["point foot.H: position", "point foot.H: velocity"]
+    assert [q.label for q in kinematic.catalogue.initial_quantities[:2]] == ["point foot.H: position", "point foot.H: velocity"]
     crank_rocker = run_scene(scene.load("crank-rocker"))
-    assert [q.label for q in crank_rocker.catalogue.first[:2]] == ["link rocker: angle", "link rocker: angular velocity"]
+    assert [q.label for q in crank_rocker.catalogue.initial_quantities[:2]] == [
+        "link rocker: angle",
+        "link rocker: angular velocity",
+    ]
 
 
 def test_every_quantity_can_be_plotted_however_many_curves_it_has(viewer):

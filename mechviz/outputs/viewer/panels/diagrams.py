@@ -99,7 +99,7 @@ def diagrams_of(view_model: ViewModel) -> dict[str, MovingDiagram | Chart]:
         if drawing.name == "shaking":
             strokes = [(i.label, i.color, i.start + i.vector) for i in drawing.strokes]
             curves = tuple(PlaneCurve(label, color, z[np.isfinite(z)], z) for label, color, z in strokes)
-        unit, factor = view_model.units.reads(drawing.unit)
+        unit, factor = view_model.units.display_unit(drawing.unit)
         diagrams[title] = MovingDiagram(title, drawing.bounds, factor * drawing.per_metre, unit, drawing, curves)
     for name, centrodes in view_model.centrodes().items():
         title = f"Centrodes of {name}"
@@ -107,7 +107,7 @@ def diagrams_of(view_model: ViewModel) -> dict[str, MovingDiagram | Chart]:
     for name, xyz in view_model.paths.items():
         z = xyz[:, 0] + 1j * xyz[:, 1]
         title = f"Path of {name}"
-        unit, factor = view_model.units.reads("m")
+        unit, factor = view_model.units.display_unit("m")
         diagrams[title] = MovingDiagram(title, _box([z]), factor, unit, curves=(PlaneCurve(name, PATH_COLORS[True], z, z),))
     diagrams |= {chart.title: chart for chart in (*cam_charts(view_model), *view_model.charts())}
     return diagrams
@@ -146,7 +146,7 @@ def _centrodes(view_model: ViewModel, centrodes: RollingCentrodes, title: str, n
         PlaneCurve("moving centrode", MOVING_CENTRODE_COLOR, parts[1], np.where(inside, fixed, np.nan), ride),
     )
     some = np.linspace(0, len(pose) - 1, min(len(pose), 24)).round().astype(int)
-    unit, factor = view_model.units.reads("m")
+    unit, factor = view_model.units.display_unit("m")
     return MovingDiagram(title, _box([parts[0], *(curves[0].points_at(int(k)) for k in some)]), factor, unit, curves=curves)
 
 

@@ -302,7 +302,7 @@ GRID_COLORS = {False: ((228, 231, 235), (208, 213, 219)), True: ((44, 48, 55), (
 
 def grid_cell(size: float, units: Units) -> float:
     """A length [m], at most a tenth of the mechanism's size, that is round (1, 2 or 5 times a power of ten) in display units."""
-    _, factor = units.reads("m")
+    _, factor = units.display_unit("m")
     wanted = factor * size / 10.0
     decade = 10.0 ** np.floor(np.log10(wanted))
     return float(decade * max(step for step in (1.0, 2.0, 5.0) if step * decade <= wanted * (1.0 + 1e-9)) / factor)

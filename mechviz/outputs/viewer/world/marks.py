@@ -275,8 +275,8 @@ def hover_names(view_model: ViewModel) -> dict[str, JointName]:
     for family, arrows in arrows_by_family(view_model).items():
         kind = VECTOR_FAMILIES[family]
         items = tuple(f"{kind.label}: {arrow.vector.item}" for arrow in arrows)
-        hovered[f"/vectors/{family}"] = (kind.label, f"{kind.meaning} [{view_model.units.reads(kind.unit)[0]}]", items)
-    moment = f"a moment [{view_model.units.reads('N m')[0]}]"
+        hovered[f"/vectors/{family}"] = (kind.label, f"{kind.meaning} [{view_model.units.display_unit(kind.unit)[0]}]", items)
+    moment = f"a moment [{view_model.units.display_unit('N m')[0]}]"
     for arc in view_model.picture.of(MomentArc):
         family, item = arc.group, arc.moment.item
         hovered[arc_path(family, item)] = (f"{VECTOR_FAMILIES[family].label}: {item}", moment, ())
@@ -303,7 +303,7 @@ def hover_values(view_model: ViewModel, arrows: ArrowNodes) -> dict[str, dict[st
         return {}
     values = {}
     for each in arrow_values:
-        unit, factor = view_model.units.reads(each.si)
+        unit, factor = view_model.units.display_unit(each.si)
         largest = float(np.max(np.abs(each.values), initial=0.0, where=np.isfinite(each.values)))
         values[each.node] = {
             "unit": unit,
