@@ -120,7 +120,7 @@ def _between(a: Complex, b: Complex, da: Complex, db: Complex, u: float, h: floa
 def walking_scene(scene: Scene, walk: Walk, name: str) -> Scene:
     """The scene with the ground as its fixed link: two slides lead the body along it as in the walk; the feet are traced."""
     document = scene.document
-    data = document.written()
+    data = document.to_data()
     taken = [key for key in (GROUND, CART, LAWN) if key in document.links] + [
         key for key in (*SLIDES, LAWN) if key in document.joints
     ]

@@ -109,7 +109,9 @@ def law_changes(scene: Scene, place: Place, option: str) -> dict[Place, Any]:
 
 def _meets(segment: SegmentTable) -> bool:
     """Whether a segment can satisfy velocities and accelerations at its ends."""
-    return segment.law.meets if isinstance(segment.law, LawDocument) else segment.to is not None and segment.named == "polynomial"
+    return (
+        segment.law.meets if isinstance(segment.law, LawDocument) else segment.to is not None and segment.law_name == "polynomial"
+    )
 
 
 def _present(joined: JoinedSegments, k: int, units: Units) -> _Segment:

@@ -164,7 +164,7 @@ def _editable_leaves(document: SceneDocument) -> Iterator[Leaf]:
         if leaf.path in document.formulas or leaf.path[:-1] in listed:  # follows from parameters, or stands in a text
             continue
         if leaf.value is None:  # a law that is not stated
-            leaf = leaf._replace(value=value_at(document, leaf.path[:-1]).named)
+            leaf = leaf._replace(value=value_at(document, leaf.path[:-1]).law_name)
         if _editable(leaf):
             yield leaf
 
@@ -207,7 +207,7 @@ def _named(scene: Scene) -> Iterator[Parameter]:
     for name, known in scene.parameters.items():
         entry = entries[name]
         value = entry.value if isinstance(entry, ParameterDocument) else entry
-        if not known.own or (isinstance(value, str) and not is_plain(value)):
+        if not known.is_independent or (isinstance(value, str) and not is_plain(value)):
             continue
         number, suffix = (float(split(value)[0]), split(value)[1]) if isinstance(value, str) else (float(value), "")
         per = float(unit_of(suffix).factor) if suffix else 1.0

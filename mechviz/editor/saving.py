@@ -46,7 +46,7 @@ def saved_scene(opened: Scene, scene: Scene) -> tuple[Scene, bool]:
 
 def _as_written(opened: Scene, scene: Scene) -> dict[str, Any]:
     """The document of a scene as plain data, with the names of keys in the text of ``opened``."""
-    return {opened.former.get(key, key): value for key, value in scene.document.written().items()}
+    return {opened.former_keys.get(key, key): value for key, value in scene.document.to_data().items()}
 
 
 def patched(text: str, before: Mapping[str, Any], after: Mapping[str, Any]) -> str | None:

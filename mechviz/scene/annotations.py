@@ -26,9 +26,9 @@ class Leaf(NamedTuple):
     kind: Any
     marks: list[Any]
 
-    def mark(self, sort: type[T]) -> T | None:
-        """The first of its marks that is of a sort; None where there is none."""
-        return next((mark for mark in self.marks if isinstance(mark, sort)), None)
+    def mark(self, mark_type: type[T]) -> T | None:
+        """The first of its marks of a type; None where there is none."""
+        return next((mark for mark in self.marks if isinstance(mark, mark_type)), None)
 
 
 @cache

@@ -59,7 +59,7 @@ class Converter:
     def of(cls, units: UnitsDocument, folder: SceneFolder) -> Converter:
         return cls(Units(**units.model_dump()), unknown=units.invalid_keys, folder=folder)
 
-    def certain(self, kind: str) -> bool:
+    def has_known_unit(self, kind: str) -> bool:
         """Whether values of this kind can be compared. They cannot where the scene's unit is unknown, since some may have units of
         their own."""
         return self.unknown.isdisjoint((kind, "*"))
@@ -123,7 +123,7 @@ class Converter:
         return not any(map(math.isnan, values))
 
 
-def probable_sort(table: DocumentTable) -> str:
+def probable_coordinate(table: DocumentTable) -> str:
     """The probable coordinate of a drive whose joint is unknown: "length" if a text in its table has a unit of length or linear
     speed, else "angle"."""
     for text in _texts(table.model_dump(exclude_none=True, warnings=False)):

@@ -276,11 +276,11 @@ class SceneDocument(DocumentTable):
         return Units(**self.units.model_dump())
 
     @property
-    def parameters_written(self) -> dict[str, Any]:
+    def parameters_data(self) -> dict[str, Any]:
         """The parameters as plain data, as a scene file states them."""
         return dict(self.model_dump(include={"parameters"}, exclude_unset=True).get("parameters", {}))
 
-    def written(self, *, defaults: bool = True) -> dict[str, Any]:
+    def to_data(self, *, defaults: bool = True) -> dict[str, Any]:
         """The stated values as plain data of a scene file, with expressions in their places; ``defaults``: include stated values
         that equal the default."""
         stated = self.model_dump(exclude_unset=True)

@@ -95,12 +95,12 @@ def name_fault(name: str) -> tuple[str, str] | None:
     return None
 
 
-def angle_remedy(powers: Powers, wanted: Powers, remedy: str) -> str:
+def angle_remedy(powers: Powers, required: Powers, remedy: str) -> str:
     """Remedy for a value whose powers are not those required: a factor of radians where they differ only in the angle, else
     ``remedy``."""
-    if powers[1:] != wanted[1:]:
+    if powers[1:] != required[1:]:
         return remedy
-    turns = wanted[0] - powers[0]
+    turns = required[0] - powers[0]
     power = "" if abs(turns) == 1 else f"^{abs(turns)}"
     return f"Angles count as a dimension: {'multiply' if turns > 0 else 'divide'} by 1 rad{power}."
 
@@ -390,6 +390,6 @@ def _raised(base: AmountFunction, exponent: AmountFunction, text: str) -> Amount
     return evaluate
 
 
-def wanted_powers(kind: str) -> Powers:
+def powers_of_kind(kind: str) -> Powers:
     """The powers of angle, length, mass and time of a kind of quantity."""
     return unit_of(UNIT_KINDS[kind].si).powers

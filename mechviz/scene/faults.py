@@ -186,7 +186,7 @@ def in_scene_words(function: Callable[Concatenate[Scene, P], R]) -> Callable[Con
 def fault_of_scene(scene: Scene, fault: Fault) -> Fault:
     """A fault of the core in the scene's units, at a path that its document has."""
     shown = fault.in_units(scene.units)
-    return Fault(path_as_written(scene.former, document_path(scene.document, fault.path)), shown.message, shown.remedy)
+    return Fault(path_as_written(scene.former_keys, document_path(scene.document, fault.path)), shown.message, shown.remedy)
 
 
 def path_as_written(former: Mapping[str, str], path: str) -> str:

@@ -450,14 +450,14 @@ def _classes(module: str) -> dict[str, ast.ClassDef]:
     return {node.name: node for node in tree.body if isinstance(node, ast.ClassDef)}
 
 
-def is_whole(value: object) -> bool:
+def is_complete(value: object) -> bool:
     """Whether a value of the document contains no stand-in for a value that could not be read."""
     if isinstance(value, DocumentTable):
-        return not value.invalid_keys and all(is_whole(getattr(value, key)) for key in type(value).model_fields)
+        return not value.invalid_keys and all(is_complete(getattr(value, key)) for key in type(value).model_fields)
     if isinstance(value, Mapping):
-        return all(map(is_whole, value.values()))
+        return all(map(is_complete, value.values()))
     if isinstance(value, list | tuple):
-        return all(map(is_whole, value))
+        return all(map(is_complete, value))
     return not isinstance(value, UnknownName) and not (isinstance(value, float) and math.isnan(value))
 
 

@@ -54,25 +54,25 @@ def files_named(document: DocumentTable) -> list[str]:
     return list(dict.fromkeys(str(leaf.value) for leaf, _ in _marked(document, FromFolder)))
 
 
-def _marked(document: DocumentTable, sort: type[T]) -> Iterator[tuple[Leaf, T]]:
-    """The values in a document that have a mark of a sort, and that mark."""
-    kind: Any = sort
+def _marked(document: DocumentTable, mark_type: type[T]) -> Iterator[tuple[Leaf, T]]:
+    """The values in a document that have a mark of a type, and that mark."""
+    kind: Any = mark_type
     for leaf in leaves(document, keys=lambda table: stated_keys(table, _marking(type(table), kind))):
-        mark = leaf.mark(sort)
+        mark = leaf.mark(mark_type)
         if mark is not None:
             yield leaf, mark
 
 
 @cache
-def _marking(cls: type[DocumentTable], sort: Any) -> tuple[str, ...]:
-    """The keys of a table that hold texts with a mark of a sort, or tables; tables are searched only where they are present."""
-    return tuple(key for key, hint in hints_of(cls).items() if _marks(hint, sort))
+def _marking(cls: type[DocumentTable], mark_type: Any) -> tuple[str, ...]:
+    """The keys of a table that hold texts with a mark of a type, or tables; tables are searched only where they are present."""
+    return tuple(key for key, hint in hints_of(cls).items() if _marks(hint, mark_type))
 
 
-def _marks(annotation: object, sort: type) -> bool:
+def _marks(annotation: object, mark_type: type) -> bool:
     if isinstance(annotation, type) and issubclass(annotation, DocumentTable):
         return True
-    return isinstance(annotation, sort) or any(_marks(inner, sort) for inner in get_args(annotation))
+    return isinstance(annotation, mark_type) or any(_marks(inner, mark_type) for inner in get_args(annotation))
 
 
 def check_names(reading: Reading) -> Iterator[Fault]:
@@ -117,7 +117,7 @@ def known_link(reading: Reading, path: str, link: str) -> Iterator[Fault]:
     if link in reading.document.links:
         return
     links = link_names(reading)
-    if "*" not in reading.broken["links"] and link not in links and not isinstance(link, UnknownName):
+    if "*" not in reading.unreadable["links"] and link not in links and not isinstance(link, UnknownName):
         yield Fault(path, f"there is no link '{link}'.", did_you_mean(link, links, what="Links"))
 
 
@@ -137,7 +137,7 @@ def split_point(reading: Reading, text: str) -> tuple[str, str] | None:
 def known_place(reading: Reading, path: str, text: str, *, links: bool = False) -> Iterator[Fault]:
     """A fault where there is no such point, "link.point"; ``links``: the message offers links, too."""
     names = link_names(reading)
-    if isinstance(text, UnknownName) or split_point(reading, text) is not None or "*" in reading.broken["links"]:
+    if isinstance(text, UnknownName) or split_point(reading, text) is not None or "*" in reading.unreadable["links"]:
         return
     link = max((k for k in names if text.startswith(f"{k}.")), key=len, default="")
     if link:
@@ -166,7 +166,7 @@ def known_joint(
 ) -> Iterator[Fault]:
     """A fault where there is no such joint that moves, or it is not one of the ``kinds`` or one that ``fits``; ``what`` is the term
     for the joints that are."""
-    if joint is None or isinstance(joint, UnknownName) or joint in reading.shapeless or "*" in reading.broken["joints"]:
+    if joint is None or isinstance(joint, UnknownName) or joint in reading.kindless_joints or "*" in reading.unreadable["joints"]:
         return
     joints = reading.document.joints
     fits = fits or (lambda p: not kinds or p.kind in kinds)
@@ -184,7 +184,12 @@ def known_drive(reading: Reading, path: str, drive: str | None) -> Iterator[Faul
     """A fault where no joint of this name has a drive or is free."""
     joints = reading.document.joints
     driven = [name for name, joint in joints.items() if joint.driven]
-    if drive is None or isinstance(drive, UnknownName) or drive in {*driven, *reading.shapeless} or "*" in reading.broken["joints"]:
+    if (
+        drive is None
+        or isinstance(drive, UnknownName)
+        or drive in {*driven, *reading.kindless_joints}
+        or "*" in reading.unreadable["joints"]
+    ):
         return
     what = f"joint '{drive}' has no drive." if drive in joints else f"there is no joint '{drive}'."
     yield Fault(path, what, did_you_mean(drive, driven, what="Driven joints"))

@@ -27,7 +27,7 @@ from mechviz.scene.kinds.copies import with_copies
 from mechviz.scene.kinds.settings import accuracy_of
 from mechviz.scene.limits import size_faults
 from mechviz.scene.names import files_named
-from mechviz.scene.reading.formulas import ParameterValue, parameter_changes, resolve, resolve_again
+from mechviz.scene.reading.formulas import ParameterValue, parameter_changes, reevaluate, resolve
 from mechviz.scene.reading.recovery import Reading, read_document
 from mechviz.scene.reading.text import find_scene, parse_toml, read_text, toml_text
 from mechviz.scene.units import EXPRESSION_PATTERN, Units
@@ -47,7 +47,7 @@ class Scene:
     folder: SceneFolder = field(repr=False)  # where the files that it names are
     simulation: SimulationSpec | None = field(default=None, repr=False)  # where forces decide the motion
     source: str | None = field(default=None, repr=False)  # the text that it was read from, with its comments
-    former: Mapping[str, str] = field(
+    former_keys: Mapping[str, str] = field(
         default_factory=dict, repr=False
     )  # places with present names of keys -> with the former names in the text
     kinds: Mapping[str, str] = field(default_factory=dict, repr=False)  # kinds of quantities of its values, by path
@@ -122,7 +122,7 @@ class Scene:
     @property
     def parameters(self) -> Mapping[str, ParameterValue]:
         """The parameters by name, in SI units."""
-        return resolve({"parameters": self.document.parameters_written}).parameters
+        return resolve({"parameters": self.document.parameters_data}).parameters
 
     @property
     def accuracy(self) -> Accuracy:
@@ -141,7 +141,7 @@ class Scene:
 
     def to_toml(self) -> str:
         """The scene as TOML in the standard layout, without comments; numbers read back bit for bit."""
-        return toml_text(self.document.written(defaults=False))
+        return toml_text(self.document.to_data(defaults=False))
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Scene):
@@ -199,7 +199,7 @@ def changed_document(document: SceneDocument, changes: Mapping[Place, Any], name
     try:
         made = _with_formulas(document, changes)
     except (ValidationError, AttributeError):  # the whole is read again, for every fault with its place, also of keys
-        return Scene.build(name=name, folder=folder, **with_values(document.written(), changes)).document
+        return Scene.build(name=name, folder=folder, **with_values(document.to_data(), changes)).document
     return made
 
 
@@ -227,14 +227,14 @@ def _with_formulas(document: SceneDocument, changes: Mapping[Place, Any]) -> Sce
         made: SceneDocument = with_values(document, changes)
         return made
     if all(place[0] == "parameters" and len(place) > 1 for place in changes):  # only parameters change
-        values, faults = resolve_again(document, changes)
+        values, faults = reevaluate(document, changes)
         if faults:
             raise ValidationError.from_exception_data("scene", [])
         following = {place: value for place, value in values.items() if value != value_at(document, place)}
         made = with_values(document, following | dict(changes))
         made.keep_formulas(document.formulas)
         return made
-    resolved = resolve(with_values(document.written(), changes))
+    resolved = resolve(with_values(document.to_data(), changes))
     if resolved.faults:
         raise ValidationError.from_exception_data("scene", [])
     following = {

@@ -130,7 +130,7 @@ def mode_scene(scene: Scene, vibrations: Vibrations, number: int, *, amplitude: 
     if not (np.isfinite(amplitude) and 0 < amplitude <= 1):
         faults.append(Fault("amplitude", f"{amplitude:g} is no part of the mechanism's size.", "Give a number such as 0.08."))
     for name, entry in scene.document.joints.items():
-        if entry.traits.pose:
+        if entry.traits.is_planar:
             remedy = "Hold it by two sliding joints and a pin in a row instead, to see its modes move."
             faults.append(Fault(f"joints.{name}", "a mode is shown by driven joints, and a free body has none.", remedy))
     if faults:

@@ -12,7 +12,7 @@ import typer
 
 from mechcore.errors import MechanismError
 from mechviz.commands.shared.messages import fail, orderly, say
-from mechviz.scene.assembly.simulation import swinging
+from mechviz.scene.assembly.simulation import oscillation_changes
 from mechviz.scene.faults import SceneError
 from mechviz.scene.kinds.segments import former_laws
 from mechviz.scene.scene import Scene, load
@@ -45,7 +45,7 @@ def load_scene(source: str, values: list[str] | None = None, *, reachable: bool 
         say(f"note: {place}: the law '{former}' is called '{present}' now, and read as that.")
     if not reachable:
         return scene
-    changes = swinging(scene.document)
+    changes = oscillation_changes(scene.document)
     if not changes:
         fail("--reachable is for scenes with one drive that moves, which says a speed and no travel or range.")
     return scene.changed(changes)

@@ -21,7 +21,7 @@ from mechviz.editor.worker import Latest, assembles, reachable
 from mechviz.outputs.viewer.build import Built, build, view_model_of_run
 from mechviz.outputs.viewer.view_model import ViewModel
 from mechviz.runs import Run, run_scene
-from mechviz.scene.assembly.simulation import swinging, swings
+from mechviz.scene.assembly.simulation import oscillating_drives, oscillation_changes
 
 DraftChange = Callable[[Draft], Draft]
 
@@ -99,7 +99,7 @@ class EditSession:
         self.source = run.scene  # as opened, with the text of its file
         self._accuracy = None if run.accuracy == run.scene.accuracy else run.accuracy  # overrides that of the scene
         self.opened = self.view_model = view_model_of_run(run, self._built)
-        self.status = Status(swings=swings(run.scene))
+        self.status = Status(swings=oscillating_drives(run.scene))
         self._patient = False
         self._builder: Latest[Run] = Latest(self._build, failed, quiet=0.0)
         self._worker: Latest[None] = Latest(self._work, failed, self._settle)
@@ -207,7 +207,7 @@ class EditSession:
             if changed:
                 history.change(draft, "+".join(changed))
             self.history = history
-            self._report_to(Status(key=key, seconds=time.perf_counter() - start, swings=swings(run.scene)))
+            self._report_to(Status(key=key, seconds=time.perf_counter() - start, swings=oscillating_drives(run.scene)))
         except (MechanismError, ValueError) as error:
             self._report_to(Status(_words(error), key, moved.value if moved else float("nan")))
             if moved is not None and len(pending) == 1:
@@ -221,7 +221,7 @@ class EditSession:
         try:
             return draft, run_scene(draft.scene(), accuracy=self._accuracy)
         except MechanismError as error:
-            changes = swinging(draft.document)
+            changes = oscillation_changes(draft.document)
             if not changes:
                 raise
             try:
@@ -237,7 +237,7 @@ class EditSession:
         def holds(value: float) -> bool:
             try:
                 draft = present.with_value(p.path, p.written(value))
-                return assembles(draft.changed(swinging(draft.document)).scene())
+                return assembles(draft.changed(oscillation_changes(draft.document)).scene())
             except (MechanismError, ValueError):
                 return False
 

@@ -33,9 +33,9 @@ from mechviz.scene.assembly.simulation import (
     simulation_spec,
     standstill,
     stated_duration,
-    with_swings,
+    with_oscillations,
 )
-from mechviz.scene.convert import Converter, JoinedSegments, probable_sort
+from mechviz.scene.convert import Converter, JoinedSegments, probable_coordinate
 from mechviz.scene.document import SceneDocument
 from mechviz.scene.faults import MOST_SOUGHT, document_path, first_ones, listing
 from mechviz.scene.folder import SceneFolder
@@ -86,10 +86,14 @@ def assemble_scene(
         return None, faults
     reading = repaired
     faults += check_joints(reading)
-    touched = {key: touched_links(reading, key, joint) for key, joint in (reading.document.joints | reading.shapeless).items()}
-    certain = not reading.shapeless and all(sure for _, sure in touched.values())
+    touched = {
+        key: touched_links(reading, key, joint) for key, joint in (reading.document.joints | reading.kindless_joints).items()
+    }
+    certain = not reading.kindless_joints and all(sure for _, sure in touched.values())
     joined = {
-        key: links for key, (links, _) in touched.items() if key in reading.shapeless or reading.document.joints[key].traits.places
+        key: links
+        for key, (links, _) in touched.items()
+        if key in reading.kindless_joints or reading.document.joints[key].traits.places_link
     }
     faults += [*check_joining(reading, joined), *first_ones(check_trace(reading, certain=certain))]
     document = reading.document
@@ -108,12 +112,12 @@ def assemble_scene(
     joints = [joint for joint in made_joints if joint is not None]
     if not reading.faults:
         idle_effect(document.effects, document.joints, [friction_of(joint) for joint in joints], convert)
-    moved = document.joints | reading.shapeless
+    moved = document.joints | reading.kindless_joints
     driven = {key: joint.drive for key, joint in moved.items() if joint.drive is not None}
-    lasts = stated_duration(document, Converter.of(document.units, folder))  # its faults are noted where the run is read
-    laws = _drive_laws(document, moved, driven, lasts, placement, convert)
+    run_duration = stated_duration(document, Converter.of(document.units, folder))  # its faults are noted where the run is read
+    laws = _drive_laws(document, moved, driven, run_duration, placement, convert)
     starts = _free_starts(moved, placement, convert)
-    convert.faults += laws_under_forces(laws, lasts) if starts else ()
+    convert.faults += laws_under_forces(laws, run_duration) if starts else ()
     own_laws = {**laws, **starts}
     drives = [Drive(joint=name, law=own_laws[name]) for joint in joints for name in coordinates_of(joint) if name in own_laws]
     drives.sort(key=lambda drive: not moves(drive.law))  # a moving drive is the first: a run is shown against it
@@ -156,7 +160,7 @@ def assemble_scene(
     faults = [*axis_faults(mechanism), *shaft_faults(mechanism, document, convert)]
     if faults:
         return None, faults
-    mechanism, faults = with_swings(mechanism, [key for key, drive in driven.items() if drive.range == REACHABLE])
+    mechanism, faults = with_oscillations(mechanism, [key for key, drive in driven.items() if drive.range == REACHABLE])
     if faults:
         return None, faults
     if outlines is None and drawn_links(document):
@@ -221,25 +225,33 @@ def _drive_laws(
     document: SceneDocument,
     joints: Mapping[str, JointDocument],
     driven: Mapping[str, DriveDocument],
-    lasts: float | None,
+    run_duration: float | None,
     placement: Placement,
     convert: Converter,
 ) -> dict[str, Law]:
-    """The laws of the drives of ``joints``, by joint; faults are noted in ``convert``. ``lasts``: duration of the run [s]."""
+    """The laws of the drives of ``joints``, by joint; faults are noted in ``convert``. ``run_duration`` in [s]."""
     laws: dict[str, Law] = {}
     masters: dict[str, Law | None] = {}
     for key in sorted(driven, key=lambda k: driven[k].program is not None):  # programs may follow the others
         joint, path = joints[key], f"joints.{key}.drive"
         clear = joint.traits.driven if len(joint.kinds) == 1 else ""
-        sort = clear or probable_sort(driven[key])
+        coordinate_kind = clear or probable_coordinate(driven[key])
         drawn = drawn_angle(joint, placement) if clear == "angle" else 0.0
         law = law_of(
-            driven[key], sort, convert, path, drawn=drawn, cycles=document.run.cycles, lasts=lasts, masters=masters, drives=driven
+            driven[key],
+            coordinate_kind,
+            convert,
+            path,
+            drawn=drawn,
+            cycles=document.run.cycles,
+            run_duration=run_duration,
+            masters=masters,
+            drives=driven,
         )
         if law is not None:
             _check_length(joint, law, convert, path)
             laws[key] = law
-        if sort == "angle" and driven[key].program is None and driven[key].range != REACHABLE:
+        if coordinate_kind == "angle" and driven[key].program is None and driven[key].range != REACHABLE:
             masters[key] = law
     return laws
 
@@ -251,13 +263,13 @@ def _free_starts(joints: Mapping[str, JointDocument], placement: Placement, conv
         if joint.free is None or len(joint.kinds) != 1:
             continue
         path = f"joints.{key}.free"
-        if joint.traits.pose:
+        if joint.traits.is_planar:
             names, drawn_at = Planar(name=key, links=joint.links).coordinates, drawn_place(joint, placement)
             starts |= planar_starts(joint.free, names, convert, path, drawn=drawn_at)
         elif joint.drive is None:
-            sort = joint.traits.driven
-            drawn = drawn_angle(joint, placement) if sort == "angle" else 0.0
-            start = free_law(joint.free, sort or probable_sort(joint.free), convert, path, drawn=drawn)
+            coordinate_kind = joint.traits.driven
+            drawn = drawn_angle(joint, placement) if coordinate_kind == "angle" else 0.0
+            start = free_law(joint.free, coordinate_kind or probable_coordinate(joint.free), convert, path, drawn=drawn)
             if start is not None:
                 _check_length(joint, start, convert, path)
                 starts[key] = start

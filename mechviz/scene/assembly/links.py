@@ -89,7 +89,7 @@ def _add_frame_points(document: SceneDocument, placement: Placement, world: dict
     contradicts them is noted."""
     for point, place in placement.points.get(document.frame, {}).items():
         sketched = world.setdefault(point, place)
-        if math.dist(sketched, place) > 1e-9 * math.hypot(*place) and convert.certain("length"):
+        if math.dist(sketched, place) > 1e-9 * math.hypot(*place) and convert.has_known_unit("length"):
             convert.note(
                 f"sketch.{point}",
                 f"is not where links.{document.frame} has this point.",

@@ -60,14 +60,14 @@ def stop_name(joint: str, stop: StopDocument) -> str:
     return stop.name or f"{joint} {stop.side}"
 
 
-def _rate_kind(sort: str) -> str:
-    return "angular speed" if sort == "angle" else "linear speed"
+def _rate_kind(coordinate_kind: str) -> str:
+    return "angular speed" if coordinate_kind == "angle" else "linear speed"
 
 
-def free_law(given: FreeDocument, sort: str, convert: Converter, path: str, *, drawn: float) -> Free | None:
+def free_law(given: FreeDocument, coordinate_kind: str, convert: Converter, path: str, *, drawn: float) -> Free | None:
     """Start of a free coordinate, None where a fault was noted. ``drawn``: the position where none is stated [rad or m]."""
-    start = drawn if given.position is None else convert.si(given.position, sort, f"{path}.position")
-    speed = convert.si(given.speed, _rate_kind(sort), f"{path}.speed")
+    start = drawn if given.position is None else convert.si(given.position, coordinate_kind, f"{path}.position")
+    speed = convert.si(given.speed, _rate_kind(coordinate_kind), f"{path}.speed")
     return None if math.isnan(start) or math.isnan(speed) else Free(start, speed)
 
 
@@ -113,10 +113,10 @@ def simulation_spec(
                 convert.note(f"{path}.at", why, "Start on the other side, or move the stop.")
             stops.append(EndStop(name=stop_name(joint, s), joint=joint, at=at, side=s.side, restitution=s.restitution))
     for name, w in document.watch.items():
-        sort = "length"
+        coordinate_kind = "length"
         if w.joint is not None and w.joint in document.joints:
-            sort = document.joints[w.joint].coordinate
-        kind = _rate_kind(sort) if w.what == "velocity" else sort
+            coordinate_kind = document.joints[w.joint].coordinate
+        kind = _rate_kind(coordinate_kind) if w.what == "velocity" else coordinate_kind
         at = convert.si(w.at, kind, f"watch.{name}.at")
         point = None if w.point is None else points.get(w.point)
         triggers.append(EventTrigger(name=name, of=w.what, joint=w.joint, point=point, at=at, rising=w.rising, ends=w.ends))
@@ -166,7 +166,7 @@ def simulation_faults(reading: Reading) -> Iterator[Fault]:
     loose = [name for name, joint in joints.items() if joint.clearance is not None]
     yield from clearance_faults(document)
     if not free and not separable and not loose:
-        if not reading.shapeless and not any("free" in joint.invalid_keys for joint in joints.values()):
+        if not reading.kindless_joints and not any("free" in joint.invalid_keys for joint in joints.values()):
             yield from _idle(document)
         return
     what = f"{free[0]} is free" if free else f"{separable[0]} has liftoff" if separable else f"{loose[0]} has clearance"
@@ -252,7 +252,7 @@ RANGE_STEPS = 36
 """Number of trial positions of a drive that cannot be assembled at its start."""
 
 
-def swinging(document: SceneDocument) -> Mapping[tuple[str | int, ...], Any]:
+def oscillation_changes(document: SceneDocument) -> Mapping[tuple[str | int, ...], Any]:
     """The changes that let the only moving drive of a document oscillate within its reachable range; none where it cannot."""
     driven = [name for name, joint in document.joints.items() if joint.driven and not _stands_still(joint.drive)]
     drive = document.joints[driven[0]].drive if len(driven) == 1 else None
@@ -266,13 +266,13 @@ def _stands_still(drive: DriveDocument | None) -> bool:
     return drive is not None and drive.laws == ["speed"] and not drive.signals and not magnitude(drive.speed or 0.0)
 
 
-def swings(scene: Scene) -> tuple[str, ...]:
+def oscillating_drives(scene: Scene) -> tuple[str, ...]:
     """The drives of a scene that oscillate between their limits; not those that may, but can turn fully."""
     asked = {name for name, joint in scene.document.joints.items() if joint.drive is not None and joint.drive.range == REACHABLE}
     return tuple(d.joint for d in scene.mechanism.drives if d.joint in asked and isinstance(d.law, Oscillation))
 
 
-def with_swings(mechanism: Mechanism, joints: list[str]) -> tuple[Mechanism, list[Fault]]:
+def with_oscillations(mechanism: Mechanism, joints: list[str]) -> tuple[Mechanism, list[Fault]]:
     """The mechanism in which the drives of ``joints``, given as constant speeds, oscillate between their limits; and the faults of
     those that cannot."""
     faults: list[Fault] = []

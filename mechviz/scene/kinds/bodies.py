@@ -26,7 +26,7 @@ from mechviz.scene.fields import (
     Size,
     Text,
     UnknownName,
-    is_whole,
+    is_complete,
     name_or_list,
     raise_faults,
     table_or_value,
@@ -204,13 +204,13 @@ def body_of(
         else:
             body = _flat(m, points, density, mass, convert, path, drawn)
     except MechanismError as error:
-        if len(convert.faults) == before and is_whole(m):
+        if len(convert.faults) == before and is_complete(m):
             for f in error.faults:
                 convert.note(path, f.message, f.remedy)
         return RigidBody(1.0)
     if (
         len(convert.faults) == before
-        and is_whole(m)
+        and is_complete(m)
         and not (math.isfinite(body.inertia) and body.mass >= 0.0 and body.inertia >= 0.0)
     ):
         convert.note(path, "the shape has no positive mass.", "Check sizes, holes and density.")

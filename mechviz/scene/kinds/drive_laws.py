@@ -25,10 +25,12 @@ from mechviz.scene.units import magnitude
 class _Coordinate:
     """Positions, speeds and accelerations of a driven joint: angles of a revolute one, lengths of a prismatic one."""
 
-    def __init__(self, convert: Converter, sort: str, path: str):
+    def __init__(self, convert: Converter, coordinate_kind: str, path: str):
         self.convert, self.path = convert, path
         self.kinds = (
-            (sort, "angular speed", "angular acceleration") if sort == "angle" else (sort, "linear speed", "linear acceleration")
+            (coordinate_kind, "angular speed", "angular acceleration")
+            if coordinate_kind == "angle"
+            else (coordinate_kind, "linear speed", "linear acceleration")
         )
 
     def position(self, value: float | str, key: str) -> float:
@@ -47,30 +49,30 @@ class _Coordinate:
 
 def law_of(
     drive: DriveDocument,
-    sort: str,
+    coordinate_kind: str,
     convert: Converter,
     path: str,
     *,
     drawn: float = 0.0,
     cycles: int = 1,
-    lasts: float | None = None,
+    run_duration: float | None = None,
     masters: Mapping[str, Law | None] | None = None,
     drives: Mapping[str, DriveDocument] | None = None,
 ) -> Law | None:
     """The law of a drive, None where a fault was noted.
 
-    ``sort`` is "angle" or "length"; ``drawn`` is the initial position [rad or m] of a drive that states none; ``lasts`` is the
-    stated duration of the run [s], if any; ``masters`` are the laws of the driven revolute joints that a program may follow,
-    ``drives`` all driven joints, from which it may take its knots.
+    ``coordinate_kind`` is "angle" or "length"; ``drawn`` is the initial position [rad or m] of a drive that states none;
+    ``run_duration`` is the stated duration of the run [s], if any; ``masters`` are the laws of the driven revolute joints that a
+    program may follow, ``drives`` all driven joints, from which it may take its knots.
     """
-    coordinate = _Coordinate(convert, sort, path)
+    coordinate = _Coordinate(convert, coordinate_kind, path)
     before = len(convert.faults)
     make = {"speed": _constant, "zones": _zones, "oscillation": _oscillation, "segments": _segments, "table": _table}
     signals = drive.signals if drive.laws == ["speed"] else []
     made = [make[law](drive, coordinate, drawn, cycles) for law in drive.laws if law != "program" and not signals]
-    made += [_signalled(drive, key, coordinate, drawn, cycles, lasts) for key in signals]
+    made += [_signalled(drive, key, coordinate, drawn, cycles, run_duration) for key in signals]
     if drive.program is not None:
-        made.append(_program(drive, sort, convert, path, drawn, masters or {}, drives or {}))
+        made.append(_program(drive, coordinate_kind, convert, path, drawn, masters or {}, drives or {}))
     return made[0] if len(made) == 1 and len(convert.faults) == before else None
 
 
@@ -123,7 +125,7 @@ def _constant(drive: DriveDocument, coordinate: _Coordinate, drawn: float, cycle
 
 
 def _signalled(
-    drive: DriveDocument, key: str, coordinate: _Coordinate, drawn: float, cycles: int, lasts: float | None
+    drive: DriveDocument, key: str, coordinate: _Coordinate, drawn: float, cycles: int, run_duration: float | None
 ) -> Law | None:
     """A speed that a signal multiplies."""
     assert drive.speed is not None
@@ -134,7 +136,7 @@ def _signalled(
     if signal is None or any(map(math.isnan, (speed, start, 0.0 if stated is None else stated))):
         return None
     own = {"sine": lambda s: 1.0 / s.frequency, "chirp": lambda s: s.duration}.get(key)
-    duration = stated if stated is not None else lasts if lasts is not None or own is None else own(signal)
+    duration = stated if stated is not None else run_duration if run_duration is not None or own is None else own(signal)
     if duration is None:
         why = f"a speed with a {key}, without saying how long a cycle lasts."
         convert.note(path, why, "Add duration = ... (a time).")
@@ -143,7 +145,7 @@ def _signalled(
         convert.note("run.cycles", f"{cycles} cycles of a {key}, which does not repeat.", f"Write cycles = 1, and {path}.duration.")
     if speed == 0.0:
         return Rest(start, lasts=duration)
-    return SignalSpeed(start=start, speed=speed, signal=signal, duration=max(duration, lasts or 0.0))
+    return SignalSpeed(start=start, speed=speed, signal=signal, duration=max(duration, run_duration or 0.0))
 
 
 def _zones(drive: DriveDocument, coordinate: _Coordinate, drawn: float, cycles: int) -> Law | None:
@@ -309,9 +311,9 @@ def _master(given: ProgramDocument, convert: Converter, path: str, masters: Mapp
     return masters.get(given.master)  # None also where the master's own law is faulty
 
 
-def laws_under_forces(laws: Mapping[str, Law], lasts: float | None) -> Iterator[Fault]:
+def laws_under_forces(laws: Mapping[str, Law], run_duration: float | None) -> Iterator[Fault]:
     """Faults of drives beside free joints: laws whose speed jumps, since the jump would be an impact on these, and laws that end
-    before the run. ``lasts``: duration of the run [s], None where it is not known."""
+    before the run. ``run_duration``: duration of the run [s], None where it is not known."""
     others = {}
     for name, law in laws.items():
         if isinstance(law, SignalSpeed) and isinstance(law.signal, Step) and law.breaks:
@@ -319,6 +321,6 @@ def laws_under_forces(laws: Mapping[str, Law], lasts: float | None) -> Iterator[
             yield Fault(f"joints.{name}.drive.step", why, "Write ramp = { begin = ..., end = ... }, however short.")
         else:
             others[f"joints.{name}.drive"] = law
-    if lasts is not None:
-        yield from early_ends(others, lasts)
-        yield from knocks(others, lasts)
+    if run_duration is not None:
+        yield from early_ends(others, run_duration)
+        yield from knocks(others, run_duration)

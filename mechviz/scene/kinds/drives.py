@@ -283,8 +283,8 @@ class WatchDocument(DocumentTable):
             what = "neither a joint nor a point" if self.joint is None else "a joint and a point at once"
             wrong.append(("", f"{what} to watch.", 'Give one of them, such as joint = "A".'))
         elif self.of is not None and (self.of in ("x", "y")) != (self.point is not None):
-            sort = '"x" or "y"' if self.point is not None else '"position" or "velocity"'
-            wrong.append(("of", f"'{self.of}' of a {'point' if self.point is not None else 'joint'}.", f"Write {sort}."))
+            expected = '"x" or "y"' if self.point is not None else '"position" or "velocity"'
+            wrong.append(("of", f"'{self.of}' of a {'point' if self.point is not None else 'joint'}.", f"Write {expected}."))
         raise_faults(wrong)
         return self
 

@@ -82,7 +82,7 @@ class FrictionDefaults(DocumentTable):
 
 
 @dataclass(frozen=True)
-class Rubbing:
+class FrictionKind:
     """Dry friction of a kind of joint: the keys of its table, their conversion to the core, and whether the scene's defaults apply
     to it."""
 
@@ -201,35 +201,35 @@ def _roller(t: _Table) -> Friction | None:
 
 
 _SLIDING = ("coefficient", "static", "stribeck")
-PIN = Rubbing((*_SLIDING, "radius", "exact", "brake"), _pin)
-PIN_IN_SLOT = Rubbing((*_SLIDING, "radius"), _pin_in_slot)
-SLIDER = Rubbing((*_SLIDING, "length", "bearing", "offset", "height", "brake"), _slider)
-THREAD = Rubbing((*_SLIDING, "radius"), _thread, defaults=False)
-SEALS = Rubbing(("coefficient", "brake"), _seals, defaults=False)
-ROLLER = Rubbing(("coefficient", "radius"), _roller, defaults=False)
-LEVER = Rubbing(("lever",), lambda t: Friction(lever=t.si("lever")), defaults=False)
+PIN = FrictionKind((*_SLIDING, "radius", "exact", "brake"), _pin)
+PIN_IN_SLOT = FrictionKind((*_SLIDING, "radius"), _pin_in_slot)
+SLIDER = FrictionKind((*_SLIDING, "length", "bearing", "offset", "height", "brake"), _slider)
+THREAD = FrictionKind((*_SLIDING, "radius"), _thread, defaults=False)
+SEALS = FrictionKind(("coefficient", "brake"), _seals, defaults=False)
+ROLLER = FrictionKind(("coefficient", "radius"), _roller, defaults=False)
+LEVER = FrictionKind(("lever",), lambda t: Friction(lever=t.si("lever")), defaults=False)
 
 
-def friction_faults(rubs: Rubbing, words: str, table: FrictionDocument) -> list[tuple[str, str, str]]:
+def friction_faults(kind: FrictionKind, words: str, table: FrictionDocument) -> list[tuple[str, str, str]]:
     """Faults in the friction of a joint, each (key, message, remedy); ``words``: what the joint is called."""
     faults = []
     for key in table.model_fields_set:
-        if key not in rubs.keys and getattr(table, key) is not None:
-            remedy = f"Known here: {', '.join(rubs.keys)}."
+        if key not in kind.keys and getattr(table, key) is not None:
+            remedy = f"Known here: {', '.join(kind.keys)}."
             faults.append(("friction", f"{key} does not go with the friction of {words}.", remedy))
-    if rubs is LEVER and table.lever is None and table.has_valid("lever") and not faults:
+    if kind is LEVER and table.lever is None and table.has_valid("lever") and not faults:
         faults.append(("friction", "'lever' is missing.", 'Add lever = "0.5 mm": the arm of the force across the contact.'))
     return faults
 
 
 def friction_spec(
-    rubs: Rubbing, path: str, table: FrictionDocument | None, defaults: FrictionDefaults | None, convert: Converter
+    kind: FrictionKind, path: str, table: FrictionDocument | None, defaults: FrictionDefaults | None, convert: Converter
 ) -> Friction | None:
     """The core's friction of a joint, what its own table leaves out taken from the scene's; None where there is none."""
-    if table is None and (defaults is None or not rubs.defaults):
+    if table is None and (defaults is None or not kind.defaults):
         return None
     own, default = table or FrictionDocument(), defaults or FrictionDefaults()
-    return rubs.make(_Table(f"{path}.friction", own, default, table is not None, convert))
+    return kind.make(_Table(f"{path}.friction", own, default, table is not None, convert))
 
 
 def idle_effect(effects: list[Any], joints: Mapping[str, JointDocument], each: list[Friction | None], convert: Converter) -> None:
@@ -238,7 +238,7 @@ def idle_effect(effects: list[Any], joints: Mapping[str, JointDocument], each: l
         rubbing = [f"joints.{name}" for name, joint in joints.items() if joint.friction is not None]
         if any(f.path == at or f.path.startswith((f"{at}.", f"{at}[")) for f in convert.faults for at in rubbing):
             return  # a joint with friction is faulty itself
-        first = next((name for name, joint in joints.items() if joint.traits.rubs is not None), "")
+        first = next((name for name, joint in joints.items() if joint.traits.friction is not None), "")
         where = f"joints.{first}" if first else "a joint"
         remedy = f'Write friction = {{ coefficient = 0.1, radius = "5 mm" }} at {where}, or leave friction out of the effects.'
         convert.note("effects", "no joint has any friction that could act.", remedy)

@@ -20,7 +20,7 @@ from mechcore.spec.loads import Load
 from mechcore.spec.mechanism import Friction, Joint
 from mechviz.scene.convert import Converter
 from mechviz.scene.fields import DocumentTable, Number, fault, one_of
-from mechviz.scene.kinds.friction import Rubbing, friction_spec
+from mechviz.scene.kinds.friction import FrictionKind, friction_spec
 from mechviz.scene.names import known_joint, link_names, points_of_joint, split_point
 
 if TYPE_CHECKING:
@@ -41,7 +41,7 @@ class Kind:
     needs: Mapping[str, str] = field(default_factory=dict)  # keys without a default, with an example of each
     one_of: tuple[str, ...] = ()  # exactly one of these keys
     synonyms: tuple[str, ...] = ()  # other terms for it
-    instead: Mapping[str, str] = field(default_factory=dict)  # key of another kind -> remedy: what was probably meant by it
+    remedies: Mapping[str, str] = field(default_factory=dict)  # key of another kind -> remedy: what was probably meant by it
 
 
 class KindTable(DocumentTable):
@@ -67,23 +67,23 @@ class KindTable(DocumentTable):
     def kind(self) -> str:
         return self.kinds[0]
 
-    def says(self, key: str) -> bool:
+    def has_value(self, key: str) -> bool:
         """Whether a key has a value."""
         return getattr(self, key) is not None
 
-    def instead(self, key: str) -> str:
+    def remedy_for(self, key: str) -> str:
         """Remedy for a key that does not go with the kind."""
-        return self.KINDS[self.kind].instead.get(key, f"Leave out {key}.")
+        return self.KINDS[self.kind].remedies.get(key, f"Leave out {key}.")
 
-    def misfits(self, what: str) -> list[tuple[str, str, str]]:
+    def key_faults(self, what: str) -> list[tuple[str, str, str]]:
         """The faults of keys that do not go with the kind, and of those that it lacks; ``what``: the table in a sentence."""
         kind = self.KINDS[self.kind]
         foreign_keys = self.model_fields_set - {*self.KINDS, *self.EVERY, *kind.keys}
         order = list(type(self).model_fields).index if foreign_keys else None
         wrong = [
-            (key, f"{key} does not go with {kind.words}.", self.instead(key))
+            (key, f"{key} does not go with {kind.words}.", self.remedy_for(key))
             for key in sorted(foreign_keys, key=order)
-            if self.says(key)
+            if self.has_value(key)
         ]
         for key, example in kind.needs.items():
             if getattr(self, key) is None:
@@ -101,12 +101,12 @@ class JointKind(Kind):
     driven: Literal["angle", "length", ""] = ""  # what a drive on it prescribes
     undriven: str = ""  # what to drive instead, where a drive makes no sense
     viscous: Literal["damping", "torsional damping", ""] = ""  # kind of its viscous coefficient; empty where it does not move
-    rubs: Rubbing | None = None  # its dry friction
-    joins: bool = True  # it holds points of its links together; the others couple motions of links that joints hold
-    places: bool = True  # it places one of its links relative to the other
+    friction: FrictionKind | None = None  # its dry friction
+    joins_points: bool = True  # it holds points of its links together; the others couple motions of links that joints hold
+    places_link: bool = True  # it places one of its links relative to the other
     coincide: bool = False  # the two points are one place
     parallel: bool = False  # the two links keep a constant angle
-    pose: bool = False  # free, it has x, y and angle instead of one coordinate
+    is_planar: bool = False  # free, it has x, y and angle instead of one coordinate
     own_mode: bool = False  # its drive does not decide the assembly mode
     higher: bool = False  # there is an equivalent linkage of lower pairs
     parts: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # section -> links and joints that it generates
@@ -165,7 +165,7 @@ class JointMaker:
         if not isinstance(given, list):
             return 0.0, self.convert.si(given, "length", path)
         low, high = self.convert.row(given, "length", path)
-        if low >= high and self.convert.certain("length"):
+        if low >= high and self.convert.has_known_unit("length"):
             self.convert.note(path, "it ends where it begins, or before.", "Write [from, to], the greater coordinate last.")
         return low, high
 
@@ -181,8 +181,8 @@ class JointMaker:
 
     @property
     def friction(self) -> Friction | None:
-        rubs = self.joint.traits.rubs
-        return None if rubs is None else friction_spec(rubs, self.path, self.joint.friction, self.document.friction, self.convert)
+        kind = self.joint.traits.friction
+        return None if kind is None else friction_spec(kind, self.path, self.joint.friction, self.document.friction, self.convert)
 
 
 def drawn_angle(joint: JointDocument, placement: Placement) -> float:
@@ -222,7 +222,7 @@ class LoadKind(Kind):
     """A kind of load with all properties of its keyword, from its name to the load of the core."""
 
     make: Callable[[LoadMaker], Load | tuple[Load, ...] | None]  # the core's; None where a name or part is faulty
-    some: tuple[str, ...] = ()  # at least one of these keys
+    any_of: tuple[str, ...] = ()  # at least one of these keys
     between: bool = False  # its keyword names two points or links, which differ
     check: Callable[[Reading, str, Any], Iterator[Fault]] | None = None  # faults of what stands at the path of its keyword
     threefold: bool = False  # stiffness and damping in x, y and angle

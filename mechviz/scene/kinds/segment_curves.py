@@ -33,7 +33,7 @@ from mechcore.laws.segment_laws import (
 from mechcore.records import dataclass
 from mechcore.texts import as_coordinate
 from mechviz.scene.convert import JoinedSegments
-from mechviz.scene.fields import is_whole
+from mechviz.scene.fields import is_complete
 from mechviz.scene.kinds.cam_files import read_columns
 from mechviz.scene.kinds.segments import (
     FREE,
@@ -159,10 +159,10 @@ def _segment(given: SegmentTable, over: float, axes: Axes, path: str) -> Segment
         return None if law is None else Segment(over, to, law)
     if to is None:
         return Segment(over, None, Dwell())
-    if given.named == "polynomial":
+    if given.law_name == "polynomial":
         return Segment(over, to, BoundaryPolynomial())
     try:
-        return Segment(over, to, NormalisedLaw(rise(str(given.named), **given.parameters), given.mirrored))
+        return Segment(over, to, NormalisedLaw(rise(str(given.law_name), **given.parameters), given.mirrored))
     except MechanismError:  # noted where the segment was read
         return None
 
@@ -179,11 +179,11 @@ def _law(given: LawDocument, over: float, axes: Axes, path: str) -> SegmentLaw |
         return _positions(given.position, over, axes, f"{path}.position")
     if kind in ("polynomial", "spline"):
         points = _conditions(getattr(given, kind), over, axes, f"{path}.{kind}")
-        if points is None or not is_whole(given):
+        if points is None or not is_complete(given):
             return None
         powers = None if given.powers is None else tuple(given.powers)
         return Spline(points, given.degree) if kind == "spline" else BoundaryPolynomial(points, powers)
-    if kind == "least" and given.least is not None and is_whole(given):
+    if kind == "least" and given.least is not None and is_complete(given):
         if any(key not in ORDERS or value <= 0.0 for key, value in given.limits.items()):  # noted where the table was read
             return None
         limits = {ORDERS[key]: value for key, value in given.limits.items()}
@@ -198,7 +198,7 @@ def _curve(given: CurveDocument, over: float, axes: Axes, order: int, path: str)
     if given.at is not None:
         at = [axes.place(v, f"{path}.at[{k}]") for k, v in enumerate(given.at)]
         values = [axes.derivative(v, order, f"{path}.values[{k}]") for k, v in enumerate(given.values or ())]
-        known = len(at) == len(values) and is_whole(given)  # else noted where the table was read
+        known = len(at) == len(values) and is_complete(given)  # else noted where the table was read
         if len(convert.faults) == before and known and not any(map(math.isnan, (*at, *values))):
             if at[0] != 0.0 or abs(at[-1] - over) > _SAME_RANGE * over:
                 convert.note(f"{path}.at", "the places do not go from 0 to the end of the segment.", "Let them cover its range.")
@@ -215,7 +215,7 @@ def _curve(given: CurveDocument, over: float, axes: Axes, order: int, path: str)
             rows.append((h.order, sine, cosine))
             if not 0.0 < h.order <= _MOST_WAVES:
                 convert.note(f"{place}.order", f"{h.order:g} waves in the range.", f"Give a positive number, up to {_MOST_WAVES}.")
-        known = is_whole(given) and not any(map(math.isnan, (mean, *(v for row in rows for v in row))))
+        known = is_complete(given) and not any(map(math.isnan, (mean, *(v for row in rows for v in row))))
         if len(convert.faults) == before and known:
             curve = fourier_curve(over, mean, rows)
     return curve
@@ -230,7 +230,7 @@ def _positions(given: PositionTable, over: float, axes: Axes, path: str) -> Segm
         at = [axes.place(v, f"{path}.at[{k}]") for k, v in enumerate(given.at or ())]
         values = [axes.derivative(v, 0, f"{path}.values[{k}]") for k, v in enumerate(given.values or ())]
     tolerance = axes.derivative(given.tolerance, 0, f"{path}.tolerance")
-    known = len(at) == len(values) > 0 and is_whole(given)  # else noted where the table was read
+    known = len(at) == len(values) > 0 and is_complete(given)  # else noted where the table was read
     if len(convert.faults) > before or not known or any(map(math.isnan, (tolerance, *at, *values))):
         return None
     key = "at" if given.file is None else "file"

@@ -246,7 +246,7 @@ class SegmentTable(DocumentTable):
     """Run the law with acceleration and deceleration exchanged."""
 
     @property
-    def named(self) -> str | None:
+    def law_name(self) -> str | None:
         """The name of its law; None of a table."""
         if self.law is None:
             return "polynomial" if isinstance(self.to, list) else self.usual
@@ -255,13 +255,13 @@ class SegmentTable(DocumentTable):
     @property
     def asks_too_much(self) -> bool:
         """Whether its end states derivatives that its law, of a fixed shape, cannot satisfy."""
-        free = self.law.meets or self.law.invalid_keys if isinstance(self.law, LawDocument) else self.named == "polynomial"
+        free = self.law.meets or self.law.invalid_keys if isinstance(self.law, LawDocument) else self.law_name == "polynomial"
         return not free and isinstance(self.to, list) and any(v != FREE for v in self.to[1:])
 
     @model_validator(mode="after")
     def _known_law(self) -> SegmentTable:
         wrong: list[tuple[str, str, str]] = []
-        name = self.named
+        name = self.law_name
         shaped = name is not None and name != "polynomial"
         if shaped and name in _LAW_TABLES:
             wrong.append(("law", f"'{name}' alone does not say which law.", f"Write it like law = {_LAW_TABLES[name]}."))

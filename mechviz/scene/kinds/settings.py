@@ -30,7 +30,7 @@ from mechviz.scene.fields import (
     Text,
     describe,
     fault,
-    is_whole,
+    is_complete,
     raise_faults,
     table_or_value,
 )
@@ -169,7 +169,7 @@ def accuracy_faults(document: SceneDocument, free: Mapping[str, Any], convert: C
     """Faults of accuracy settings that are out of range, that the scene does not use, or that contradict it; ``convert`` notes
     values that cannot be converted."""
     entry = document.accuracy
-    if not isinstance(entry, AccuracyDocument) or not is_whole(entry):
+    if not isinstance(entry, AccuracyDocument) or not is_complete(entry):
         return
     for key, kind, low, high in (("chord", "length", 1e-9, 1.0), ("window", "time", 1e-12, 1e12)):
         value = getattr(entry, key)

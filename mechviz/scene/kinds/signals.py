@@ -27,7 +27,7 @@ from mechviz.scene.fields import (
     Time,
     describe,
     fault,
-    is_whole,
+    is_complete,
     one_of,
     raise_faults,
 )
@@ -126,7 +126,7 @@ class _Numbers:
 
     def ramp(self) -> Signal:
         begin, end = self.si("begin", "time"), self.si("end", "time")
-        if end <= begin and self.convert.certain("time"):
+        if end <= begin and self.convert.has_known_unit("time"):
             why = "ends before it begins." if end < begin else "ends where it begins: it jumps."
             remedy = "Give a later end." if end < begin else "Give a later end, or write step = { at = ... }."
             self.convert.note(f"{self.path}.end", why, remedy)
@@ -158,7 +158,7 @@ SIGNALS: Mapping[str, Callable[[_Numbers], Signal]] = {
 def signal_of(key: str, given: DocumentTable, convert: Converter, path: str) -> Signal | None:
     """The core's signal of the table under one of the keys of `SIGNALS`; None where a fault of it was noted."""
     before = len(convert.faults)
-    valid = is_whole(given)
+    valid = is_complete(given)
     signal = SIGNALS[key](_Numbers(given, convert, path)) if valid else None
     unknown = isinstance(signal, Sine) and math.isnan(signal.frequency)
     return None if unknown or len(convert.faults) > before else signal

@@ -33,7 +33,7 @@ from mechviz.scene.fields import (
     SignedMass,
     Size,
     Text,
-    is_whole,
+    is_complete,
     raise_faults,
 )
 from mechviz.scene.kinds.bodies import point_masses_of
@@ -203,7 +203,7 @@ def check_studies(document: SceneDocument, links: Mapping[str, list[str] | None]
     ):
         names = getattr(document, key)
         for k, name in enumerate(names):
-            if name in names[:k] and is_whole(name):
+            if name in names[:k] and is_complete(name):
                 yield Fault(f"{key}[{k}]", f"'{name}' is listed twice.", "Leave it out once.")
     if "force" in document.polygons and not document.effects and not document.loads:
         remedy = 'Name effects such as "inertia", or loads.'
@@ -219,19 +219,19 @@ def check_studies(document: SceneDocument, links: Mapping[str, list[str] | None]
     for key in ("evolutes", "percussion"):
         for k, text in enumerate(getattr(document, key)):
             link, _, point = text.partition(".")
-            if not point and is_whole(text):
+            if not point and is_complete(text):
                 yield Fault(f"{key}[{k}]", f"'{text}' names no point of a link.", 'Write link and point, such as "coupler.E".')
                 continue
             yield from _link(f"{key}[{k}]", link, links, complete, document.frame)
             yield from _point(f"{key}[{k}]", link, point, links)
     cams = [name for name, joint in document.joints.items() if joint.kinds == ["cam"]]
     for k, name in enumerate(document.inversion):
-        if complete and is_whole(name) and name not in cams:
+        if complete and is_complete(name) and name not in cams:
             what = "is no cam" if name in document.joints else "is no joint"
             yield Fault(f"inversion[{k}]", f"'{name}' {what}.", did_you_mean(name, cams, what="Cams") or "Leave it out.")
     fitting = [name for name, joint in document.joints.items() if joint.kinds and joint.traits.higher]
     for k, name in enumerate(document.equivalent):
-        if not complete or not is_whole(name) or name in fitting:
+        if not complete or not is_complete(name) or name in fitting:
             continue
         if name in document.joints:
             remedy = f"Name {listing(fitting)}." if fitting else "Leave it out: the scene has no such joint."
@@ -259,7 +259,7 @@ def check_studies(document: SceneDocument, links: Mapping[str, list[str] | None]
         own = [key for key, load in document.loads.items() if system.on in (load.on if isinstance(load.on, list) else [load.on])]
         known = [*own, *(f"{effect}/{system.on}" for effect in document.effects)]
         for k, load in enumerate(system.loads):
-            if load not in known and is_whole(load) and system.on in links and is_whole(document.effects):
+            if load not in known and is_complete(load) and system.on in links and is_complete(document.effects):
                 remedy = did_you_mean(load, known, what=f"Loads on '{system.on}'")
                 yield Fault(f"{path}.loads[{k}]", f"no load '{load}' acts on '{system.on}'.", remedy)
     for name, entry in document.substitutes.items():
@@ -293,13 +293,13 @@ def axis_faults(mechanism: Mechanism) -> Iterator[Fault]:
 def _link(path: str, name: str, links: Mapping[str, Any], complete: bool, frame: str) -> Iterator[Fault]:
     if name == frame:
         yield Fault(path, f"'{name}' is the fixed link.", "Name a moving link.")
-    elif complete and name not in links and is_whole(name):
+    elif complete and name not in links and is_complete(name):
         yield Fault(path, f"there is no link '{name}'.", did_you_mean(name, links, what="Links"))
 
 
 def _point(path: str, link: str, point: str, links: Mapping[str, list[str] | None]) -> Iterator[Fault]:
     points = links.get(link)
-    if points is not None and point not in points and is_whole(point):
+    if points is not None and point not in points and is_complete(point):
         hint = did_you_mean(point, points, what=f"Points of '{link}'") or f"Points: {listing(points)}."
         yield Fault(path, f"link '{link}' has no point '{point}'.", hint)
 

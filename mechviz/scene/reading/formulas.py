@@ -24,7 +24,7 @@ from mechviz.scene.expressions import (
     is_plain,
     name_fault,
     parse_expression,
-    wanted_powers,
+    powers_of_kind,
 )
 from mechviz.scene.faults import did_you_mean, path_text
 from mechviz.scene.fields import QuantityMark
@@ -35,14 +35,15 @@ RANGE_ROUNDING = 1e-12  # relative to an end of a range: how far a value may lie
 
 @dataclass(frozen=True)
 class ParameterValue:
-    """A parameter in SI units: its value, its range and its tolerance; ``own``: its value is not computed from other parameters."""
+    """A parameter in SI units: its value, its range and its tolerance; ``is_independent``: its value is not computed from other
+    parameters."""
 
     name: str
     amount: Amount
     low: float = -math.inf
     high: float = math.inf
     tolerance: float = 0.0
-    own: bool = True
+    is_independent: bool = True
 
     def allows(self, numbers: Real) -> Flags:
         """Which numbers (...) lie in its range, up to rounding."""
@@ -100,9 +101,9 @@ def resolve(raw: Mapping[str, Any]) -> Resolved:
     return result
 
 
-def resolve_again(document: SceneDocument, changes: Mapping[Place, Any]) -> tuple[dict[Place, Any], list[Fault]]:
+def reevaluate(document: SceneDocument, changes: Mapping[Place, Any]) -> tuple[dict[Place, Any], list[Fault]]:
     """The values of a document's expressions after a change of its parameters, in the scene's units, and their faults."""
-    result = Resolved(with_values({"parameters": document.parameters_written}, changes))
+    result = Resolved(with_values({"parameters": document.parameters_data}, changes))
     _parameters(result.data["parameters"], result)
     known = {name: parameter.amount for name, parameter in result.parameters.items()}
     units = _units(document.units.model_dump())
@@ -115,7 +116,7 @@ def resolve_again(document: SceneDocument, changes: Mapping[Place, Any]) -> tupl
 
 def parameter_changes(document: SceneDocument, values: Mapping[str, float | str]) -> tuple[dict[Place, Any], list[Fault]]:
     """The changes of a document that give parameters other values, and the faults of these values."""
-    entries = document.parameters_written
+    entries = document.parameters_data
     known = resolve({"parameters": entries}).parameters
     changes: dict[Place, Any] = {}
     faults = []
@@ -137,7 +138,7 @@ def parameter_changes(document: SceneDocument, values: Mapping[str, float | str]
 
 def parameter_arrays(document: SceneDocument, values: Mapping[str, Real]) -> dict[str, Amount]:
     """All parameters of many designs in SI units: the ``values`` (D,) of some, and the others evaluated from them."""
-    entries = document.parameters_written
+    entries = document.parameters_data
     known = resolve({"parameters": entries}).parameters
     amounts = {name: Amount(own, known[name].amount.powers) for name, own in values.items()}
     waiting = {
@@ -156,7 +157,7 @@ def formula_values(document: SceneDocument, amounts: Mapping[str, Amount], place
 
 def parameters_behind(document: SceneDocument, place: Place) -> set[str]:
     """The parameters on which the expression at a place depends, directly or through others."""
-    entries = document.parameters_written
+    entries = document.parameters_data
     names: set[str] = set()
     waiting = list(parse_expression(document.formulas[place]).names)
     while waiting:
@@ -170,16 +171,16 @@ def parameters_behind(document: SceneDocument, place: Place) -> set[str]:
 
 def parameter_words(document: SceneDocument) -> list[str]:
     """Each parameter of a document with its value, range and tolerance, as text: ``throw = stroke/2 = 40 mm``."""
-    entries = document.parameters_written
+    entries = document.parameters_data
     units = _units(document.units.model_dump())
     lines = []
     for name, known in resolve({"parameters": entries}).parameters.items():
         entry = entries[name]
         table = entry if isinstance(entry, Mapping) else {"value": entry}
-        kind = next((kind for kind in UNIT_KINDS if wanted_powers(kind) == known.amount.powers), None)
+        kind = next((kind for kind in UNIT_KINDS if powers_of_kind(kind) == known.amount.powers), None)
         number = float(known.amount.number)
         value = f"{number:.6g}" if kind is None or known.amount.powers == PLAIN else units.show(number, kind)
-        words = f"{name} = {table['value']}" + ("" if known.own else f" = {value}")
+        words = f"{name} = {table['value']}" + ("" if known.is_independent else f" = {value}")
         words += f", from {table['range'][0]} to {table['range'][1]}" if "range" in table else ""
         lines.append(words + (f", ± {table['tolerance']}" if "tolerance" in table else ""))
     return lines
@@ -229,12 +230,12 @@ def _value_at(leaf: Leaf, expression: Expression, known: Mapping[str, Amount], u
         if abs(number - round(number)) > 1e-9 * max(1.0, abs(number)):
             raise QuantityError(f"'{expression.text}' is {number:g}, a whole number is wanted.", "Choose the parameters so.")
         return round(number)
-    kind = next((kind for kind in quantity.kinds if wanted_powers(kind) == amount.powers), None)
+    kind = next((kind for kind in quantity.kinds if powers_of_kind(kind) == amount.powers), None)
     if kind is None:
         words = " or ".join(UNIT_KINDS[each].words for each in quantity.kinds)
         remedy = f"Multiply a plain number by its unit, such as 1 {units.symbol(quantity.kinds[0])}."
         remedy = remedy if not any(amount.powers) else "Check its parameters and units."
-        remedy = angle_remedy(amount.powers, wanted_powers(quantity.kinds[0]), remedy)
+        remedy = angle_remedy(amount.powers, powers_of_kind(quantity.kinds[0]), remedy)
         raise QuantityError(f"'{expression.text}' is {amount.words}, {words} is wanted.", remedy)
     return float(Decimal(repr(number)) / units.factor(kind))
 

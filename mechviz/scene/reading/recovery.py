@@ -234,16 +234,16 @@ _SECTIONS = ("links", "joints", "sketch", "loads", "watch", "systems", "substitu
 class Reading:
     """A scene as far as it could be read, with stand-ins for the rest.
 
-    ``raw``: the plain data that were read, None where a valid document was changed. ``broken`` names the items of each section that
-    are not wholly known, "*" where the section itself is not; ``shapeless`` holds the joints of which not even the kind is
-    known, which the document leaves out.
+    ``raw``: the plain data that were read, None where a valid document was changed. ``unreadable`` names the items of each section
+    that are not wholly known, "*" where the section itself is not; ``kindless_joints`` holds the joints of which not even the kind
+    is known, which the document leaves out.
     """
 
     document: SceneDocument
     raw: Mapping[str, Any] | None = None
     faults: list[Fault] = field(default_factory=list)
-    broken: Mapping[str, set[str]] = field(default_factory=lambda: {section: set() for section in _SECTIONS})
-    shapeless: dict[str, JointDocument] = field(default_factory=dict)
+    unreadable: Mapping[str, set[str]] = field(default_factory=lambda: {section: set() for section in _SECTIONS})
+    kindless_joints: dict[str, JointDocument] = field(default_factory=dict)
 
     @cached_property
     def link_names(self) -> dict[str, None]:
@@ -253,7 +253,7 @@ class Reading:
 
     def in_file_order(self, faults: Iterable[Fault]) -> list[Fault]:
         """Faults without repetitions, in the order of their paths in the scene."""
-        return in_file_order(faults, self.document.written() if self.raw is None else self.raw)
+        return in_file_order(faults, self.document.to_data() if self.raw is None else self.raw)
 
     @cached_property
     def places(self) -> dict[str, tuple[str, str]]:
@@ -265,7 +265,7 @@ class Reading:
         return places
 
     @cached_property
-    def owners(self) -> dict[str, list[str]]:
+    def links_with_point(self) -> dict[str, list[str]]:
         """Name of a point -> the links that have it."""
         owners: dict[str, list[str]] = {}
         for name, link in self.document.links.items():
@@ -283,14 +283,14 @@ class Reading:
         return pinned
 
     @cached_property
-    def pointless(self) -> list[str]:
+    def links_without_points(self) -> list[str]:
         """Links of which the points are not known."""
         return [name for name, link in self.document.links.items() if not link.has_valid("points")]
 
     @property
     def undriven(self) -> set[str]:
         """Joints of which it is not known whether they are driven."""
-        return {name for name, joint in self.shapeless.items() if joint.driven or {"drive", "free"} & joint.invalid_keys}
+        return {name for name, joint in self.kindless_joints.items() if joint.driven or {"drive", "free"} & joint.invalid_keys}
 
 
 def _ends(path: str) -> list[int]:
@@ -322,11 +322,11 @@ def read_document(raw: Mapping[str, Any]) -> Reading:
             broken[section].add("*")
         else:
             broken[section] |= {name for name in items if f"{section}.{name}" in faulty}
-    shapeless = {name: joint for name, joint in document.joints.items() if not joint.kinds}
+    kindless_joints = {name: joint for name, joint in document.joints.items() if not joint.kinds}
     joints = {name: joint for name, joint in document.joints.items() if joint.kinds}
     known = document.model_copy(update={"joints": joints})
     known.mark_invalid(document.invalid_keys)
-    return Reading(known, raw, faults, broken, shapeless)
+    return Reading(known, raw, faults, broken, kindless_joints)
 
 
 # -- faults of form in words --------------------------------------------------------------------------------------------

@@ -40,7 +40,7 @@ def check_references(reading: Reading) -> Iterator[Fault]:
         for k, name in enumerate(names):
             if name in names[:k] and not isinstance(name, SpellingRepairs):
                 yield Fault(f"{key}[{k}]", f"'{name}' is listed twice.", "Leave it out once.")
-    listed = "*" not in reading.broken["links"]
+    listed = "*" not in reading.unreadable["links"]
     yield from check_studies(document, {name: point_names(reading, name) for name in link_names(reading)}, listed)
     # effects that need masses
     effects = [name for name in document.effects if not isinstance(name, UnknownName) and name != "friction"]
@@ -55,10 +55,12 @@ def check_references(reading: Reading) -> Iterator[Fault]:
 def check_link_names(reading: Reading) -> Iterator[Fault]:
     """Faults of names of links that do not exist, at places that their type does not mark as references."""
     document = reading.document
-    if "*" not in reading.broken["links"] and not link_names(reading):
+    if "*" not in reading.unreadable["links"] and not link_names(reading):
         yield Fault("links", "the scene has no links.", "Add a table [links] with the frame and at least one moving link.")
     elif (
-        "*" not in reading.broken["links"] and not isinstance(document.frame, UnknownName) and document.frame not in document.links
+        "*" not in reading.unreadable["links"]
+        and not isinstance(document.frame, UnknownName)
+        and document.frame not in document.links
     ):
         remedy = did_you_mean(document.frame, link_names(reading), what='Name the fixed link with frame = "..."; links')
         yield Fault("frame", f"there is no link '{document.frame}' to be the fixed one.", remedy)
@@ -81,22 +83,22 @@ def check_link_names(reading: Reading) -> Iterator[Fault]:
 
 def _joints(reading: Reading) -> Iterator[Fault]:
     document = reading.document
-    if not document.joints and not reading.shapeless and "*" not in reading.broken["joints"]:
+    if not document.joints and not reading.kindless_joints and "*" not in reading.unreadable["joints"]:
         yield Fault("joints", "the scene has no joints.", "Add a table [joints] that joins the links.")
     for name, joint in document.joints.items():
         path = f"joints.{name}"
         if len(joint.kinds) > 1:
             continue
-        points = zip(joint.links, points_of_joint(name, joint), strict=True) if joint.traits.joins else ()
+        points = zip(joint.links, points_of_joint(name, joint), strict=True) if joint.traits.joins_points else ()
         for k, (link, point) in enumerate(points):
             where = path if joint.at is None else f"{path}.at" if isinstance(joint.at, str) else f"{path}.at[{k}]"
             remedy = (
                 "" if joint.at is not None else 'Add the point to the link, or name the joined points with at = ["...", "..."].'
             )
             yield from known_point(reading, where, link, point, remedy)
-        if joint.traits.pose and isinstance(joint.at, str):
+        if joint.traits.is_planar and isinstance(joint.at, str):
             yield from known_point(reading, f"{path}.at", joint.links[1], joint.at)
-        elif joint.traits.pose and joint.at is not None:
+        elif joint.traits.is_planar and joint.at is not None:
             yield Fault(f"{path}.at", "names two points.", f"Name one point of '{joint.links[1]}'.")
         if joint.along is not None and isinstance(joint.along[0], str):
             guide = joint.guide if joint.guide in joint.links else joint.links[0]
@@ -110,7 +112,7 @@ def _looks(reading: Reading) -> Iterator[Fault]:
     pinned = {link for j in document.joints.values() if "revolute" in j.kinds and document.frame in j.links for link in j.links}
     for name, link in document.links.items():
         for kind in [link.looks] if isinstance(link.looks, str) else link.looks or ():
-            if isinstance(kind, UnknownName) or kind == "nothing" or "*" in reading.broken["joints"]:
+            if isinstance(kind, UnknownName) or kind == "nothing" or "*" in reading.unreadable["joints"]:
                 continue
             if (kind == "spindle") is not (name == document.frame):
                 whose = "of the fixed link, whose guides become rods" if kind == "spindle" else "on the shaft of a moving link"
@@ -124,9 +126,9 @@ def check_joining(reading: Reading, touched: Mapping[str, Iterable[str]]) -> Ite
     """Faults of links that no chain of joints connects with the fixed link. ``touched``: the links that each joint joins, or may
     join."""
     document = reading.document
-    if "*" in reading.broken["joints"] or not touched:
+    if "*" in reading.unreadable["joints"] or not touched:
         return
-    if "*" in reading.broken["links"] or document.frame not in document.links:
+    if "*" in reading.unreadable["links"] or document.frame not in document.links:
         return
     neighbours: dict[str, list[Iterable[str]]] = {}
     for links in touched.values():
@@ -150,7 +152,7 @@ def check_joining(reading: Reading, touched: Mapping[str, Iterable[str]]) -> Ite
 def check_trace(reading: Reading, *, certain: bool) -> Iterator[Fault]:
     """Faults of traced points; ``certain``: it is known which points the joints join."""
     trace = reading.document.trace
-    whole = "*" not in reading.broken["links"] and all(point_names(reading, link) is not None for link in link_names(reading))
+    whole = "*" not in reading.unreadable["links"] and all(point_names(reading, link) is not None for link in link_names(reading))
     first = {text: k for k, text in reversed(list(enumerate(trace)))}
     for k, text in enumerate(trace):
         if isinstance(text, UnknownName):
@@ -169,7 +171,7 @@ def resolve_trace(reading: Reading, text: str) -> tuple[str, str] | Fault:
     """``"E"`` or ``"coupler.E"`` -> link and point. A bare name on several links must be their common pin."""
     if (place := split_point(reading, text)) is not None:
         return place
-    owners = reading.owners.get(text, [])
+    owners = reading.links_with_point.get(text, [])
     if not owners:
         link = text.partition(".")[0]
         own = point_names(reading, link)
@@ -179,7 +181,7 @@ def resolve_trace(reading: Reading, text: str) -> tuple[str, str] | Fault:
                 f"link '{link}' has no point '{text[len(link) + 1 :]}'.",
                 did_you_mean(text[len(link) + 1 :], own, what=f"Points of '{link}'"),
             )
-        return Fault("", f"no link has a point '{text}'.", did_you_mean(text, reading.owners, what="Points"))
+        return Fault("", f"no link has a point '{text}'.", did_you_mean(text, reading.links_with_point, what="Points"))
     together, grew = {owners[0]}, True
     while grew:
         grew = False
@@ -196,7 +198,7 @@ def resolve_trace(reading: Reading, text: str) -> tuple[str, str] | Fault:
 def _sketch(reading: Reading) -> Iterator[Fault]:
     document = reading.document
     links = link_names(reading)
-    points, whole = reading.owners, all(point_names(reading, link) is not None for link in links)
+    points, whole = reading.links_with_point, all(point_names(reading, link) is not None for link in links)
     for name, entry in document.sketch.items():
         if isinstance(entry, Pose):
             if name == document.frame:
@@ -250,7 +252,7 @@ def sketch_repaired(reading: Reading) -> Reading:
 
 def _owners(reading: Reading, point: str) -> list[str]:
     """Links that have a point of this name, or of which it is not known."""
-    return [*reading.owners.get(point, ()), *reading.pointless]
+    return [*reading.links_with_point.get(point, ()), *reading.links_without_points]
 
 
 def touched_links(reading: Reading, name: str, joint: JointDocument) -> tuple[set[str], bool]:

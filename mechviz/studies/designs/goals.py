@@ -54,7 +54,7 @@ def check_goal(scene: Scene, catalogue: Catalogue | None = None) -> None:
         except MechanismError as error:
             faults += [Fault(path, fault.message, fault.remedy) for fault in error.faults]
     if faults:
-        raise MechanismError(in_file_order(faults, scene.document.written()))
+        raise MechanismError(in_file_order(faults, scene.document.to_data()))
 
 
 def _varies(variable: Variable) -> bool:

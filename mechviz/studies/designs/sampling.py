@@ -108,7 +108,7 @@ def _per(unit: str, other: str) -> float:
 
 def _own_range(scene: Scene, text: str, name: str) -> tuple[float, float, str]:
     """The range that the scene gives a parameter, in the unit of its upper end."""
-    entry = scene.document.written()["parameters"][name]
+    entry = scene.document.to_data()["parameters"][name]
     stated = entry.get("range") if isinstance(entry, dict) else None
     if stated is None:
         raise _wrong(text, f"'{name}' has no range in the scene.", f"Give one here: {name}=30..60mm.")

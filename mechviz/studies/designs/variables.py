@@ -59,7 +59,7 @@ class Variable:
 
 def parameters_of(scene: Scene) -> tuple[Variable, ...]:
     """The independent parameters of a scene, which do not follow from others."""
-    return tuple(_of_parameter(scene, known) for known in scene.parameters.values() if known.own)
+    return tuple(_of_parameter(scene, known) for known in scene.parameters.values() if known.is_independent)
 
 
 def variables_of(scene: Scene, names: Sequence[str] = ()) -> tuple[Variable, ...]:
@@ -104,7 +104,7 @@ def without_ranges(scene: Scene) -> Scene:
 
 
 def _of_parameter(scene: Scene, known: ParameterValue) -> Variable:
-    entry = scene.document.written()["parameters"][known.name]
+    entry = scene.document.to_data()["parameters"][known.name]
     table = isinstance(entry, dict)
     stated = entry["value"] if table else entry
     unit = _unit(scene, str(stated), known.amount.powers) if any(known.amount.powers) else ""

@@ -16,7 +16,7 @@ from mechcore.motion.solve import compile_mechanism
 from mechviz.commands.main import app
 from mechviz.outputs.viewer.session import EditSession, Status
 from mechviz.runs import run_scene
-from mechviz.scene.assembly.simulation import RANGE_MARGIN, swinging
+from mechviz.scene.assembly.simulation import RANGE_MARGIN, oscillation_changes
 from mechviz.scene.faults import SceneError
 from mechviz.scene.scene import Scene
 from mechviz.studies.report import check_lines
@@ -276,8 +276,8 @@ def test_crossing_grashof_with_a_slider_swings():
     ],
 )
 def test_only_a_drive_that_says_no_more_than_its_speed_is_made_to_swing(drive):
-    assert not swinging(rocker(drive).document)
-    assert not swinging(mechviz.load("swinging-double-pendulum").document)
+    assert not oscillation_changes(rocker(drive).document)
+    assert not oscillation_changes(mechviz.load("swinging-double-pendulum").document)
 
 
 def test_a_crank_that_comes_back_to_another_mode_after_a_turn_has_a_limit():

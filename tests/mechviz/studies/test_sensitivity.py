@@ -356,7 +356,7 @@ def test_ranges_of_segments_have_exact_derivatives_beside_the_knots_that_they_mo
     plain, frames, h = load(name), 357, 2e-3
     ranges = [value_at(plain.document, at) for at in (place, other)]
     sizes = [float(split(v)[0]) if isinstance(v, str) else float(v) for v in ranges]
-    raw = with_values(plain.document.written(), {place: "range", other: f"{sum(sizes)} {unit} - range"})
+    raw = with_values(plain.document.to_data(), {place: "range", other: f"{sum(sizes)} {unit} - range"})
     scene = Scene.build(**raw, parameters={"range": f"{sizes[0]} {unit}"})
     run = run_scene(scene, frames=frames)
     beside = {

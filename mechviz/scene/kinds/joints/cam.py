@@ -340,12 +340,12 @@ def _check_cam(reading: Reading, path: str, joint: JointDocument) -> Iterator[Fa
     if joint.profile is not None and joint.profile.bed is not None:
         wanted.append((f"{path}.profile.bed", joint.profile.bed, cam, ("prismatic",)))
     for where, name, link, kinds in wanted:
-        if isinstance(name, UnknownName) or link not in document.links or reading.shapeless:
+        if isinstance(name, UnknownName) or link not in document.links or reading.kindless_joints:
             continue
         if name in document.joints and any(isinstance(own, UnknownName) for own in document.joints[name].links):
             continue
         guides = [key for key, other in document.joints.items() if other.kind in kinds and link in other.links]
-        if name not in guides and "*" not in reading.broken["joints"]:
+        if name not in guides and "*" not in reading.unreadable["joints"]:
             words = " or ".join(kinds)
             known = name in document.joints
             message = f"'{name}' is no {words} joint of '{link}'." if known else f"there is no joint '{name}'."
@@ -397,7 +397,7 @@ CAMS = {
             "follower": '{ roller = "10 mm", guide = "the joint that guides it", point = "the roller\'s centre" }',
         },
         synonyms=("cams",),
-        instead={
+        remedies={
             "at": "Leave it out: follower = { point = ... } names the follower's point.",
             "radius": "Write follower = { roller = ... } and profile = { base = ... }.",
             "side": "Write follower = { side = ... }.",
@@ -406,9 +406,9 @@ CAMS = {
         },
         undriven="Drive the cam's revolute joint, or its bed, instead.",
         viscous="damping",
-        rubs=ROLLER,
-        joins=False,
-        places=False,
+        friction=ROLLER,
+        joins_points=False,
+        places_link=False,
         higher=True,
         check=_check_cam,
         core_path=_core_path,

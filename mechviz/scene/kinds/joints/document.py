@@ -98,12 +98,12 @@ class JointDocument(JointKeys, CamKeys, WheelKeys, LowerKeys):
         kind = self.traits
         if self.links[0] == self.links[1]:
             wrong.append((self.kind, f"joins '{self.links[0]}' to itself.", "Name two different links."))
-        wrong += self.misfits(f"the {kind.words.removeprefix('a ')}")
-        for key in self.free.foreign_keys(kind.pose) if self.free is not None else ():
-            known = "x, y, angle, vx, vy and omega" if kind.pose else "position and speed"
+        wrong += self.key_faults(f"the {kind.words.removeprefix('a ')}")
+        for key in self.free.foreign_keys(kind.is_planar) if self.free is not None else ():
+            known = "x, y, angle, vx, vy and omega" if kind.is_planar else "position and speed"
             wrong.append(("free", f"{key} does not go with {kind.words}.", f"Its start has {known}."))
-        if self.friction is not None and kind.rubs is not None:
-            wrong += friction_faults(kind.rubs, kind.words, self.friction)
+        if self.friction is not None and kind.friction is not None:
+            wrong += friction_faults(kind.friction, kind.words, self.friction)
         modes = [key for key in kind.modes if getattr(self, key) is not None]
         wrong += self._two_modes(modes)
         if self.driven and modes and not kind.own_mode:
@@ -116,11 +116,11 @@ class JointDocument(JointKeys, CamKeys, WheelKeys, LowerKeys):
         raise_faults(wrong)
         return self
 
-    def says(self, key: str) -> bool:
+    def has_value(self, key: str) -> bool:
         """Whether a key has a value other than its default."""
         return getattr(self, key) not in (None, False, [])
 
-    def instead(self, key: str) -> str:
+    def remedy_for(self, key: str) -> str:
         """Remedy for a key that does not go with the kind."""
         kind = self.traits
         if key in ("drive", "free"):
@@ -129,7 +129,7 @@ class JointDocument(JointKeys, CamKeys, WheelKeys, LowerKeys):
             return "Write branch = 'ahead' or 'behind' instead."
         if key in _MODES and "side" in kind.keys:
             return "Write side = 'left' or 'right' instead."
-        return kind.instead.get(key, "Leave it out.")
+        return kind.remedies.get(key, "Leave it out.")
 
     def _two_modes(self, keys: Iterable[str]) -> list[tuple[str, str, str]]:
         """The fault of several modes among these keys."""

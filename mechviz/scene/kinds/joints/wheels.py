@@ -118,7 +118,7 @@ def _pressure_angle(m: JointMaker) -> float:
     if m.joint.pressure_angle is None:
         return Gear.pressure_angle
     value = m.convert.si(m.joint.pressure_angle, "angle", f"{m.path}.pressure_angle")
-    if not 0.0 <= value < _STEEPEST and not math.isnan(value) and m.convert.certain("angle"):
+    if not 0.0 <= value < _STEEPEST and not math.isnan(value) and m.convert.has_known_unit("angle"):
         m.convert.note(
             f"{m.path}.pressure_angle",
             f"{as_angle(value)} is no pressure angle of teeth: they lie below {as_angle(_STEEPEST)}.",
@@ -184,7 +184,7 @@ def _unclear(reading: Reading) -> bool:
     """Whether the links of some joint are unknown, so that it may be the one that seems to be missing."""
     joints = reading.document.joints.values()
     doubtful = any(len(joint.kinds) > 1 or any(isinstance(link, UnknownName) for link in joint.links) for joint in joints)
-    return bool(reading.shapeless) or doubtful or "*" in reading.broken["joints"]
+    return bool(reading.kindless_joints) or doubtful or "*" in reading.unreadable["joints"]
 
 
 def _check_carrier(reading: Reading, path: str, joint: JointDocument) -> Iterator[Fault]:
@@ -271,7 +271,7 @@ def _check_sizes(
     if key == "teeth" or distance is None:
         return
     sum_of = sizes[1] - sizes[0] if joint.internal else sizes[0] + sizes[1]
-    if abs(sum_of - distance) > _FIT * distance and convert.certain("length"):
+    if abs(sum_of - distance) > _FIT * distance and convert.has_known_unit("length"):
         word = "difference" if joint.internal else "sum"
         convert.note(
             f"{path}.radii",
@@ -312,10 +312,10 @@ WHEELS = {
         needs={"radius": '"50 mm"'},
         modes=("branch",),
         synonyms=("wheel",),
-        instead={"radii": "Write radius = ...", "guide": "Leave it out: the edge is on the link that is named first."},
+        remedies={"radii": "Write radius = ...", "guide": "Leave it out: the edge is on the link that is named first."},
         driven="length",
         viscous="torsional damping",
-        rubs=LEVER,
+        friction=LEVER,
     ),
     "gear": JointKind(
         words="a gear pair",
@@ -323,12 +323,12 @@ WHEELS = {
         make=_gear,
         keys=("carrier", "teeth", "radii", "internal", "pressure_angle", "friction"),
         synonyms=("gears", "planet"),
-        instead={"radius": "Write radii = [first, second] or teeth = [first, second].", "at": _HELD.format("wheels")},
+        remedies={"radius": "Write radii = [first, second] or teeth = [first, second].", "at": _HELD.format("wheels")},
         undriven=_WHEELS,
         viscous="torsional damping",
-        rubs=LEVER,
-        joins=False,
-        places=False,
+        friction=LEVER,
+        joins_points=False,
+        places_link=False,
         higher=True,
         one_of=("teeth", "radii"),
         check=_check_carrier,
@@ -340,7 +340,7 @@ WHEELS = {
         keys=("carrier", "radii", "crossed"),
         needs=_RADII,
         synonyms=("belts", "pulleys"),
-        instead={
+        remedies={
             "radius": _BOTH,
             "teeth": _BOTH,
             "friction": "Give its pins friction; its own drag is a load, viscous, and belt_tension shows where it slips.",
@@ -348,8 +348,8 @@ WHEELS = {
         },
         undriven=_WHEELS,
         viscous="damping",
-        joins=False,
-        places=False,
+        joins_points=False,
+        places_link=False,
         check=_check_carrier,
     ),
     "chain": JointKind(
@@ -359,7 +359,7 @@ WHEELS = {
         keys=("carrier", "radii"),
         needs=_RADII,
         synonyms=("sprockets",),
-        instead={
+        remedies={
             "radius": _BOTH,
             "teeth": "Write radii = [first, second]: the pitch radii of the sprockets.",
             "friction": "Give its pins friction; its own drag is a load, viscous.",
@@ -368,8 +368,8 @@ WHEELS = {
         },
         undriven=_WHEELS,
         viscous="damping",
-        joins=False,
-        places=False,
+        joins_points=False,
+        places_link=False,
         check=_check_carrier,
     ),
     "rack": JointKind(
@@ -379,16 +379,16 @@ WHEELS = {
         keys=("slider", "radius", "side", "pressure_angle", "friction"),
         needs={"slider": "the name of the rack's prismatic joint", "radius": '"50 mm"'},
         synonyms=("pinion",),
-        instead={
+        remedies={
             "radii": "Write radius = ..., the pitch radius of the pinion.",
             "teeth": "Write radius = ..., the pitch radius of the pinion.",
             "at": "Leave it out: the pinion's pin and the rack's guide say where they are.",
         },
         undriven="Drive the pinion's revolute joint, or the rack's prismatic one, instead.",
         viscous="torsional damping",
-        rubs=LEVER,
-        joins=False,
-        places=False,
+        friction=LEVER,
+        joins_points=False,
+        places_link=False,
         higher=True,
         check=_check_rack,
     ),

@@ -75,9 +75,9 @@ class LoadDocument(LoadKeys, MachineKeys, GasKeys, SpringKeys, PrescribedKeys):
     def _one_load(self) -> LoadDocument:
         raise_faults(one_of(self, tuple(LOAD_KINDS), "the load"))
         kind = self.traits
-        wrong = self.misfits(f"the {self.kind}")
-        if kind.some and all(getattr(self, key) is None for key in kind.some):
-            wrong.append(("", f"{kind.words} has neither {' nor '.join(kind.some)}.", f"Add {kind.some[0]} = {LINEAR}."))
+        wrong = self.key_faults(f"the {self.kind}")
+        if kind.any_of and all(getattr(self, key) is None for key in kind.any_of):
+            wrong.append(("", f"{kind.words} has neither {' nor '.join(kind.any_of)}.", f"Add {kind.any_of[0]} = {LINEAR}."))
         for key in ("stiffness", "linear"):
             value = getattr(self, key)
             if key in kind.keys and value is not None and isinstance(value, list) != kind.threefold:
@@ -97,9 +97,9 @@ class LoadDocument(LoadKeys, MachineKeys, GasKeys, SpringKeys, PrescribedKeys):
         raise_faults(wrong)
         return self
 
-    def instead(self, key: str) -> str:
+    def remedy_for(self, key: str) -> str:
         """Remedy for a key that does not go with the kind."""
-        return "Write linear = ..." if key == "coefficient" and "linear" in self.traits.keys else super().instead(key)
+        return "Write linear = ..." if key == "coefficient" and "linear" in self.traits.keys else super().remedy_for(key)
 
 
 def check_loads(reading: Reading) -> Iterator[Fault]:

@@ -168,12 +168,12 @@ def _servo(m: LoadMaker) -> Load | None:
     return None if target is None else Servo(**m.common, joint=load.servo, target=target, **gains)
 
 
-def _target(m: LoadMaker, sort: str) -> Law | None:
+def _target(m: LoadMaker, coordinate_kind: str) -> Law | None:
     """The law that a servo follows, None where a fault was noted."""
     given, path = m.load.target, f"{m.path}.target"
     if given is None or isinstance(given, DriveDocument):
-        return None if given is None else law_of(given, sort, m.convert, path)
-    value = m.convert.si(given, sort, path)
+        return None if given is None else law_of(given, coordinate_kind, m.convert, path)
+    value = m.convert.si(given, coordinate_kind, path)
     key = next((key for key in SIGNALS if getattr(m.load, key) is not None), None)
     if key is None:
         return ConstantSpeed(start=value, speed=0.0)

@@ -11,7 +11,7 @@ from pydantic import Discriminator, Tag
 from mechcore.errors import Fault
 from mechcore.laws.timed import Table as Interpolation
 from mechcore.spec.loads import Actuator, Factor, Force, Load, Polynomial, Torque
-from mechviz.scene.convert import LARGEST_VALUE, probable_sort
+from mechviz.scene.convert import LARGEST_VALUE, probable_coordinate
 from mechviz.scene.faults import listing
 from mechviz.scene.fields import DocumentTable, ForceVector, Text, value_or_list
 from mechviz.scene.fields import Torque as TorqueValue
@@ -134,14 +134,14 @@ def _argument_kind(m: LoadMaker, of: str, joint: str | None) -> str | None:
     known = m.document.joints.get(joint or first or "")
     if known is None or len(known.kinds) > 1:
         return None
-    sort = known.coordinate
-    return sort if of == "position" else _RATES[sort]
+    coordinate_kind = known.coordinate
+    return coordinate_kind if of == "position" else _RATES[coordinate_kind]
 
 
 def _likely_kind(given: FactorTable | FactorPolynomial) -> str:
     """The probable kind of the argument where the joint is not known, from the units of the values."""
-    sort = probable_sort(given)
-    return sort if given.of == "position" else _RATES.get(sort, "time")
+    coordinate_kind = probable_coordinate(given)
+    return coordinate_kind if given.of == "position" else _RATES.get(coordinate_kind, "time")
 
 
 def _moderate(m: LoadMaker, values: list[float], path: str) -> bool:
@@ -161,7 +161,7 @@ def _table(m: LoadMaker, given: FactorTable, kind: str) -> Interpolation | None:
     if not increasing or not given.has_valid(given.of) or not x:
         return None
     span = x[-1] - x[0]
-    if period is not None and span > period * (1.0 + 1e-12) and convert.certain(kind):
+    if period is not None and span > period * (1.0 + 1e-12) and convert.has_known_unit(kind):
         why = f"is shorter than the range of the {given.of}s."
         convert.note(f"{path}.period", why, "Give a longer period, or fewer rows.")
         return None

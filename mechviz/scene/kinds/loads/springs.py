@@ -170,8 +170,8 @@ def _drag(m: LoadMaker) -> Load | None:
     turning = m.load.drag in m.document.links
     if point is None and not turning:
         return None
-    sort = "torsional damping" if turning else "damping"
-    values: dict[str, Any] = {"linear": m.si("linear", sort), "quadratic": m.si("quadratic", f"quadratic {sort}")}
+    kind = "torsional damping" if turning else "damping"
+    values: dict[str, Any] = {"linear": m.si("linear", kind), "quadratic": m.si("quadratic", f"quadratic {kind}")}
     m.not_nothing(values)
     if turning:
         return Drag(**m.common, link=m.load.drag, **values)
@@ -218,7 +218,7 @@ SPRINGS = {
         between=True,
         keys=("stiffness", "free_length", "preload", "solid_length"),
         needs={**_STIFFNESS, "free_length": '"80 mm"'},
-        instead=_NO_DAMPER,
+        remedies=_NO_DAMPER,
     ),
     "damper": LoadKind(
         words="a damper",
@@ -227,7 +227,7 @@ SPRINGS = {
         check=different_links,
         between=True,
         keys=("linear", "quadratic"),
-        some=("linear", "quadratic"),
+        any_of=("linear", "quadratic"),
         synonyms=("dashpot",),
     ),
     "gas_spring": LoadKind(
@@ -242,7 +242,7 @@ SPRINGS = {
             "extended": '"300 mm", the distance of its points when extended',
             "gas_length": '"250 mm", the volume of the gas when extended over the area of the rod',
         },
-        instead=_NO_DAMPER,
+        remedies=_NO_DAMPER,
     ),
     "torsion_spring": LoadKind(
         words="a torsion spring",
@@ -251,7 +251,7 @@ SPRINGS = {
         between=True,
         keys=("stiffness", "free_angle"),
         needs=_STIFFNESS,
-        instead=_NO_DAMPER,
+        remedies=_NO_DAMPER,
     ),
     "torsion_damper": LoadKind(
         words="a torsion damper",
@@ -277,7 +277,7 @@ SPRINGS = {
         make=_drag,
         check=_check_drag,
         keys=("linear", "quadratic"),
-        some=("linear", "quadratic"),
+        any_of=("linear", "quadratic"),
         synonyms=("air",),
     ),
     "viscous": LoadKind(
