@@ -22,9 +22,9 @@ from mechviz.figures import chart, save_chart
 from mechviz.outputs.rerun.writer import write_recording
 from mechviz.runs import run_scene
 from mechviz.scene.scene import load
-from mechviz.studies.cost import machine, used
+from mechviz.studies.cost import machine, processor_share
 from mechviz.studies.influences import influence_lines, influences
-from mechviz.studies.precision import PrecisionPoint, cheapest, keep, kept, ladder
+from mechviz.studies.precision import PrecisionPoint, cheapest, ladder, load_study, store_study
 from mechviz.studies.precision_diagram import diagram
 
 HERE = Path(__file__).resolve().parent
@@ -92,11 +92,11 @@ def ladders(quick: bool) -> dict[str, tuple[PrecisionPoint, ...]]:
     result = {}
     for name in ("crank-rocker", "andrews-squeezer"):
         scene = load(name)
-        measured = kept(scene, TARGET, rough=quick)
+        measured = load_study(scene, TARGET, rough=quick)
         if measured is None:
-            with used() as share:
+            with processor_share() as share:
                 points = ladder(scene, TARGET, budget=0.02 if quick else 0.25, record=write_recording)
-            measured = keep(scene, TARGET, points, quick, share())
+            measured = store_study(scene, TARGET, points, quick, share())
         title = f"{scene.title}: what accuracy costs"
         figure, words = diagram(measured.points, title, measured.foot, TARGET)
         save_chart(figure, IMAGES / f"accuracy-{name}.svg", words)
@@ -153,7 +153,7 @@ def hard_tables() -> dict[str, str]:
             outcome = case.run()
             if not outcome.passed:
                 raise SystemExit(f"{case.name} fails: {outcome.summary}")
-            happens = case.happens + (f" (peers: {case.peers})" if case.peers else "")
+            happens = case.difficulty + (f" (peers: {case.peers})" if case.peers else "")
             cells = [case.name, happens, case.expected, f"{outcome.worst.error:.1e}", f"{outcome.worst.bound:.0e}"]
             lines.append(f"| {' | '.join(c.replace('|', chr(92) + '|') for c in cells)} |")
         blocks[family] = "\n".join(lines)
@@ -169,7 +169,7 @@ def hard_pictures() -> None:
     from mechcore.dynamics.simulate import simulate
     from mechcore.laws.program import Segment, program
     from mechcore.motion.solve import compile_mechanism, solve_motion
-    from mechviz.hard_cases.mechanisms import four_bar, load_at, pendulum, sleeve
+    from mechviz.hard_cases.mechanisms import forces_at, four_bar, pendulum, sleeve
 
     t = np.linspace(0.0, 2.0 * TURN, 721)
     curves: list[Curve] = []
@@ -193,7 +193,7 @@ def hard_pictures() -> None:
     plot(IMAGES / "hard-cams.svg", "An undercut cam", "x [mm]", "y [mm]", shapes, equal=True)
 
     x = np.linspace(0.0, 0.3, 301)
-    effort = np.array([float(load_at(sleeve(float(e), 0.08, 0.2), [0.0], 0.1).effort("H")[0]) for e in x])
+    effort = np.array([float(forces_at(sleeve(float(e), 0.08, 0.2), [0.0], 0.1).effort("H")[0]) for e in x])
     shown = np.where(effort < 600.0, effort, np.nan)
     plot(
         IMAGES / "hard-friction.svg",

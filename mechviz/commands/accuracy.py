@@ -21,9 +21,9 @@ from mechviz.hard_cases.case import CASE_FAMILIES, as_data, case_table, summary
 from mechviz.outputs.rerun.precision import write_rrd
 from mechviz.outputs.rerun.writer import write_recording
 from mechviz.progress import progress_bar
-from mechviz.studies.cost import machine, used
+from mechviz.studies.cost import machine, processor_share
 from mechviz.studies.influences import influence_lines, influences
-from mechviz.studies.precision import PrecisionPoint, cheapest, keep, kept, ladder, pareto
+from mechviz.studies.precision import PrecisionPoint, cheapest, ladder, load_study, pareto, store_study
 from mechviz.studies.precision_diagram import diagram, settings_of
 
 
@@ -54,12 +54,12 @@ def accuracy(
         loaded = load_scene(scene, values)
         if not loaded.frames:
             fail(f"{loaded.name}: nothing moves and no time passes: all is exact to rounding. Add a duration to [run].")
-        measured = None if again else kept(loaded, target, rough=quick)
+        measured = None if again else load_study(loaded, target, rough=quick)
         before = measured is not None
         if measured is None:
-            with progress_bar("measuring") as bar, used() as share:
+            with progress_bar("measuring") as bar, processor_share() as share:
                 points = ladder(loaded, target, bar, budget=0.02 if quick else 0.25, record=write_recording)
-            measured = keep(loaded, target, points, quick, share())
+            measured = store_study(loaded, target, points, quick, share())
         shown = [p for p in measured.points if setting is None or p.setting == setting]
         if not shown:
             fail(f"--setting: '{setting}' is no setting of this scene. Choose from {', '.join(settings_of(measured.points))}.")
@@ -85,7 +85,7 @@ def summary_lines(points: Sequence[PrecisionPoint]) -> list[str]:
     def words(p: PrecisionPoint | None, named: bool) -> str:
         if p is None:
             return "-"
-        return f"{f'{p.method} {p.value}: ' if named else ''}{p.error:.1e} in {p.price}"
+        return f"{f'{p.method} {p.value}: ' if named else ''}{p.error:.1e} in {p.time_text}"
 
     for setting in dict.fromkeys(p.setting for p in points):
         own = [p for p in points if p.setting == setting]
@@ -121,7 +121,7 @@ def _answer(points: Sequence[PrecisionPoint], target: float | None) -> list[str]
     lines = ["", f"cheapest settings that reach {target:g}"]
     for setting in dict.fromkeys(p.setting for p in points):
         best = cheapest([p for p in points if p.setting == setting], target)
-        words = "none of these" if best is None else f"{best.method}, {best.value}: error {best.error:.1e} in {best.price}"
+        words = "none of these" if best is None else f"{best.method}, {best.value}: error {best.error:.1e} in {best.time_text}"
         lines.append(f"  {setting:<22} {words}")
     return lines
 

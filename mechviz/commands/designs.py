@@ -339,7 +339,7 @@ def optimise(
                 save_chart(front_chart(best, loaded.title), plot)
                 print(plot)
             if front is not None:
-                objectives = problem.judged(best.front).objectives
+                objectives = problem.score(best.front).objectives
                 heads = [f"{t.text} [{t.unit}]" for t in problem.terms] + [v.title for v in problem.variables]
                 write_columns(
                     front, heads, [*(t.sign * x for t, x in zip(problem.terms, objectives.T, strict=True)), *best.front.T]

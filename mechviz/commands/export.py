@@ -202,8 +202,8 @@ def share(
         path = output or Path(f"{Path(source).stem}.html")
         check_targets(source, path)
         shown = _presentation(source, values, frames, cycles, keep, most)
-        if shown.bands().refused:
-            say(f"note: some curves have no tolerance band: {shown.bands().refused}")
+        if shown.bands().missing_reason:
+            say(f"note: some curves have no tolerance band: {shown.bands().missing_reason}")
         with interruptible("pyarrow"), progress_bar("sharing") as bar:
             text, chosen = make_page(shown, most=most, progress=bar)
             with replacing(path) as temporary:

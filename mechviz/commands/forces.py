@@ -31,7 +31,7 @@ from mechviz.quantities.power_table import flywheel_lines, force_lines, power_cs
 from mechviz.runs import Run
 from mechviz.scene.convert import LARGEST_VALUE
 from mechviz.scene.kinds.joints.cam_documents import step_fault, whole_step
-from mechviz.studies.balance import shaken, write_polar
+from mechviz.studies.balance import shaking_of, write_polar
 from mechviz.studies.cam_report import cam_facts, cam_lines, drawn_lines, size_lines
 from mechviz.studies.cost import cost_lines, executor_lines, measure
 from mechviz.studies.equations import equation_lines, equilibrium_at, latex_lines
@@ -105,7 +105,7 @@ def forces(
             if csv is not None:
                 print(power_csv(run.forces, csv))
             if plot is not None:
-                write_polar(plot, run.scene.title, run.motion, {"shaking force": shaken(run)}, run.scene.units)
+                write_polar(plot, run.scene.title, run.motion, {"shaking force": shaking_of(run)}, run.scene.units)
                 print(plot)
 
 

@@ -25,7 +25,7 @@ from mechcore.laws.timed import ConstantSpeed
 from mechcore.motion.solve import compile_mechanism, solve_motion
 from mechcore.spec.loads import Spring
 from mechcore.spec.mechanism import CamJoint, Drive, Link, Mechanism, Prismatic, Revolute
-from mechviz.hard_cases.case import Case, Outcome, compare, judged, motion_outcome, refused
+from mechviz.hard_cases.case import Case, Outcome, check_that, compare, motion_outcome, refusal_outcome
 
 STROKE, UP = 0.02, 2.0
 LIFT = program([Segment(UP, STROKE, "cycloidal"), Segment(1.0), Segment(1.6, 0.0, "cycloidal"), Segment(TURN - 4.6)])
@@ -104,7 +104,7 @@ def _modified_trapezoid() -> Outcome:
         compare("acceleration", got[2][1:-1], wanted(x)[1:-1], 1e-12),
         compare("velocity", got[1], speed, 1e-12),
         compare("whole rise", got[0][-1], 1.0, 1e-14),
-        judged("no jump of position, velocity, acceleration", not jumps(law, (0, 1, 2))),
+        check_that("no jump of position, velocity, acceleration", not jumps(law, (0, 1, 2))),
     ]
     return Outcome(f"peak acceleration {np.abs(got[2]).max():.10g}", tuple(checks))
 
@@ -124,8 +124,8 @@ def _cusp() -> Outcome:
     ranges = undercut_ranges(Cam(law, Follower(Translating(0.004), Roller(1.001 * greatest))), np.linspace(0.0, TURN, 20_000))
     checks = [
         compare("greatest roller", greatest, least, 1e-6),
-        judged("undercut above, not below", states == [False, True]),
-        judged("its range is named", len(ranges) >= 1),
+        check_that("undercut above, not below", states == [False, True]),
+        check_that("its range is named", len(ranges) >= 1),
     ]
     return Outcome(f"greatest roller {1e3 * greatest:.9g} mm", tuple(checks), events=("undercut",) if states[1] else ())
 
@@ -141,7 +141,7 @@ def _flat_undercut() -> Outcome:
     exact = find_limits(cam_on_base(LIFT, Follower(Translating(), Flat()), 0.05))
     _, s1, _ = _cycloidal(theta)
     checks = [
-        judged("undercut below, not above", below and not above),
+        check_that("undercut below, not above", below and not above),
         compare("length of the face", exact.face_length, np.ptp(s1), 1e-8),
     ]
     return Outcome(f"least base circle {1e3 * least:.8g} mm", tuple(checks), events=("undercut",))
@@ -159,9 +159,9 @@ def _cut() -> Outcome:
     home = cam.law(np.linspace(0.0, TURN, 721))[0]
     lost = home - contact.motion[0]
     checks = [
-        judged("undercut", limits.undercut),
-        judged("never above the law", lost > -1e-9),
-        judged("below it somewhere", lost.max() > 1e-5),
+        check_that("undercut", limits.undercut),
+        check_that("never above the law", lost > -1e-9),
+        check_that("below it somewhere", lost.max() > 1e-5),
         compare("as far as it says", cut.error, lost.max(), 0.01),
     ]
     return Outcome(f"the follower falls short by {1e3 * lost.max():.4g} mm", tuple(checks), events=("undercut",))
@@ -224,9 +224,9 @@ def _loses_contact() -> Outcome:
     said = [e for e in cam_events(motion, forces) if e.text.startswith("contact lost")]
     checks = [
         compare("force along the guide", forces.reaction("K")[:, 1], along, 1e-9),
-        judged("pulls somewhere", along.min() < 0.0),
-        judged("an event says so", len(said) > 0),
-        judged("on the law", np.abs(geometry.rows(motion).lift - s).max() < 1e-12),
+        check_that("pulls somewhere", along.min() < 0.0),
+        check_that("an event says so", len(said) > 0),
+        check_that("on the law", np.abs(geometry.rows(motion).lift - s).max() < 1e-12),
     ]
     return motion_outcome(motion, f"{along.min():.5g} N at least", checks, forces, [e.text.split(":")[0] for e in said])
 
@@ -240,7 +240,7 @@ def _knife_on_a_square() -> Outcome:
     folded = (theta + np.pi / 4) % (np.pi / 2) - np.pi / 4
     checks = [
         compare("height", contact.motion[0], 0.03 / np.cos(folded), 1e-12),
-        judged("four corners", sum(b.shock for b in contact.bridges) in (3, 4)),
+        check_that("four corners", sum(b.shock for b in contact.bridges) in (3, 4)),
     ]
     return Outcome(
         f"{1e3 * np.ptp(contact.motion[0]):.8g} mm lift", tuple(checks), events=(f"{len(contact.bridges)} corners passed",)
@@ -280,19 +280,21 @@ def _jerk() -> Outcome:
     unit, other = 4 * STROKE / UP**2, 4 * STROKE / 1.6**2
     want = sorted([unit, 2 * unit, unit, other, 2 * other, other])
     checks = [
-        judged("six jumps, all of the acceleration", [j.order for j in steps] == [2] * 6),
+        check_that("six jumps, all of the acceleration", [j.order for j in steps] == [2] * 6),
         compare("sizes", sizes if len(sizes) == 6 else [np.nan] * 6, want, 1e-12),
     ]
     return Outcome(f"{len(steps)} jumps of the acceleration", tuple(checks), events=(f"{len(steps)} jumps",))
 
 
 def _unreachable() -> Outcome:
-    return refused(lambda: compile_mechanism(_joint(Roller(0.05), base=0.002)), "undercut.*radius of 50 mm on a pitch curve")
+    return refusal_outcome(
+        lambda: compile_mechanism(_joint(Roller(0.05), base=0.002)), "undercut.*radius of 50 mm on a pitch curve"
+    )
 
 
 def _not_closed() -> Outcome:
     lift = program([Segment(2.0, 0.01), Segment(2.0, 0.0)])
-    return refused(lambda: compile_mechanism(_joint(Roller(0.01), lift=lift)), r"229\.183°", r"Add a dwell of 130\.817")
+    return refusal_outcome(lambda: compile_mechanism(_joint(Roller(0.01), lift=lift)), r"229\.183°", r"Add a dwell of 130\.817")
 
 
 def _base_circle() -> Outcome:

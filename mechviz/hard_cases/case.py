@@ -57,12 +57,12 @@ class Outcome:
 
 @dataclass(frozen=True)
 class Case:
-    """A hard case. ``happens``: what is hard there; ``expected``: the expectation and its source; ``peers``: other programs that
+    """A hard case. ``difficulty``: what is hard there; ``expected``: the expectation and its source; ``peers``: other programs that
     fail there."""
 
     name: str
     family: CaseFamily
-    happens: str
+    difficulty: str
     expected: str
     compute: Callable[[], Outcome] = field(repr=False)
     peers: str = ""
@@ -77,14 +77,14 @@ class Case:
         return replace(outcome, seconds=time.perf_counter() - start)
 
 
-def compare(name: str, got: object, want: object, bound: float, *, scale: float | None = None) -> Check:
+def compare(name: str, computed: object, expected: object, bound: float, *, scale: float | None = None) -> Check:
     """The check of the largest difference, relative to ``scale`` (default: the largest expected value)."""
-    got, want = np.asarray(got, float), np.asarray(want, float)
-    size = float(np.max(np.abs(want))) if scale is None else scale
-    return Check(name, float(np.max(np.abs(got - want))) / (size or 1.0), bound)
+    computed, expected = np.asarray(computed, float), np.asarray(expected, float)
+    size = float(np.max(np.abs(expected))) if scale is None else scale
+    return Check(name, float(np.max(np.abs(computed - expected))) / (size or 1.0), bound)
 
 
-def judged(name: str, holds: Any) -> Check:
+def check_that(name: str, holds: Any) -> Check:
     """The check of a statement that holds or does not."""
     return Check(name, 0.0 if bool(np.all(holds)) else 1.0, 0.5)
 
@@ -105,16 +105,22 @@ def motion_outcome(
     return Outcome(summary, tuple(every), residual, condition, tuple(said))
 
 
-def refused(attempt: Callable[[], object], *patterns: str, checks: Callable[[str], Sequence[Check]] = lambda _: ()) -> Outcome:
+def refusal_outcome(
+    attempt: Callable[[], object], *patterns: str, checks: Callable[[str], Sequence[Check]] = lambda _: ()
+) -> Outcome:
     """The outcome of an attempt that has to raise `MechanismError` with a message that matches every pattern; ``checks`` examine
     the message."""
     try:
         attempt()
     except MechanismError as e:
         text = re.sub(r"\s+", " ", str(e))
-        every = [judged("an error of ours", True), *(judged(f"says {p}", re.search(p, text)) for p in patterns), *checks(text)]
+        every = [
+            check_that("an error of ours", True),
+            *(check_that(f"says {p}", re.search(p, text)) for p in patterns),
+            *checks(text),
+        ]
         return Outcome("refused: " + text, tuple(every), events=("error",))
-    return Outcome("accepted without a word", (judged("refused", False),))
+    return Outcome("accepted without a word", (check_that("refused", False),))
 
 
 LONGEST = 110  # characters of what was found that the table shows
@@ -147,7 +153,7 @@ def case_table(results: Sequence[tuple[Case, Outcome]], width: int = 160) -> str
         grid.add_column("", no_wrap=True)
         for c, o in rows:
             worst = o.worst
-            happens = f"{c.happens} (peers: {c.peers})" if c.peers else c.happens
+            happens = f"{c.difficulty} (peers: {c.peers})" if c.peers else c.difficulty
             answer = o.summary if len(o.summary) <= LONGEST else o.summary[: LONGEST - 4] + " ..."
             if not o.passed:
                 answer = f"{worst.name}: {answer}"
@@ -172,7 +178,7 @@ def as_data(results: Sequence[tuple[Case, Outcome]]) -> list[dict[str, Any]]:
         {
             "family": c.family,
             "case": c.name,
-            "happens": c.happens,
+            "happens": c.difficulty,
             "expected": c.expected,
             "peers": c.peers,
             "found": o.summary,

@@ -13,8 +13,8 @@ from mechcore.motion.at_once import indeterminate
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
 from mechcore.spec.loads import Force
 from mechcore.spec.mechanism import Drive, Gear, Link, Mechanism, Prismatic, Revolute
-from mechviz.hard_cases.case import Case, Outcome, compare, judged, motion_outcome, refused
-from mechviz.hard_cases.mechanisms import at, four_bar, load_at, pin, slider_crank
+from mechviz.hard_cases.case import Case, Outcome, check_that, compare, motion_outcome, refusal_outcome
+from mechviz.hard_cases.mechanisms import forces_at, four_bar, motion_at, pin, slider_crank
 
 
 def _redundant() -> Outcome:
@@ -37,13 +37,13 @@ def _redundant() -> Outcome:
         effects=("gravity",),
         sketch={"bar": (0.6, 0.8, 0.0), "c1": (0.0, 0.0, 0.0), "c2": (3.0, 0.0, 0.0), "c3": (1.5, 0.0, 0.0)},
     )
-    forces = load_at(m, np.linspace(-0.5, 1.5, 21))
+    forces = forces_at(m, np.linspace(-0.5, 1.5, 21))
     up = sum(forces.reaction(p)[:, 1] for p in "BDH")
     loose = indeterminate(forces.motion)
     checks = [
         compare("speed of the third crank", forces.motion.velocity("c3")[:, 2], 1.0, 1e-11),
         compare("weight of the bar", up, 4.0 * 9.81, 1e-11),
-        judged("all joints named", set(loose) == set("ABDEGH")),
+        check_that("all joints named", set(loose) == set("ABDEGH")),
     ]
     return motion_outcome(forces.motion, f"indeterminate: {', '.join(loose)}", checks, forces, ["reactions not determined"])
 
@@ -51,7 +51,7 @@ def _redundant() -> Outcome:
 def _contradiction() -> Outcome:
     m = four_bar(0.28, 0.1, 0.3, 0.25)
     both = replace(m, drives=(*m.drives, Drive(joint="E", law=ConstantSpeed(1.6252677045288113, 1.0))), modes={})
-    return refused(
+    return refusal_outcome(
         lambda: solve_motion(compile_mechanism(both), np.linspace(0.0, 1.0, 21)), "contradict each other", "Take 1 of the 2"
     )
 
@@ -116,7 +116,7 @@ def _scaled(scale: float, shift: float, bound: float) -> Outcome:
     checks = [
         compare("speed of the rocker", motion.velocity("rocker")[:, 2], base.velocity("rocker")[:, 2], bound),
         compare("way of D", d / scale, base.point("coupler", "D"), bound),
-        judged("four changes", len(motion.singular_points) == 4),
+        check_that("four changes", len(motion.singular_points) == 4),
     ]
     return motion_outcome(motion, f"as at its own scale, to {max(c.error for c in checks):.1e}", checks)
 
@@ -125,7 +125,7 @@ def _p1() -> Outcome:
     """The four-bar 4, 1, 3.5, 3 of the comparison: coupler point and its rates by complex numbers on the closing triangle."""
     a, b, c, d = 4.0, 1.0, 3.5, 3.0
     theta = np.linspace(0.0, TURN, 3601)
-    motion = at(four_bar(a, b, c, d, P=(1.5, 1.0)), theta)
+    motion = motion_at(four_bar(a, b, c, d, P=(1.5, 1.0)), theta)
     crank = b * np.exp(1j * theta)
     distance = a - crank  # from B to E
     length = np.abs(distance)
@@ -155,7 +155,7 @@ def _p2() -> Outcome:
     loads = (Force(name="F", link="piston", point="C", vector=(f, 0.0)),)
     m = slider_crank(r, l, bodies=bodies, loads=loads, effects=("inertia", "gravity"))
     theta = np.linspace(0.0, TURN, 361)
-    forces = load_at(m, theta, speed)
+    forces = forces_at(m, theta, speed)
     b = r * np.exp(1j * theta)
     phi = np.arcsin(-b.imag / l)
     w = -speed * b.real / (l * np.cos(phi))

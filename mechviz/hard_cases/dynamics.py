@@ -16,7 +16,7 @@ from mechcore.dynamics.simulation import Simulation
 from mechcore.laws.timed import Free
 from mechcore.spec.loads import Factor, Torque, TorsionSpring, Viscous
 from mechcore.spec.mechanism import Drive, Link, Mechanism
-from mechviz.hard_cases.case import Case, Check, Outcome, compare, judged, refused
+from mechviz.hard_cases.case import Case, Check, Outcome, check_that, compare, refusal_outcome
 from mechviz.hard_cases.mechanisms import bars, chain, pendulum, pin
 from mechviz.scene.scene import load
 
@@ -132,13 +132,13 @@ def _triple_rocker() -> Outcome:
         v, w = motion.centre_of_mass(k, 1), motion.velocity(k)[:, 2]
         energy += length * (0.5 * (v**2).sum(axis=1) + G * motion.centre_of_mass(k)[:, 1]) + 0.5 * length**3 / 12 * w**2
     leads = {p.compiled.mechanism.drives[0].joint for p in simulation.segments}
-    checks = [compare("energy stays", energy, energy[0], 1e-8), judged("another joint leads in between", len(leads) > 1)]
+    checks = [compare("energy stays", energy, energy[0], 1e-8), check_that("another joint leads in between", len(leads) > 1)]
     return _outcome(simulation, f"led by {', '.join(sorted(leads))}", checks)
 
 
 def _start_in_a_dead_point() -> Outcome:
     angle = float(np.arccos((1.0 + 0.49 - 1.96) / 1.4))
-    return refused(lambda: simulate(bars(1.0, 0.7, 0.6, 0.8, angle, 0.0), 1.0), "dead point|cannot be assembled")
+    return refusal_outcome(lambda: simulate(bars(1.0, 0.7, 0.6, 0.8, angle, 0.0), 1.0), "dead point|cannot be assembled")
 
 
 def _zeno() -> Outcome:
@@ -151,7 +151,7 @@ def _zeno() -> Outcome:
     before = np.abs(simulation(hits[:8])[1][:, 0])
     checks = [
         compare("speeds before the impacts", before, speed * 0.5 ** np.arange(8), 1e-7, scale=speed),
-        judged("it ends in contact", simulation.events[-1].kind == "contact"),
+        check_that("it ends in contact", simulation.events[-1].kind == "contact"),
         compare("and stays there", simulation([20.0])[0][0, 0], stop.at, 1e-7),
     ]
     return _outcome(simulation, f"{len(hits)} impacts in {hits[-1]:.6g} s, then contact", checks)
@@ -164,7 +164,7 @@ def _stiff() -> Outcome:
     simulation = simulate(m, 200.0, method="radau", tolerance=1e-6)
     want = 2.0 * np.arctan(np.tan(0.5) * np.exp(-1.5 * G * 0.35 * 200.0 / 4e4))
     got = float(simulation([200.0])[0][0, 0]) + np.pi / 2
-    checks = [compare("angle", got, want, 1e-5), judged("few evaluations", simulation.evaluations < 2000)]
+    checks = [compare("angle", got, want, 1e-5), check_that("few evaluations", simulation.evaluations < 2000)]
     return _outcome(simulation, f"{simulation.evaluations} evaluations for 2e7 time constants", checks, drift=None)
 
 
@@ -244,7 +244,7 @@ def _release() -> Outcome:
     simulation = simulate(pendulum(0.4, 1.5, 0.35, 0.0, loads=(pull,)), 5.0, stops=[stop], tolerance=1e-9)
     kinds = [h.kind for h in simulation.events[:2]]
     checks = [
-        judged("contact, then release", kinds == ["contact", "release"]),
+        check_that("contact, then release", kinds == ["contact", "release"]),
         compare("released at pi", simulation.events[1].time, np.pi, 1e-7),
     ]
     return _outcome(simulation, f"released at {simulation.events[1].time:.9g} s", checks)
@@ -294,7 +294,7 @@ def _step_load() -> Outcome:
 def _no_mass() -> Outcome:
     bare = pendulum(0.4, 1.5, 0.35, 1.0)
     light = replace(bare, links=(bare.links[0], replace(bare.links[1], mass=0.0, inertia=0.0)))
-    return refused(lambda: simulate(light, 1.0), "moves no mass", "Give a mass")
+    return refusal_outcome(lambda: simulate(light, 1.0), "moves no mass", "Give a mass")
 
 
 CASES = (

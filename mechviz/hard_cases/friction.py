@@ -18,8 +18,8 @@ from mechcore.laws.timed import ConstantSpeed, Free
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
 from mechcore.spec.loads import Factor, Force
 from mechcore.spec.mechanism import Drive, Friction, Link, Mechanism, Prismatic, Revolute, Rolling
-from mechviz.hard_cases.case import Case, Check, Outcome, compare, judged, motion_outcome, refused
-from mechviz.hard_cases.mechanisms import bearing, block, gears, incline, load_at, pendulum, pin, sleeve, slider_crank
+from mechviz.hard_cases.case import Case, Check, Outcome, check_that, compare, motion_outcome, refusal_outcome
+from mechviz.hard_cases.mechanisms import bearing, block, forces_at, gears, incline, pendulum, pin, sleeve, slider_crank
 from mechviz.scene.scene import load
 
 G = 9.81
@@ -39,7 +39,7 @@ def rubbing_joint(joint: Any, friction: Friction) -> Any:
 def _before_the_jam() -> Outcome:
     """Moments about the axis: N b = H x, H (1 - 2 mu x / b) = W; a billionth before x = b / (2 mu)."""
     part = 1.0 - 1e-9
-    forces = load_at(sleeve(part * 0.08 / 0.4, 0.08, 0.2), [0.0], 0.1)
+    forces = forces_at(sleeve(part * 0.08 / 0.4, 0.08, 0.2), [0.0], 0.1)
     effort = float(forces.effort("H")[0])
     return motion_outcome(
         forces.motion, f"effort {effort:.6g} N for 30 N", [compare("effort", effort, 30.0 / (1.0 - part), 1e-6)], forces
@@ -47,12 +47,12 @@ def _before_the_jam() -> Outcome:
 
 
 def _beyond_the_jam() -> Outcome:
-    forces = load_at(sleeve((1.0 + 1e-9) * 0.08 / 0.4, 0.08, 0.2), [0.0], 0.1)
+    forces = forces_at(sleeve((1.0 + 1e-9) * 0.08 / 0.4, 0.08, 0.2), [0.0], 0.1)
     friction = friction_in(forces)
     checks = [
-        judged("jammed", friction.jammed),
-        judged("by S", friction.jammed_by(0) == ("S",)),
-        judged("no number where there is none", np.isnan(forces.effort("H"))),
+        check_that("jammed", friction.jammed),
+        check_that("by S", friction.jammed_by(0) == ("S",)),
+        check_that("no number where there is none", np.isnan(forces.effort("H"))),
         compare("share of the coefficients", friction.reached[0], 1.0 / (1.0 + 1e-9), 1e-9),
     ]
     return motion_outcome(
@@ -77,11 +77,11 @@ def _self_locking() -> Outcome:
     mu, weight = 0.2, 2.0 * G
     rho, checks, states = np.arctan(mu), [], []
     for alpha in (rho - 2e-5, rho + 2e-5):
-        up, down = load_at(incline(alpha, mu), [0.2], 0.1), load_at(incline(alpha, mu), [0.2], -0.1)
+        up, down = forces_at(incline(alpha, mu), [0.2], 0.1), forces_at(incline(alpha, mu), [0.2], -0.1)
         checks.append(compare("push up", up.effort("H")[0] / weight, np.tan(alpha + rho), 1e-12))
         checks.append(compare("hold", down.effort("H")[0] / weight, np.tan(alpha - rho), 1e-10, scale=1.0))
         states.append(bool(friction_in(up).self_locking[0]))
-    checks.append(judged("locks below, slides above", states == [True, False]))
+    checks.append(check_that("locks below, slides above", states == [True, False]))
     return motion_outcome(up.motion, "locks below arctan mu, slides above", checks, up)
 
 
@@ -89,11 +89,11 @@ def _reversal() -> Outcome:
     """A slider-crank through its dead centre: the friction force of the piston is zero at rest and changes its sign there."""
     m = slider_crank(0.05, 0.18, loads=(Force(name="F", link="piston", point="C", vector=(-9.0, -2.0)),), effects=("friction",))
     m = replace(m, joints=(*m.joints[:-1], rubbing_joint(m.joints[-1], Friction(coefficient=0.2))))
-    forces = load_at(m, [-1e-4, 0.0, 1e-4], 1.0)
+    forces = forces_at(m, [-1e-4, 0.0, 1e-4], 1.0)
     x = friction_in(forces).wrench("S")[:, 0]
     checks = [
-        judged("slips, rests, slips back", friction_in(forces).state("S") == ["slips +", "at rest", "slips -"]),
-        judged("zero at rest", x[1] == 0.0),
+        check_that("slips, rests, slips back", friction_in(forces).state("S") == ["slips +", "at rest", "slips -"]),
+        check_that("zero at rest", x[1] == 0.0),
         compare("alike on both sides", x[0], -x[2], 1e-3),
     ]
     return motion_outcome(forces.motion, f"{x[0]:.4g}, {x[1]:.4g}, {x[2]:.4g} N", checks, forces, ["at rest"])
@@ -103,7 +103,7 @@ def _two_ends() -> Outcome:
     """mu F while the load lies within the bearing, 2 mu F e / b outside: on both sides of the transition."""
     b, mu, checks = 0.08, 0.15, []
     for e in (0.0, 0.04 - 1e-9, 0.04 + 1e-9, 0.1):
-        forces = load_at(bearing(e, Friction(coefficient=mu, length=b)), [0.0], 2.0)
+        forces = forces_at(bearing(e, Friction(coefficient=mu, length=b)), [0.0], 2.0)
         checks.append(compare(f"e = {e:g}", forces.effort("S")[0], mu * 100.0 * max(1.0, 2.0 * e / b), 1e-13))
     return motion_outcome(forces.motion, f"{forces.effort('S')[0]:.6g} N at e = 0.1 m", checks, forces)
 
@@ -120,9 +120,9 @@ def _one_pin() -> Outcome:
         want = abs(a) ** 2 / (np.sqrt(c**2 + (1.0 - size**2) * abs(a) ** 2) - c)
     good = size < 1.0 / np.sin(2.2)
     checks = [
-        judged("jams beyond the turn", solution.jammed == ~good),
+        check_that("jams beyond the turn", solution.jammed == ~good),
         compare("loads", solution.loads[good, 0] / want[good], 1.0, 1e-7),
-        judged("stable", stability(*parts, solution.loads)[good] > 0.0),
+        check_that("stable", stability(*parts, solution.loads)[good] > 0.0),
         compare("share where it ends", solution.reached[~good] * size[~good], 1.0 / np.sin(2.2), 1e-6),
     ]
     return Outcome(
@@ -134,7 +134,7 @@ def _gears() -> Outcome:
     """Tooth force F from the moments on the second wheel, on either flank."""
     lever, r1, r2, pressure, arm, checks = 0.002, 0.1, 0.2, np.radians(20.0), 0.001, []
     for sense in (1.0, -1.0):
-        forces = load_at(gears(lever, sense), [0.0, 1.0], 5.0)
+        forces = forces_at(gears(lever, sense), [0.0, 1.0], 5.0)
         f = 40.0 / (r2 * np.cos(pressure) - sense * (arm + lever))
         checks.append(compare("tooth force", np.hypot(*forces.reaction("G")[:, :2].T), f, 1e-12))
         checks.append(compare("torque", forces.effort("A"), sense * f * r1 * np.cos(pressure) + f * (arm + lever), 1e-12))
@@ -150,7 +150,7 @@ def _rolling() -> Outcome:
         drives=(Drive(joint="R", law=ConstantSpeed(0.0, 1.0)),),
         effects=("gravity", "friction"),
     )
-    forces = load_at(m, [0.0, 0.5], -2.0)
+    forces = forces_at(m, [0.0, 0.5], -2.0)
     return motion_outcome(
         forces.motion,
         f"{forces.effort('R')[0]:.6g} N",
@@ -163,7 +163,9 @@ def _hidden_load() -> Outcome:
     m = slider_crank(0.05, 0.2, loads=(Force(name="F", link="piston", point="C", vector=(-50.0, 0.0)),), effects=("friction",))
     rough = rubbing_joint(m.joints[-1], Friction(coefficient=0.1))
     doubled = replace(m, joints=(*m.joints[:-1], rough, Prismatic(name="S2", links=("frame", "piston"), points=("O", "C"))))
-    return refused(lambda: load_at(doubled, np.linspace(0.0, 6.0, 31)), "statics does not determine the contact force at S")
+    return refusal_outcome(
+        lambda: forces_at(doubled, np.linspace(0.0, 6.0, 31)), "statics does not determine the contact force at S"
+    )
 
 
 def _small_coefficients() -> Outcome:
@@ -176,7 +178,7 @@ def _small_coefficients() -> Outcome:
         effects=("friction",),
     )
     theta = np.linspace(0.1, 6.0, 60)
-    forces, without = load_at(m, theta, 40.0), load_at(plain, theta, 40.0)
+    forces, without = forces_at(m, theta, 40.0), forces_at(plain, theta, 40.0)
     lost = np.zeros(60)
     for p in ("O", "B", "C"):
         lost += 1e-11 * np.hypot(*without.reaction(p)[:, :2].T) * np.abs(without.motion.coordinate(p)[:, 1])
@@ -212,7 +214,7 @@ def _runs_down() -> Outcome:
             "turns back at half periods", turns if len(turns) == count else [np.nan] * count, half * np.arange(1, count + 1), 1e-9
         ),
         compare("where it sticks", end, (-1.0) ** count * (x0 - count * step), 1e-9, scale=x0),
-        judged("it sticks", simulation.events[-1].kind == "stick"),
+        check_that("it sticks", simulation.events[-1].kind == "stick"),
     ]
     return _simulated(simulation, f"sticks at {1e3 * end:.9g} mm after {count} half swings", checks)
 
@@ -266,7 +268,7 @@ def _painleve() -> Outcome:
         effects=("inertia", "gravity", "friction"),
         loads=(Force(name="push", link="sleeve", point="P", vector=(1.0, 0.0)),),
     )
-    return refused(lambda: simulate(m, 1.0), r"joints\.S\.friction")
+    return refusal_outcome(lambda: simulate(m, 1.0), r"joints\.S\.friction")
 
 
 def _brake() -> Outcome:

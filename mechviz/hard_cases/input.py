@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
-from mechviz.hard_cases.case import Case, Check, Outcome, compare, judged, motion_outcome, refused
+from mechviz.hard_cases.case import Case, Check, Outcome, check_that, compare, motion_outcome, refusal_outcome
 from mechviz.scene.faults import SceneError
 from mechviz.scene.scene import Scene, loads
 
@@ -53,7 +53,7 @@ def _faulty(attempt: Callable[[], object], *expected: tuple[str, str, str]) -> O
     except SceneError as e:
         faults = e.faults
         cases = [
-            judged(f"{path}: {what}", any(f.path == path and what in f.message and remedy in f.remedy for f in faults))
+            check_that(f"{path}: {what}", any(f.path == path and what in f.message and remedy in f.remedy for f in faults))
             for path, what, remedy in expected
         ]
         number = Check("number of faults", float(abs(len(faults) - len(expected))), 0.5)
@@ -62,7 +62,7 @@ def _faulty(attempt: Callable[[], object], *expected: tuple[str, str, str]) -> O
             (*cases, number),
             events=(f"{len(faults)} fault{'s' if len(faults) > 1 else ''}",),
         )
-    return Outcome("accepted without a word", (judged("refused", False),))
+    return Outcome("accepted without a word", (check_that("refused", False),))
 
 
 def _spoiled(*expected: tuple[str, str, str], **changes: object) -> Callable[[], Outcome]:
@@ -131,7 +131,7 @@ def _read_write_read() -> Outcome:
     scene = Scene.build(**data)
     again = loads(scene.to_toml())
     one, two = (next(k for k in s.mechanism.links if k.name == "coupler").points for s in (scene, again))
-    checks = [judged("points bit for bit", one == two), judged("scenes are equal", scene == again)]
+    checks = [check_that("points bit for bit", one == two), check_that("scenes are equal", scene == again)]
     return Outcome(f"{len(points)} points with 24 decades between them", tuple(checks))
 
 
@@ -164,10 +164,10 @@ def _not_toml() -> Outcome:
         text = str(e)
         return Outcome(
             text.replace("\n", " "),
-            (judged("one fault", len(e.faults) == 1), judged("line and column", "line 2" in text)),
+            (check_that("one fault", len(e.faults) == 1), check_that("line and column", "line 2" in text)),
             events=("1 fault",),
         )
-    return Outcome("accepted without a word", (judged("refused", False),))
+    return Outcome("accepted without a word", (check_that("refused", False),))
 
 
 def _tiny_and_huge() -> Outcome:
@@ -183,7 +183,7 @@ def _tiny_and_huge() -> Outcome:
 
 def _too_short() -> Outcome:
     data = _changed(links__frame__points={"A": [0, 0], "D": [500, 0]}, links__coupler__points={"B": [0, 0], "C": [10, 0]})
-    return refused(lambda: _solved(Scene.build(**data)), r"joints\.C", r"280(\.0*)? mm")
+    return refusal_outcome(lambda: _solved(Scene.build(**data)), r"joints\.C", r"280(\.0*)? mm")
 
 
 CASES = (
@@ -219,7 +219,9 @@ CASES = (
         "input",
         "a freedom without a drive",
         "refused, says where to add one",
-        lambda: refused(lambda: _solved(Scene.build(**_changed(joints__A__drive=None))), "without a drive.*at A, B, C, D. Add"),
+        lambda: refusal_outcome(
+            lambda: _solved(Scene.build(**_changed(joints__A__drive=None))), "without a drive.*at A, B, C, D. Add"
+        ),
     ),
     Case(
         "links that cannot meet",

@@ -12,8 +12,8 @@ from mechcore.laws.timed import ConstantSpeed, Oscillation, zones
 from mechcore.motion.reach import reachable_ranges
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
 from mechcore.spec.mechanism import Drive, Link, Mechanism, Revolute
-from mechviz.hard_cases.case import Case, Check, Outcome, compare, judged, motion_outcome, refused
-from mechviz.hard_cases.mechanisms import at, chain, four_bar, slider_crank
+from mechviz.hard_cases.case import Case, Check, Outcome, check_that, compare, motion_outcome, refusal_outcome
+from mechviz.hard_cases.mechanisms import chain, four_bar, motion_at, slider_crank
 from mechviz.scene.scene import load
 
 
@@ -27,7 +27,7 @@ def _branch(mode: str) -> Outcome:
     return motion_outcome(
         motion,
         ratio,
-        [compare("speed of the rocker", got, want, 1e-10), judged("2000 changes", len(motion.singular_points) == 2000)],
+        [compare("speed of the rocker", got, want, 1e-10), check_that("2000 changes", len(motion.singular_points) == 2000)],
     )
 
 
@@ -43,7 +43,7 @@ def _kite() -> Outcome:
 
 def _flat_margin() -> Outcome:
     """Frame + crank = coupler + rocker - 1e-12: the pin D compared with the triangle in 60 digits."""
-    motion = at(four_bar(3.0, 1.0, 2.5, 1.5 + 1e-12, start=np.pi), [np.pi])
+    motion = motion_at(four_bar(3.0, 1.0, 2.5, 1.5 + 1e-12, start=np.pi), [np.pi])
     with localcontext() as context:
         context.prec = 60
         b, r2, r3 = Decimal(-1), Decimal("2.5"), Decimal(1.5 + 1e-12)
@@ -63,16 +63,16 @@ def _dead_points() -> Outcome:
     s = np.cos(angle) + np.sqrt(9.0 - np.sin(angle) ** 2)
     checks = [
         compare("three strokes are three turns", abs(angle[-1] - angle[0]), 3 * TURN, 1e-10),
-        judged("always on in one direction", np.diff(angle) * np.sign(angle[-1] - angle[0]) > 0),
+        check_that("always on in one direction", np.diff(angle) * np.sign(angle[-1] - angle[0]) > 0),
         compare("piston", motion.coordinate("S")[:, 0], s, 1e-12),
-        judged("six dead points", [c.dead for c in motion.singular_points] == [True] * 6),
+        check_that("six dead points", [c.dead for c in motion.singular_points] == [True] * 6),
     ]
     return motion_outcome(motion, f"the crank turns {abs(angle[-1] - angle[0]) / TURN:.12g} times", checks)
 
 
 def _beyond() -> Outcome:
     m = replace(slider_crank(1.0, 3.0), drives=(Drive(joint="S", law=Oscillation(3.0, 1.01, 1.0)),), modes={"B": "left"})
-    return refused(
+    return refusal_outcome(
         lambda: solve_motion(compile_mechanism(m), np.linspace(0.0, 1.0, 361)), r"keep the drive within \[2000 mm, 4000 mm\]"
     )
 
@@ -86,7 +86,7 @@ def _sliver() -> Outcome:
         high = float(text.split("keep the drive within [")[1].split("]")[0].replace("°", "").split(",")[1])
         return [compare("edge of the range", high, edge, 1e-6)]
 
-    return refused(lambda: solve_motion(compile_mechanism(m), default_times(m, 90)), "cannot be assembled", checks=range_of)
+    return refusal_outcome(lambda: solve_motion(compile_mechanism(m), default_times(m, 90)), "cannot be assembled", checks=range_of)
 
 
 def _from_a_change_point() -> Outcome:
@@ -103,7 +103,7 @@ def _stops_on_it() -> Outcome:
     checks = [
         compare("ends flat", motion.pose("crank")[-1, 2], np.pi, 1e-15),
         compare("rocker follows the crank", motion.pose("rocker")[:, 2], motion.pose("crank")[:, 2], 1e-9),
-        judged("accelerations are finite", np.isfinite(motion.acceleration("coupler"))),
+        check_that("accelerations are finite", np.isfinite(motion.acceleration("coupler"))),
     ]
     return motion_outcome(motion, f"ends at {np.degrees(motion.pose('crank')[-1, 2]):.9g}°, flat", checks)
 
@@ -163,7 +163,7 @@ def _triad() -> Outcome:
     checks = [
         compare("back after ten turns", motion.pose("plate")[-1], motion.pose("plate")[0], 1e-12),
         compare("speeds are the slopes of positions", around.velocity("plate")[2::5], slope, 1e-8),
-        judged("no jump", np.abs(np.diff(motion.pose("plate")[:, 2])).max() < 0.1),
+        check_that("no jump", np.abs(np.diff(motion.pose("plate")[:, 2])).max() < 0.1),
     ]
     return motion_outcome(motion, "ten turns on one branch", checks)
 
@@ -176,7 +176,7 @@ def _double_rocker() -> Outcome:
     times = [c.time for c in motion.singular_points]
     checks = [
         compare("dead points at 1, 3, 5, 7 s", times if len(times) == 4 else [np.nan] * 4, [1.0, 3.0, 5.0, 7.0], 1e-6),
-        judged("the rocker swings on", np.abs(motion.velocity("rocker")[180:220, 2]).min() > 0.5),
+        check_that("the rocker swings on", np.abs(motion.velocity("rocker")[180:220, 2]).min() > 0.5),
     ]
     return motion_outcome(motion, f"{len(times)} dead points passed", checks)
 
@@ -185,7 +185,7 @@ def _narrower_limit() -> Outcome:
     m = four_bar(1.0, 0.9, 0.6, 0.7, start=0.4)
     low, high = reachable_ranges(compile_mechanism(m))[0]
     edge = float(np.arccos((0.81 + 1.0 - 1.69) / 1.8))
-    motion = at(m, np.linspace(low + 1e-9, high - 1e-9, 301))
+    motion = motion_at(m, np.linspace(low + 1e-9, high - 1e-9, 301))
     return motion_outcome(
         motion, f"{np.degrees(low):.7g}° to {np.degrees(high):.7g}°", [compare("limits", [-low, high], edge, 1e-9)]
     )

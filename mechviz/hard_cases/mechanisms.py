@@ -156,16 +156,16 @@ def pendulum(
     )
 
 
-def at(mechanism: Mechanism, positions: ArrayLike, speed: float = 1.0, acceleration: float = 0.0) -> Motion:
+def motion_at(mechanism: Mechanism, positions: ArrayLike, speed: float = 1.0, acceleration: float = 0.0) -> Motion:
     """Motion at positions (n,) of the first drive."""
     q = np.atleast_1d(np.asarray(positions, float))
     given = {mechanism.drives[0].joint: (q, np.full_like(q, speed), np.full_like(q, acceleration))}
     return solve_motion(compile_mechanism(mechanism), np.arange(len(q)), drives=given)
 
 
-def load_at(mechanism: Mechanism, positions: ArrayLike, speed: float = 1.0, acceleration: float = 0.0) -> Forces:
+def forces_at(mechanism: Mechanism, positions: ArrayLike, speed: float = 1.0, acceleration: float = 0.0) -> Forces:
     """Forces at positions (n,) of the first drive."""
-    return solve_forces(at(mechanism, positions, speed, acceleration))
+    return solve_forces(motion_at(mechanism, positions, speed, acceleration))
 
 
 def sleeve(x: float, length: float, mu: float, *, weight: float = 30.0, **more: Any) -> Mechanism:

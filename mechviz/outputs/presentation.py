@@ -117,13 +117,13 @@ def _bands_in(recording: Recording, time: Real, chosen: Integers) -> Bands:
         if not with_tolerances(scene):
             return Bands()
         if scene.simulation is not None:
-            return Bands(refused="finding the motion under forces once more may take long")
+            return Bands(missing_reason="finding the motion under forces once more may take long")
         run = run_scene(scene)
     except (MechanismError, RecordingError) as error:
-        return Bands(refused=str(error))
+        return Bands(missing_reason=str(error))
     same = chosen[-1] < run.motion.frames and np.allclose(run.motion.time[chosen], time, rtol=1e-6, atol=1e-9 * run.motion.time[-1])
     if not same:
-        return Bands(refused="the scene's frames are not those of the recording")
+        return Bands(missing_reason="the scene's frames are not those of the recording")
     bands = bands_of(run)
     return replace(bands, halves={key: half[chosen] for key, half in bands.halves.items()})
 

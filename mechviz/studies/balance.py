@@ -112,7 +112,7 @@ def _moved(scene: Scene) -> Motion:
 STEP = 30.0  # [degrees] of the drive between two dots on the curve of the force
 
 
-def shaken(run: Run) -> Shaking:
+def shaking_of(run: Run) -> Shaking:
     """Shaking force and moment of a run, about the point that its scene names (default: the origin). Raises `OutputError` where
     both are zero, or where forces decide the motion."""
     if run.simulation is not None:

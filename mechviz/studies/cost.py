@@ -133,7 +133,7 @@ REPEAT_SECONDS = 0.25  # [s] spent on repeats: quick work is repeated more often
 
 
 @dataclass(frozen=True)
-class Timed:
+class WallTime:
     """Median [s] and interquartile range [s] of the wall times of ``repeats`` runs after one warm-up run."""
 
     seconds: float
@@ -141,7 +141,7 @@ class Timed:
     repeats: int
 
 
-def timed(work: Callable[[], object], budget: float = REPEAT_SECONDS, least: int = LEAST_REPEATS) -> Timed:
+def time_repeatedly(work: Callable[[], object], budget: float = REPEAT_SECONDS, least: int = LEAST_REPEATS) -> WallTime:
     """Wall times of a function: it runs once to warm up, then until the budget [s] is spent, at least ``least`` times and otherwise
     at most 25 times."""
     work()
@@ -156,17 +156,17 @@ def timed(work: Callable[[], object], budget: float = REPEAT_SECONDS, least: int
     finally:
         if collecting:
             gc.enable()
-    return _timed(times)
+    return _wall_time(times)
 
 
-def _timed(times: list[float]) -> Timed:
+def _wall_time(times: list[float]) -> WallTime:
     low, _, high = statistics.quantiles(times, n=4) if len(times) > 1 else (times[0],) * 3
-    return Timed(statistics.median(times), high - low, len(times))
+    return WallTime(statistics.median(times), high - low, len(times))
 
 
-def side_by_side(
+def time_alternately(
     first: Callable[[], object], second: Callable[[], object], budget: float = REPEAT_SECONDS, least: int = LEAST_REPEATS
-) -> tuple[Timed, Timed]:
+) -> tuple[WallTime, WallTime]:
     """Wall times of two functions that run alternately, so that other load on the machine affects both equally."""
     for work in (first, second):
         work()
@@ -176,11 +176,11 @@ def side_by_side(
             start = time.perf_counter()
             work()
             own.append(time.perf_counter() - start)
-    return _timed(times[0]), _timed(times[1])
+    return _wall_time(times[0]), _wall_time(times[1])
 
 
 @contextmanager
-def used() -> Iterator[Callable[[], float]]:
+def processor_share() -> Iterator[Callable[[], float]]:
     """Context manager that yields a function. After the block this returns the ratio of processor time to wall time of the block,
     at most 1; before that 1."""
     wall, own = time.perf_counter(), time.process_time()

@@ -18,7 +18,7 @@ from mechcore.spec.mechanism import EFFECTS
 from mechviz.quantities.items import joint_unit, joints_of
 from mechviz.runs import run_scene
 from mechviz.scene.faults import in_scene_words
-from mechviz.studies.cost import Timed, side_by_side
+from mechviz.studies.cost import WallTime, time_alternately
 
 if TYPE_CHECKING:
     from mechviz.scene.annotations import Place
@@ -58,7 +58,7 @@ class Influence:
     spread: float = 0.0
     problem: str = ""
 
-    def worth(self, accuracy: float) -> bool:
+    def exceeds(self, accuracy: float) -> bool:
         """Whether the effect changes a curve or the fluctuation by more than the accuracy (relative)."""
         return bool(np.nanmax([self.curve, self.fluctuation, 0.0]) > accuracy)
 
@@ -125,13 +125,15 @@ def influences(
             every.append(Influence(name, kind, named, problem=e.faults[0].message))
             continue
         works = [partial(_compute, s) for s in ((scene, changed) if named else (changed, scene))]
-        times = side_by_side(works[0], works[1], budget, least=1 if scene.simulation is not None else 5)
+        times = time_alternately(works[0], works[1], budget, least=1 if scene.simulation is not None else 5)
         every.append(_compared(name, kind, named, (base, other) if named else (other, base), times))
     advance(len(variants), len(variants))
     return base, every
 
 
-def _compared(name: str, kind: str, named: bool, figures: tuple[KeyFigures, KeyFigures], times: tuple[Timed, Timed]) -> Influence:
+def _compared(
+    name: str, kind: str, named: bool, figures: tuple[KeyFigures, KeyFigures], times: tuple[WallTime, WallTime]
+) -> Influence:
     """Influence from the key figures and the times (with the effect, without it)."""
     whole, less = figures
 
@@ -190,7 +192,7 @@ def influence_lines(base: KeyFigures, every: list[Influence], accuracy: float) -
         what = "the peak effort" if not np.isnan(i.effort) else "the largest reaction"
         value = i.effort if not np.isnan(i.effort) else i.reaction
         words = f"{i.name} {verb} {what} by {percent(value)}, some frame by {percent(i.curve)}, and {_price(i)}"
-        if i.worth(accuracy):
+        if i.exceeds(accuracy):
             lines.append(f"  {'keep' if i.named else 'add'}: {words}")
         else:
             lines.append(f"  {'could be left out' if i.named else 'not needed'}: {words}")

@@ -37,7 +37,7 @@ from mechviz.accuracy.quantities import quantities
 from mechviz.meshes.kinds.cam_profiles import profile_points
 from mechviz.picture.build import solids_of
 from mechviz.runs import Run, package_version, run_scene
-from mechviz.studies.cost import Timed, machine, timed
+from mechviz.studies.cost import WallTime, machine, time_repeatedly
 
 if TYPE_CHECKING:
     from mechcore.dynamics.simulation import Simulation
@@ -70,7 +70,7 @@ class PrecisionPoint:
     note: str = ""
 
     @property
-    def price(self) -> str:
+    def time_text(self) -> str:
         """The time in seconds or milliseconds, as text."""
         return f"{self.seconds:.3g} s" if self.seconds >= 1.0 else f"{1e3 * self.seconds:.3g} ms"
 
@@ -93,7 +93,9 @@ def cheapest(points: Sequence[PrecisionPoint], target: float) -> PrecisionPoint 
     return min(good, key=lambda p: p.seconds) if good else None
 
 
-def _at(setting: str, method: str, value: str, options: dict[str, Any], error: float, time: Timed, **more: Any) -> PrecisionPoint:
+def _at(
+    setting: str, method: str, value: str, options: dict[str, Any], error: float, time: WallTime, **more: Any
+) -> PrecisionPoint:
     error = max(float(error), LEAST_ERROR) if np.isfinite(error) else float("inf")
     return PrecisionPoint(setting, method, value, options, error, time.seconds, time.spread, time.repeats, **more)
 
@@ -165,7 +167,7 @@ def _frames(run: Run, target: float | None, budget: float) -> Iterator[Precision
     parts = scene.cycles if run.simulation is None else 1
     own = scene.frames // parts
     counts = sorted({*(n for n in FRAMES if n * parts * len(scene.mechanism.links) <= MOST_MEASURED), own})
-    times = {n: timed(partial(_solve, run, run.accuracy, np.linspace(0.0, end, n * parts + 1)), budget) for n in counts}
+    times = {n: time_repeatedly(partial(_solve, run, run.accuracy, np.linspace(0.0, end, n * parts + 1)), budget) for n in counts}
     for order, words in ORDERS.items():
         for n in counts:
             fit = measure_fit(at, end, n * parts, order)
@@ -175,7 +177,7 @@ def _frames(run: Run, target: float | None, budget: float) -> Iterator[Precision
             yield _at("frames", words, f"{n} frames", options, fit.error, times[n], current=here, note=note)
         if target is not None and order:
             fit = fit_frames(scene, _setting("interpolation", order, replace(DEFAULT, target=target)), run.simulation)
-            spent = timed(partial(_solve, run, run.accuracy, np.linspace(0.0, end, fit.frames + 1)), budget)
+            spent = time_repeatedly(partial(_solve, run, run.accuracy, np.linspace(0.0, end, fit.frames + 1)), budget)
             options = {"frames": fit.frames, "interpolation": order}
             yield _at("frames", words, f"{fit.frames // parts} frames", options, fit.error, spent, note="fitted to the target")
 
@@ -203,7 +205,7 @@ def _differentiation(run: Run, budget: float) -> Iterator[PrecisionPoint]:
             errors = [float(np.nanmax(np.abs(b.values - a.values))) / a.scale for a, b in joints]
             if words == "exact":
                 errors = [float(np.nanmax(_rates_error(run, time)))]
-            spent = timed(partial(_solve, run, accuracy, time), budget)
+            spent = time_repeatedly(partial(_solve, run, accuracy, time), budget)
             here = words == "exact" and n * scene.cycles == scene.frames
             yield _at(
                 "differentiation",
@@ -235,7 +237,7 @@ def _iterated(run: Run, setting: str, method: str, tolerances: tuple[float, ...]
             (float(np.nanmax(np.abs(q.values - best[q.name].values), initial=0.0)) / best[q.name].scale for q in iterated),
             default=0.0,
         )
-        spent = timed(partial(_solve, run, accuracy, time), budget)
+        spent = time_repeatedly(partial(_solve, run, accuracy, time), budget)
         here = tolerance == getattr(run.accuracy, setting)
         yield _at(f"{setting} tolerance", method, f"{tolerance:.0e}", {setting: tolerance}, error, spent, current=here)
 
@@ -276,7 +278,7 @@ def _integrator(run: Run, budget: float) -> Iterator[PrecisionPoint]:
                 error = float(np.nanmax(pose_difference(result.view(shared), best.view(shared) if len(shared) < len(t) else truth)))
             except MechanismError:
                 continue  # the integration fails at this tolerance
-            spent = timed(work, budget, least=1 if budget < 0.1 else 3)
+            spent = time_repeatedly(work, budget, least=1 if budget < 0.1 else 3)
             here = nodes is None and method == run.simulation.method and tolerance == run.simulation.tolerance
             options = {"method": method, "integrator": tolerance, **({"nodes": nodes} if nodes else {})}
             yield _at("integrator", words, f"{tolerance:.0e}", options, error, spent, current=here)
@@ -286,7 +288,7 @@ def _integrator(run: Run, budget: float) -> Iterator[PrecisionPoint]:
         words = next(w for m, w, n in methods if m == run.simulation.method and n is None)
         options = {"method": run.simulation.method, "integrator": now}
         work = partial(_simulated, run.scene, _setting("method", run.simulation.method, Accuracy(integrator=now)))
-        yield _at("integrator", words, f"{now:.0e}", options, error, timed(work, budget, least=1), current=True)
+        yield _at("integrator", words, f"{now:.0e}", options, error, time_repeatedly(work, budget, least=1), current=True)
 
 
 def _tessellation(run: Run, budget: float) -> Iterator[PrecisionPoint]:
@@ -296,7 +298,7 @@ def _tessellation(run: Run, budget: float) -> Iterator[PrecisionPoint]:
     for distance in [None, *asked]:
         chosen = run if distance is None else replace(run, accuracy=replace(run.accuracy, chord=distance))
         made = solids_of(chosen)
-        spent = timed(partial(solids_of, chosen), 0.0, least=1)
+        spent = time_repeatedly(partial(solids_of, chosen), 0.0, least=1)
         note = f"{sum(len(s.faces) for s in made.links.values())} faces"
         words = "as it is" if distance is None else run.scene.units.show(distance, "length", 3)
         options = {"chord": distance} if distance is not None else {}
@@ -320,7 +322,7 @@ def _recording(run: Run, record: Callable[..., object]) -> Iterator[PrecisionPoi
                     continue
                 accuracy = replace(run.accuracy, numbers=numbers, decimation=thin)
                 chosen = replace(run, accuracy=accuracy)
-                spent = timed(partial(record, chosen, path, solids=solids), 0.0, least=2)
+                spent = time_repeatedly(partial(record, chosen, path, solids=solids), 0.0, least=2)
                 error = measure_fit(at, end, (run.motion.frames - 1) // thin, order).error + (6e-8 if numbers == "float32" else 0.0)
                 note = f"{path.stat().st_size / 1e6:.2f} MB"
                 here = (numbers, thin) == (run.resolved_accuracy.numbers, run.accuracy.decimation)
@@ -339,7 +341,7 @@ def _profiles(run: Run, budget: float) -> Iterator[PrecisionPoint]:
 
     for count in sorted({90, 180, 360, 720, 1080, 2160, 4320, run.resolved_accuracy.profile or PROFILE_POINTS}):
         worst = max(profile_deviation(placed.contour, count) for placed in cams) / size
-        spent = timed(partial(draw, count), budget)
+        spent = time_repeatedly(partial(draw, count), budget)
         here = count == run.resolved_accuracy.profile
         yield _at("cam profile", "points of the contour", f"{count} points", {"profile": count}, worst, spent, current=here)
 
@@ -348,7 +350,7 @@ PROCESSOR_SHARE = 0.8  # ratio of processor time to wall time below which other 
 
 
 @dataclass(frozen=True)
-class Measured:
+class MeasuredStudy:
     """The points of a study with the scene, machine and day that they belong to.
 
     ``rough``: measured with few repeats; ``share``: ratio of processor time to wall time (0 to 1).
@@ -388,20 +390,22 @@ def _code() -> float:
     return max(f.stat().st_mtime for root in roots for f in root.rglob("*.py"))
 
 
-def kept(scene: Scene, target: float | None, rough: bool = True) -> Measured | None:
+def load_study(scene: Scene, target: float | None, rough: bool = True) -> MeasuredStudy | None:
     """The stored study of this scene on this machine, or None. ``rough``: accept one with few repeats."""
     try:
         data: dict[str, Any] = json.loads(_file(scene, target).read_text(encoding="utf-8"))
         points = tuple(PrecisionPoint(**p) for p in data["points"])
-        measured = Measured(data["scene"], data["machine"], data["day"], points, data["rough"], data["share"])
+        measured = MeasuredStudy(data["scene"], data["machine"], data["day"], points, data["rough"], data["share"])
     except (OSError, ValueError, KeyError, TypeError):  # no such file, or another format
         return None
     return measured if rough or not measured.rough else None
 
 
-def keep(scene: Scene, target: float | None, points: list[PrecisionPoint], rough: bool = False, share: float = 1.0) -> Measured:
+def store_study(
+    scene: Scene, target: float | None, points: list[PrecisionPoint], rough: bool = False, share: float = 1.0
+) -> MeasuredStudy:
     """Store a study in the cache folder, and return it. Where the folder cannot be written, it is not stored."""
-    measured = Measured(scene.name, machine(), date.today().isoformat(), tuple(points), rough, share)
+    measured = MeasuredStudy(scene.name, machine(), date.today().isoformat(), tuple(points), rough, share)
     data = {**asdict(measured), "points": [p.as_dict() for p in points]}
     try:
         path = _file(scene, target)

@@ -26,7 +26,7 @@ FRONT, NOW, BEST = "#c9ced6", "#111111", "#d6336c"
 
 def setting_words(point: PrecisionPoint, front: bool) -> str:
     """A point in one line of text, with an asterisk where it is on the Pareto ``front``."""
-    words = f"{point.setting}: {point.method}, {point.value}: {point.error:.0e} in {point.price}"
+    words = f"{point.setting}: {point.method}, {point.value}: {point.error:.0e} in {point.time_text}"
     return f"{words} *" if front else words
 
 

@@ -289,8 +289,8 @@ def _on_tolerances(bands: Bands, plots: Sequence[Plot]) -> str:
             if np.isfinite(half).any():
                 label = plot.title if len(plot.names) == 1 or name == plot.title else f"{plot.title}, {name}"
                 lines.append(f"- {label}: at most ± {np.nanmax(half):.3g} {plot.unit}, all tolerances added up")
-    if bands.refused:
-        lines.append(f"- Some curves have no band: {bands.refused}")
+    if bands.missing_reason:
+        lines.append(f"- Some curves have no band: {bands.missing_reason}")
     return "\n".join(["", "", "## Tolerances", "", *lines, ""])
 
 

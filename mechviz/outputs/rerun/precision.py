@@ -47,7 +47,7 @@ def write_rrd(points: Sequence[PrecisionPoint], path: Path, title: str, markdown
                 [[x, DOTS_AN_INCH * PANEL[1] - y] for x, y in axes.transData.transform([(p.seconds, p.error) for p in some])],
                 colors=[_rgb(COLOURS[k % len(COLOURS)])] * len(some),
                 radii=[rr.Radius.ui_points(6.0 if p.current else 4.0) for p in some],
-                labels=[f"{method}, {p.value}: {p.error:.1e} in {p.price}" for p in some],
+                labels=[f"{method}, {p.value}: {p.error:.1e} in {p.time_text}" for p in some],
                 show_labels=False,
             )
             stream.log(entity, look, static=True)

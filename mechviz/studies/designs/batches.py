@@ -63,7 +63,7 @@ class DesignBatch:
         return np.broadcast_to(drives[0].law(self.time)[0], self.time.shape) if drives else None
 
     @property
-    def rubs(self) -> bool:
+    def has_friction(self) -> bool:
         """Whether there is dry friction, for which a C program may leave some designs to single runs."""
         return "friction" in self.compiled.mechanism.effects and bool(braked(self.compiled.mechanism.joints))
 
@@ -83,7 +83,7 @@ class DesignBatch:
         return next((d.joint for d in self.compiled.mechanism.drives if moves(d.law)), "")
 
     @property
-    def paced(self) -> bool:
+    def period_varies(self) -> bool:
         """Whether the period of the cycle varies between designs."""
         return ("joints", self._leader, "drive", "speed") in self.places
 
@@ -97,7 +97,7 @@ class DesignBatch:
             return False  # a drive at rest before the leader could become the leader
         if any(m.reducer == "at" for m, _, _ in self.columns) and ("joints", drives[0].joint, "drive", "start") in self.places:
             return False
-        if not self.paced:
+        if not self.period_varies:
             return True
         leader = self._constant[self._leader]
         moving = [d.law for d in drives if d.joint not in self._constant]
@@ -159,7 +159,7 @@ class DesignBatch:
     def _driven(self, values: Mapping[Place, Real], count: int) -> tuple[Real | None, dict[str, tuple[Real, Real]]]:
         """Pace (D,) of each design relative to the nominal one, None where it does not vary, and the starts and speeds (D,) of
         drives that differ in more than the pace, by joint."""
-        pace = values["joints", self._leader, "drive", "speed"] / self._constant[self._leader].speed if self.paced else None
+        pace = values["joints", self._leader, "drive", "speed"] / self._constant[self._leader].speed if self.period_varies else None
         drives = {}
         for joint, law in self._constant.items():
             start, speed = (values.get(("joints", joint, "drive", what)) for what in ("start", "speed"))
@@ -270,7 +270,7 @@ def batch_of(
         loads = tuple(varied for place in places if place[0] == "loads" for varied in _load_numbers(scene, place))
         batch = DesignBatch(scene, compiled, default_times(mechanism, *frames), tuple(variations), tuple(columns), places, loads)
         how, count = executor
-        if batch.rubs:
+        if batch.has_friction:
             batch = replace(batch, compiled=replace(compiled, executor=how), count=count)
         if not batch.comparable:
             return None

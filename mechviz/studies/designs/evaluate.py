@@ -64,7 +64,7 @@ class Study:
         return tuple(quantity_of(measure, self.nominal.catalogue) for measure in self.measures)
 
     @property
-    def turns(self) -> tuple[StartTurn, ...]:
+    def start_turns(self) -> tuple[StartTurn, ...]:
         """The whole turns of each measure, counted from the nominal run."""
         return _turns(self)
 
@@ -173,7 +173,7 @@ def _batch(study: Study) -> DesignBatch | None:
         alone = _run_alone(study, design)
         if isinstance(alone, str):
             continue  # a single run also detects failures between the frames, which a batch does not
-        if reasons[k] == NOT_FINITE and batch.rubs:
+        if reasons[k] == NOT_FINITE and batch.has_friction:
             continue
         if reasons[k]:
             return None
@@ -201,7 +201,7 @@ def _run_alone(study: Study, design: Real) -> Run | str:
 
 def reduced(measure: Measure, quantity: Quantity, run: Run, turns: StartTurn = OWN_TURNS) -> Real:
     """Value of a measure in a run, a number or a curve (F,); ``quantity``: that of the measure."""
-    values = turns.near(quantity.values()[:, measure.column(quantity)])
+    values = turns.aligned(quantity.values()[:, measure.column(quantity)])
     drives = run.motion.mechanism.drives
     drive = run.catalogue.coordinate(drives[0].joint) if drives else None
     return np.asarray(measure.reduced(values, run.catalogue.numbers.time, drive))
@@ -248,12 +248,12 @@ def _evaluated(study: Study, designs: Real) -> DesignResults:
         values = []
         missing = np.mean([~np.isfinite(curve) for curve in curves], axis=(0, 2))
         missing = np.where([not reason for reason in reasons], 0.0, np.where(missing > 0.0, missing, 1.0))
-        for (measure, _, _), curve, turns in zip(batch.columns, curves, study.turns, strict=True):
+        for (measure, _, _), curve, turns in zip(batch.columns, curves, study.start_turns, strict=True):
             known = np.array([not reason for reason in reasons])
             curve[~known] = np.nan
             with np.errstate(invalid="ignore"):
-                values.append(measure.reduced(turns.near(curve), batch.time, drive))
-        unsolved = [k for k, reason in enumerate(reasons) if batch.rubs and reason == NOT_FINITE]
+                values.append(measure.reduced(turns.aligned(curve), batch.time, drive))
+        unsolved = [k for k, reason in enumerate(reasons) if batch.has_friction and reason == NOT_FINITE]
         for k in (*_out_of_proportion(values), *unsolved):
             row, reasons[k] = _alone(study, designs[k], [np.full_like(v[k], np.nan) for v in values])
             missing[k] = 1.0 if reasons[k] else 0.0
@@ -291,7 +291,7 @@ def _alone(study: Study, design: Real, empty: list[Real]) -> tuple[list[Real], s
         return empty, f"not to be trusted: {words[0]}"
     row = []
     try:
-        for measure, turns in zip(study.measures, study.turns, strict=True):
+        for measure, turns in zip(study.measures, study.start_turns, strict=True):
             row.append(reduced(measure, quantity_of(measure, run.catalogue), run, turns))
     except MechanismError as error:
         return empty, f"{error.faults[0].path}: {error.faults[0].message}"

@@ -179,13 +179,13 @@ class StartTurn:
     turn: float = 0.0
     start: float = 0.0
 
-    def near(self, curves: Real) -> Real:
+    def aligned(self, curves: Real) -> Real:
         """Curves (..., F) moved by whole turns so that they start within half a turn of the nominal one."""
         if self.turn == 0.0:
             return curves
         return np.asarray(curves - self.turn * np.nan_to_num(np.round((curves[..., :1] - self.start) / self.turn)))
 
-    def least(self, off: Real) -> Real:
+    def without_turns(self, off: Real) -> Real:
         """Deviations (...,) from wanted values, without whole turns."""
         return off - self.turn * np.round(off / self.turn) if self.turn else off
 

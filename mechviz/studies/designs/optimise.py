@@ -21,7 +21,7 @@ from mechcore.records import dataclass
 from mechviz.figures import chart, over_decades
 from mechviz.scene.scene import Scene
 from mechviz.studies.designs.evaluate import evaluate
-from mechviz.studies.designs.problem import LIMIT_ROUNDING, SCREENED_GENERATIONS, Judged, Limit, Problem, population_of
+from mechviz.studies.designs.problem import LIMIT_ROUNDING, SCREENED_GENERATIONS, Limit, Problem, ScoredDesigns, population_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -57,23 +57,23 @@ class Search:
     executor: Executor | None = None
     progress: SearchProgress = lambda *_: None
     advance: Callable[[int, int], None] = lambda *_: None
-    archive: list[Judged] = field(default_factory=list)
+    archive: list[ScoredDesigns] = field(default_factory=list)
     evaluations: int = 0
     refused: str = ""
     interrupted: bool = False
 
-    def judged(self, designs: Real) -> Judged:
+    def score(self, designs: Real) -> ScoredDesigns:
         """Objectives and violations of designs (D, n), which are added to the archive."""
-        judgement = self.problem.judged(designs, self.executor, self.advance)
+        judgement = self.problem.score(designs, self.executor, self.advance)
         self.archive.append(judgement)
         self.evaluations += len(designs)
         return judgement
 
     @property
-    def all(self) -> Judged:
+    def all(self) -> ScoredDesigns:
         """All designs that have been evaluated."""
         parts = self.archive
-        return Judged(
+        return ScoredDesigns(
             *(np.concatenate([getattr(p, name) for p in parts]) for name in ("designs", "objectives", "violations", "missing"))
         )
 
@@ -102,12 +102,12 @@ class Search:
         points = qmc.Sobol(n, rng=rng).random_base2(int(np.ceil(np.log2(SCREENED_GENERATIONS * count))))
         designs = bounds[:, 0] + (bounds[:, 1] - bounds[:, 0]) * points
         start = np.clip(self.problem.start, bounds[:, 0], bounds[:, 1])
-        screened = self.judged(np.vstack([start, designs]))
+        screened = self.score(np.vstack([start, designs]))
         self.report_progress("samples", objective)
         worst = float(np.nanmax(np.where(screened.feasible, np.abs(screened.objectives[:, objective]), 0.0), initial=0.0)) or 1.0
 
         def merit(x: Real) -> Real:
-            own = self.judged(np.atleast_2d(x.T))
+            own = self.score(np.atleast_2d(x.T))
             penalised = 10.0 * worst * (1.0 + own.infeasibility)  # every infeasible design is worse than any feasible one
             return np.asarray(np.where(own.feasible, own.objectives[:, objective], penalised))
 
@@ -131,7 +131,7 @@ class Search:
         bounds = problem.bounds
         low, span = bounds[:, 0], bounds[:, 1] - bounds[:, 0]
         begin = self.best(objective)[0] if start is None else start
-        size = max(abs(float(self.problem.judged(begin[None]).objectives[0, objective])), 1e-12)
+        size = max(abs(float(self.problem.score(begin[None]).objectives[0, objective])), 1e-12)
         known: dict[bytes, tuple[Real, Real, Real, Real] | None] = {}
 
         def at(u: Real) -> tuple[Real, Real, Real, Real] | None:
@@ -143,7 +143,7 @@ class Search:
                     known[key] = problem.differentiated(low + span * np.clip(u, 0.0, 1.0))
                 except MechanismError:
                     known[key] = None
-                self.judged((low + span * np.clip(u, 0.0, 1.0))[None])
+                self.score((low + span * np.clip(u, 0.0, 1.0))[None])
                 self.report_progress("along derivatives", objective)
             return known[key]
 
@@ -218,7 +218,7 @@ class Optimum:
         """Rows of a table: objectives, limits and variables, before and after."""
         problem = self.search.problem
         designs = np.stack([problem.start, self.design])
-        both = problem.judged(designs)
+        both = problem.score(designs)
         values = problem.limited(designs, evaluate(problem.study, designs).values)
         yield "", "before", "after", ""
         for k, term in enumerate(problem.terms):
@@ -239,7 +239,7 @@ class Optimum:
 def rounded(problem: Problem, designs: Real) -> Real:
     """Designs (K, n) as they are written: rounded to nine digits, or unrounded where rounding violates a limit."""
     short = np.array([[float(f"{x:.{VALUE_DIGITS}g}") for x in design] for design in designs])
-    return np.where(problem.judged(short).feasible[:, None], short, designs)
+    return np.where(problem.score(short).feasible[:, None], short, designs)
 
 
 def _reached(limit: Limit, value: float) -> bool:
@@ -270,11 +270,11 @@ def optimise(search: Search, *, points: int = 9) -> Optimum:
         front = rounded(search.problem, design[None])
         return Optimum(search, front[0], front)
     front = rounded(search.problem, _front(search, points))
-    middle = len(front) // 2 if objectives == 2 else int(_shortfalls(search.problem.judged(front).objectives).max(axis=1).argmin())
+    middle = len(front) // 2 if objectives == 2 else int(_shortfalls(search.problem.score(front).objectives).max(axis=1).argmin())
     return Optimum(search, front[middle], front)
 
 
-def _levels(known: Judged, points: int) -> list[Real]:
+def _levels(known: ScoredDesigns, points: int) -> list[Real]:
     """Upper bounds (m - 1,) of the objectives after the first, about ``points`` combinations: each bound runs from the value at the
     least first objective down to the least value of its own objective."""
     count = known.objectives.shape[1]
@@ -284,7 +284,7 @@ def _levels(known: Judged, points: int) -> list[Real]:
     return [np.array(level) for level in product(*axes)]
 
 
-def _below(known: Judged, level: Real) -> int | None:
+def _below(known: ScoredDesigns, level: Real) -> int | None:
     """Index of the design with the least first objective among feasible ones whose other objectives are at most a level (m - 1,);
     None where there is none. A slack admits designs that were refined to this level, in spite of rounding."""
     kept = np.flatnonzero(
@@ -343,7 +343,7 @@ def front_chart(optimum: Optimum, title: str) -> Figure:
     problem, known = optimum.search.problem, optimum.search.all
     first, second = problem.terms[:2]
     some = known.objectives[known.feasible]
-    front = problem.judged(optimum.front).objectives
+    front = problem.score(optimum.front).objectives
     with chart(6.5, 4.5) as figure:
         axes = figure.subplots()
         axes.plot(first.sign * some[:, 0], second.sign * some[:, 1], ".", markersize=2.0, color="#c3c9d0", label="looked at")

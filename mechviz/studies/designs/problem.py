@@ -178,7 +178,7 @@ def violation_words(violation: float) -> str:
 
 
 @dataclass(frozen=True, eq=False)
-class Judged:
+class ScoredDesigns:
     """Designs (D, n) with their ``objectives`` (D, m), to be minimised, and ``violations`` (D,) of limits, 0 where all are kept.
 
     Both are not finite where a design has no values. ``missing`` (D,): fraction of frames without values."""
@@ -231,7 +231,9 @@ class Problem:
         """The values (n,) of the variables in the scene, in their units."""
         return np.array([v.value for v in self.variables])
 
-    def judged(self, designs: Real, executor: Pool | None = None, progress: Callable[[int, int], None] = lambda *_: None) -> Judged:
+    def score(
+        self, designs: Real, executor: Pool | None = None, progress: Callable[[int, int], None] = lambda *_: None
+    ) -> ScoredDesigns:
         """Objectives and violations of designs (D, n), computed in portions, in parallel if there is an executor. ``progress`` gets
         the number of designs that are done and their total, after each portion except the last."""
         size = RUNS_AT_ONCE if self.study.batch is None else DESIGNS_AT_ONCE
@@ -249,7 +251,7 @@ class Problem:
             limited = self.limited(designs, values).T
             violations = sum((limit.violation(x) for limit, x in zip(self.limits, limited, strict=True)), np.zeros(len(designs)))
         unfit = (missing > 0.0) | ~np.isfinite(objectives).all(axis=1) | ~np.isfinite(violations)
-        return Judged(designs, np.where(unfit[:, None], np.nan, objectives), np.where(unfit, np.inf, violations), missing)
+        return ScoredDesigns(designs, np.where(unfit[:, None], np.nan, objectives), np.where(unfit, np.inf, violations), missing)
 
     def limited(self, designs: Real, values: Sequence[Real]) -> Real:
         """The values (D, L) that the limits apply to, of designs (D, n). ``values``: those of the study's measures."""
@@ -275,7 +277,7 @@ class Problem:
         variables. Raises `MechanismError` where the design cannot be run, or has no derivatives."""
         run = self.run(design)
         moved = [v.at(float(x)) for v, x in zip(self.variables, design, strict=True)]
-        slopes = sensitivities(run, self.study.measures, moved, self.study.turns)
+        slopes = sensitivities(run, self.study.measures, moved, self.study.start_turns)
         values = [np.asarray(s.number) if s.measure.reducer else s.curve for s in slopes]
         by = [s.derivatives[:, None] if s.measure.reducer else s.slopes for s in slopes]
         objectives, gradients = [], []
@@ -356,7 +358,7 @@ def _problem(scene: Scene, goal: GoalDocument, frames: int | None, cycles: int |
     if follow is not None:
         unit = quantities[followed[0]].unit
         wanted = np.array([_in_unit(x, unit, "goal.follow.values") for x in follow.values])
-        terms.append(_following(follow.quantity, unit, followed, wanted, study.turns[followed[0]]))
+        terms.append(_following(follow.quantity, unit, followed, wanted, study.start_turns[followed[0]]))
     if along is not None:
         title, unit, through = f"distance of {along.point}", scene.units.display_unit("m")[0], np.array(along.through, float)
         x, y = axes
@@ -423,7 +425,7 @@ def _following(text: str, unit: str, measures: Sequence[int], wanted: Real, turn
     angles without whole turns."""
 
     def off(own: Sequence[Real]) -> Real:
-        return turns.least(np.stack(own, axis=-1) - wanted)
+        return turns.without_turns(np.stack(own, axis=-1) - wanted)
 
     def value(own: Sequence[Real]) -> Real:
         return np.asarray(np.sqrt(np.mean(off(own) ** 2, axis=-1)))

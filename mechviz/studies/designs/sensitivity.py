@@ -181,7 +181,7 @@ def sensitivities(
     results = []
     for n, (measure, quantity) in enumerate(zip(measures, quantities, strict=True)):
         curve = quantity.values()[:, measure.column(quantity)]
-        curve = turns[n].near(curve) if turns else curve
+        curve = turns[n].aligned(curve) if turns else curve
         number, derivatives = float("nan"), np.full(len(variables), np.nan)
         if measure.reducer:
             number = float(measure.reduced(curve, time, drive))
@@ -410,11 +410,11 @@ def tornado(row: Sensitivity, title: str, most: int = 20) -> Figure:
 @dataclass(frozen=True, eq=False)
 class Bands:
     """Tolerance bands: half widths (F, n) of the curves of quantities by key, in their units. They are worst case, the sum of the
-    effects of all tolerances; NaN at singular frames. ``refused``: why some or all are missing; ``variables``: those with the
-    tolerances."""
+    effects of all tolerances; NaN at singular frames. ``missing_reason``: why some or all are missing; ``variables``: those with
+    the tolerances."""
 
     halves: Mapping[str, Real] = field(default_factory=dict)
-    refused: str = ""
+    missing_reason: str = ""
     variables: tuple[Variable, ...] = ()
 
 
@@ -434,7 +434,7 @@ def bands_of(run: Run) -> Bands:
     try:
         parts = derivatives_of(run, variables)
     except MechanismError as error:
-        return Bands(refused=error.faults[0].message, variables=variables)
+        return Bands(missing_reason=error.faults[0].message, variables=variables)
     for rows, exact in parts:
         columns = {}
         for key in slopes_of:

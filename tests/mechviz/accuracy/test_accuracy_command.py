@@ -18,7 +18,7 @@ from mechviz.figures import DOTS_AN_INCH, chart_svg
 from mechviz.outputs.rerun.precision import write_rrd
 from mechviz.scene.scene import load, loads
 from mechviz.studies import cost, precision
-from mechviz.studies.cost import Timed, side_by_side, timed
+from mechviz.studies.cost import WallTime, time_alternately, time_repeatedly
 from mechviz.studies.influences import influence_lines, influences
 from mechviz.studies.precision import PrecisionPoint, cheapest, ladder, pareto
 from mechviz.studies.precision_diagram import PANEL, diagram, setting_changes
@@ -40,10 +40,10 @@ def test_pareto_front_and_the_cheapest():
 
 def test_timing_warms_up_and_repeats():
     calls: list[str] = []
-    timing = timed(lambda: calls.append("x"), budget=0.0, least=5)
+    timing = time_repeatedly(lambda: calls.append("x"), budget=0.0, least=5)
     assert len(calls) == 6 and timing.repeats == 5 and timing.seconds > 0.0 <= timing.spread
     calls.clear()
-    side_by_side(lambda: calls.append("a"), lambda: calls.append("b"), budget=0.0, least=3)
+    time_alternately(lambda: calls.append("a"), lambda: calls.append("b"), budget=0.0, least=3)
     assert "".join(calls) == "ab" * 4, "in turns"
 
 
@@ -51,21 +51,21 @@ def test_times_of_a_processor_that_others_used_are_called_rough(monkeypatch):
     walls, own = iter([0.0, 10.0]), iter([0.0, 4.0])
     monkeypatch.setattr(cost.time, "perf_counter", lambda: next(walls))
     monkeypatch.setattr(cost.time, "process_time", lambda: next(own))
-    with cost.used() as share:
+    with cost.processor_share() as share:
         pass
     monkeypatch.undo()
     assert share() == 0.4
-    measured = precision.Measured("s", "a machine", "2026-01-01", (), share=share())
+    measured = precision.MeasuredStudy("s", "a machine", "2026-01-01", (), share=share())
     assert (
         measured.foot
         == "measured 2026-01-01 on a machine; one thread, medians; rough: others had 60 % of the time on this processor"
     )
-    assert "rough" not in precision.Measured("s", "a machine", "2026-01-01", (), share=0.97).foot
+    assert "rough" not in precision.MeasuredStudy("s", "a machine", "2026-01-01", (), share=0.97).foot
 
 
 def once(monkeypatch: pytest.MonkeyPatch) -> None:
     """What is to be timed is done once."""
-    monkeypatch.setattr(precision, "timed", lambda work, *_, **__: (work(), Timed(1e-3, 0.0, 1))[1])
+    monkeypatch.setattr(precision, "time_repeatedly", lambda work, *_, **__: (work(), WallTime(1e-3, 0.0, 1))[1])
 
 
 @pytest.mark.parametrize(
@@ -116,7 +116,7 @@ def test_integrators_are_compared_with_the_motion_at_its_tightest(monkeypatch):
     from mechviz.runs import run_scene
 
     worked = []
-    monkeypatch.setattr(precision, "timed", lambda work, *_, **__: worked.append(work) or Timed(1e-3, 0.0, 1))
+    monkeypatch.setattr(precision, "time_repeatedly", lambda work, *_, **__: worked.append(work) or WallTime(1e-3, 0.0, 1))
     monkeypatch.setattr(precision, "TOLERANCES", (1e-4, 1e-9))
     points = list(precision._integrator(run_scene(load("andrews-squeezer")), 0.0))
     assert len(worked) == len(points) and {work.func for work in worked} == {precision._simulated}, "all do the same work"
@@ -172,7 +172,7 @@ def test_a_recording_of_the_diagrams_has_axes_and_a_point_for_each_setting(tmp_p
         assert (np.diff(places[:, 0]) > 0).all() and (np.diff(places[:, 1]) > 0).all()
         assert places.min() > 0 and (places < DOTS_AN_INCH * np.array(PANEL)).all()
         labels = result[f"/accuracy/frames/{method}", "Points2D:labels"]
-        assert [label.split(": ")[1] for label in labels] == [f"{p.error:.1e} in {p.price}" for p in own]
+        assert [label.split(": ")[1] for label in labels] == [f"{p.error:.1e} in {p.time_text}" for p in own]
         assert result[f"/accuracy/frames/{method}/error", "Scalars:scalars"] == [p.error for p in own]
 
 
@@ -200,16 +200,16 @@ def test_what_was_kept_on_another_machine_does_not_count(tmp_path, monkeypatch):
     monkeypatch.setenv("MECHVIZ_CACHE", str(tmp_path))
     scene = load("crank-rocker")
     infinite = [*POINTS, point(5.0, float("inf"))]
-    precision.keep(scene, None, infinite)
-    stored = precision.kept(scene, None)
+    precision.store_study(scene, None, infinite)
+    stored = precision.load_study(scene, None)
     assert stored is not None and list(stored.points) == infinite and stored.scene == "crank-rocker"
     monkeypatch.setattr(precision, "machine", lambda: "another one")
-    assert precision.kept(scene, None) is None
+    assert precision.load_study(scene, None) is None
     monkeypatch.undo()
     monkeypatch.setenv("MECHVIZ_CACHE", str(tmp_path / "file"))
     (tmp_path / "file").write_text("no folder")
-    precision.keep(scene, None, POINTS)
-    assert precision.kept(scene, None) is None
+    precision.store_study(scene, None, POINTS)
+    assert precision.load_study(scene, None) is None
 
 
 @pytest.mark.parametrize(
@@ -329,7 +329,7 @@ def test_what_effects_do_is_what_two_runs_differ_by():
         less = np.abs(run_scene(Scene.build(**{**document, "effects": rest})).forces.effort("O")).max()
         assert by_name[effect].effort == pytest.approx(abs(whole - less) / whole, rel=1e-9)
         assert np.isfinite(by_name[effect].cost) and by_name[effect].named
-    assert by_name["friction"].worth(0.05) and not by_name["gravity"].worth(0.05)
+    assert by_name["friction"].exceeds(0.05) and not by_name["gravity"].exceeds(0.05)
     words = "\n".join(influence_lines(_, computed, 0.05))
     assert "keep: friction changes the peak effort by 9.54 %" in words and "could be left out: gravity" in words
 

@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 import mechviz.hard_cases.input
 from mechviz.commands.main import app
 from mechviz.hard_cases import all_cases
-from mechviz.hard_cases.case import CASE_FAMILIES, Case, Check, Outcome, compare, judged
+from mechviz.hard_cases.case import CASE_FAMILIES, Case, Check, Outcome, check_that, compare
 
 CASES = all_cases()
 
@@ -29,14 +29,14 @@ def test_the_suite_is_whole():
     peers = [c.name for c in CASES if c.peers]
     for problem in ("P1", "P2", "P3", "P4", "P5"):
         assert any(name.startswith(problem) for name in peers), problem
-    assert all(c.happens and c.expected for c in CASES)
+    assert all(c.difficulty and c.expected for c in CASES)
 
 
 def test_a_case_that_finds_something_else_fails():
     assert not compare("x", [1.0, 2.0], [1.0, 2.1], 1e-3).passed
     assert compare("x", [1.0, 2.0], [1.0, 2.001], 1e-3).passed
     assert not compare("x", [1.0, float("nan")], [1.0, 2.0], 1e9).passed
-    assert not judged("x", [True, False]).passed
+    assert not check_that("x", [True, False]).passed
     assert not Outcome("nothing was looked at", ()).passed
 
 

@@ -22,7 +22,7 @@ from mechviz.runs import run_scene, with_frames_and_cycles
 from mechviz.scene.faults import SceneError
 from mechviz.scene.folder import SceneFolder
 from mechviz.scene.scene import Scene, dump, loads
-from mechviz.studies.precision import Timed, _file
+from mechviz.studies.precision import WallTime, _file
 
 GALLERY = Path(mechviz.__file__).parent / "gallery"
 OFFSET = 5.0  # of the user's cam, a circle [mm]: its follower has a stroke of twice that; the gallery's one has another
@@ -202,7 +202,7 @@ def test_a_scene_takes_its_files_along_when_it_is_saved_elsewhere(bar, cam):
 
 
 def test_masses_from_mesh_files_survive_balance_effects_and_vibrations(bar, monkeypatch):
-    monkeypatch.setattr("mechviz.studies.precision.timed", lambda work, *_, **__: (work(), Timed(1e-3, 0.0, 1))[1])
+    monkeypatch.setattr("mechviz.studies.precision.time_repeatedly", lambda work, *_, **__: (work(), WallTime(1e-3, 0.0, 1))[1])
     assert mechviz.load(bar).mechanism.links[1].mass == pytest.approx(MASS, rel=1e-6)
     command("balance", str(bar), "--radius", "50 mm", "-o", "balanced.toml")
     balanced = mechviz.load("balanced.toml")

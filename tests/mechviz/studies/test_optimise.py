@@ -70,7 +70,7 @@ def test_slopes_of_objectives_are_limits_of_their_differences(kind, wanted):
     for k in range(len(problem.variables)):
         step = np.zeros(len(problem.variables))
         step[k] = 1e-3
-        near = problem.judged(np.stack([problem.start + step, problem.start - step])).objectives
+        near = problem.score(np.stack([problem.start + step, problem.start - step])).objectives
         np.testing.assert_allclose(slopes[:, k], (near[0] - near[1]) / 2e-3, rtol=1e-4, atol=1e-7)
 
 
@@ -95,7 +95,7 @@ def test_places_of_the_drive_do_not_move_with_its_start(kind, wanted):
     scene = four_bar(HIDDEN, goal).changed({("parameters", "start"): start, ("joints", "A", "drive", "start"): "start"})
     problem = problem_of(scene, frames=360)
     starts = np.array([[HIDDEN["c"], 0.0], [HIDDEN["c"], -70.3], [HIDDEN["c"], 40.7], [1.1 * HIDDEN["c"], 0.0]])
-    objectives = problem.judged(starts).objectives[:, 0]
+    objectives = problem.score(starts).objectives[:, 0]
     assert objectives[:3].max() < 1e-5 < 1e-2 < objectives[3]
     slopes = problem.differentiated(np.array([1.1 * HIDDEN["c"], 40.7]))[2]
     assert abs(slopes[0, 1]) < 1e-5 < 1e-2 < abs(slopes[0, 0])
@@ -109,7 +109,7 @@ def test_grashofs_rule_is_a_limit():
     problem = problem_of(scene, frames=FRAMES)
     rockers = np.array([50.0, 85.0, 100.0, 315.0, 320.0])
     np.testing.assert_allclose(problem.limited(rockers[:, None], [])[:, 0], [-15.0, 0.0, 15.0, 0.0, -5.0], atol=1e-9)
-    judged = problem.judged(np.array([[84.0], [85.0], [86.0], [314.0], [315.0], [318.0]]))
+    judged = problem.score(np.array([[84.0], [85.0], [86.0], [314.0], [315.0], [318.0]]))
     np.testing.assert_array_equal(judged.feasible, [False, False, True, True, False, False])  # a change point is no crank-rocker
     for rocker, slope in ((100.0, 1.0), (310.0, -1.0)):
         np.testing.assert_allclose(problem.differentiated(np.array([rocker]))[3], [[slope]], rtol=1e-9)
@@ -158,7 +158,7 @@ def test_an_acute_transmission_angle_is_a_limit_on_both_sides_of_a_right_one():
     assert slopes[1, 0] == pytest.approx(
         np.degrees((125.0 - 140.0 * np.cos(np.radians(widest))) / (125.0 * 140.0 * np.sin(np.radians(widest))))
     )
-    assert not problem.judged(np.array([[125.0]])).feasible[0]
+    assert not problem.score(np.array([[125.0]])).feasible[0]
 
 
 def test_a_limit_that_rounding_would_miss_is_kept_by_all_digits():
@@ -183,7 +183,7 @@ def test_what_misses_a_limit_by_far_is_better_than_what_cannot_be_assembled():
     goal = {"vary": ["c"], "minimise": "link.rocker.angle:range", "limits": {"joint.D.angle:range": {"most": 0}}}
     scene = four_bar(HIDDEN, goal).changed({("parameters", "c", "range"): ["10 mm", "200 mm"]})
     problem = problem_of(scene, frames=FRAMES)
-    judged = problem.judged(np.array([[12.0], [HIDDEN["c"]], [90.0]]))
+    judged = problem.score(np.array([[12.0], [HIDDEN["c"]], [90.0]]))
     assert judged.violations[1] == pytest.approx(1.0) and judged.order().tolist() == [1, 2, 0]
     with pytest.raises(MechanismError, match="misses them by"):
         optimise(Search(problem, population=5, generations=0))
@@ -199,7 +199,7 @@ def test_a_front_has_no_design_that_another_beats():
     """Stroke against length: on the front the ratio is least, and nothing else is."""
     goal = {"minimise": "link.ram.position[x]:max", "maximise": "joint.S.displacement:range"}
     best = optimise(Search(problem_of(press(goal), frames=12), generations=8), points=4)
-    objectives = best.search.problem.judged(best.front).objectives
+    objectives = best.search.problem.score(best.front).objectives
     assert len(best.front) == 4 and np.all(np.diff(objectives[:, 0]) > 0.0) and np.all(np.diff(objectives[:, 1]) < 0.0)
     np.testing.assert_allclose(best.front[[0, -1], 0], [40.0, 120.0], rtol=1e-5)
     np.testing.assert_allclose(best.front[:, 1], 3.0, rtol=5e-3)
@@ -250,7 +250,7 @@ def test_an_interrupted_search_keeps_its_best():
     best = optimise(search)
     assert search.interrupted
     known = search.all.objectives[search.all.best(), 0]
-    assert search.problem.judged(best.design[None]).objectives[0, 0] == pytest.approx(known, rel=1e-8)
+    assert search.problem.score(best.design[None]).objectives[0, 0] == pytest.approx(known, rel=1e-8)
 
 
 SWINGING_BLOCK = """

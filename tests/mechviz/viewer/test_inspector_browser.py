@@ -47,7 +47,7 @@ from mechviz.picture.nodes import Body
 from mechviz.runs import run_scene
 from mechviz.scene.scene import load, loads
 from mechviz.studies import precision
-from mechviz.studies.cost import Timed
+from mechviz.studies.cost import WallTime
 
 __all__ = ["browser"]  # a fixture
 
@@ -267,7 +267,7 @@ def test_effects_are_switched_and_weighed(viewer, page):
 @pytest.mark.thorough
 def test_a_click_on_a_setting_in_the_diagram_of_accuracy_applies_it(viewer, page, monkeypatch):
     monkeypatch.setattr(precision, "FRAMES", (40, 90))
-    monkeypatch.setattr(precision, "timed", lambda work, *_, **__: (work(), Timed(1e-3 * next(count), 0.0, 1))[1])
+    monkeypatch.setattr(precision, "time_repeatedly", lambda work, *_, **__: (work(), WallTime(1e-3 * next(count), 0.0, 1))[1])
     monkeypatch.setattr(accuracy_tab, "SHOWN_SETTINGS", ("frames",))
     count = itertools.count(1)
     open_tab(page, "Accuracy")

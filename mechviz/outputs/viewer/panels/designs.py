@@ -102,7 +102,7 @@ class Optimiser:
 
     def _search(self, search: Search) -> None:
         try:
-            begin = search.problem.judged(search.problem.start[None])
+            begin = search.problem.score(search.problem.start[None])
             if begin.feasible[0]:
                 self._draw(search.problem, 0, float(begin.objectives[0, 0]))
             optimum = optimise(search)

@@ -170,7 +170,7 @@ class Plots:
     def _find_bands(self, run: Run | None) -> None:
         if self._toleranced and run is not None:
             self._bands, self._banded = bands_of(run), run
-            why = self._bands.refused
+            why = self._bands.missing_reason
             self._refused.content = hint(f"Some curves have no tolerance band: {why}") if why else ""
 
     def _redraw(self) -> None:
