@@ -59,7 +59,7 @@ def works(folder: str) -> dict[str, Callable[[], object]]:
         from mechviz.accuracy import estimate
 
         estimate._companions.clear()
-        return [integration_error(r.simulation, r.motion.time, r.again) for r in free if r.simulation and r.again]
+        return [integration_error(r.simulation, r.motion.time, r.resimulate) for r in free if r.simulation and r.resimulate]
 
     return {
         "solids of a scene": lambda: [solids_of(run) for run in runs],

@@ -48,7 +48,7 @@ NEARLY_ROUNDING = 1e-9  # rounding error of reactions in ill-conditioned positio
 
 @dataclass(frozen=True)
 class Fit:
-    """A number of ``frames`` over the whole run and the largest relative ``error`` between them.
+    """The fit of a number of ``frames`` over the whole run, with the largest relative ``error`` between them.
 
     ``jumps``: number of jumps and bends, where more frames hardly help. Their intervals are left out of ``error``: they are the
     fraction ``left_out`` (0 to 1) of all, with errors of up to ``jump_error``. ``needed_frames``: estimated number of frames that

@@ -28,8 +28,10 @@ STILL_TRAVEL = 1e-9  # relative to the mechanism's size, or [rad]: a smaller ran
 
 @dataclass(frozen=True, eq=False)
 class CheckedQuantity:
-    """``values`` (F, n), their first and second time derivatives (``rate``, ``second``) where they are known, and the ``scale`` to
-    which errors are relative. ``kind``: "position", "velocity", "acceleration" or "reaction"; efforts of drives are of the last."""
+    """A quantity whose errors are estimated: its ``values`` (F, n), their first and second time derivatives (``rate``, ``second``)
+    where they are known, and the ``scale`` to which errors are relative.
+
+    ``kind``: "position", "velocity", "acceleration" or "reaction"; efforts of drives are of the last."""
 
     name: str
     kind: str

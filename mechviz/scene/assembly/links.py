@@ -42,7 +42,7 @@ Pose2 = tuple[float, float, float]
 
 @dataclass
 class Placement:
-    """``points``: link -> point -> place in the link's frame [m].
+    """Shapes and approximate poses of links. ``points``: link -> point -> place in the link's frame [m].
 
     ``poses``: link -> approximate x, y [m], angle [rad] at the start. ``drawn`` holds the links whose poses follow exactly from the
     sketch, the fixed link among them.
