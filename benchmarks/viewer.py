@@ -147,12 +147,12 @@ def edit() -> None:
     with Viewer(
         run_scene(mechviz.load("kinetostatic-four-bar")), port=0
     ) as viewer:  # the server alone, as when a slider is dragged
-        viewer.session.wait(rested=True)
+        viewer.session.wait(until_idle=True)
         crank = next(p for p in viewer.session.parameters if p.label == "crank A–B")
         spent, walls = [], []
         for value in 0.1 + 0.02 * np.sin(np.arange(MOVES + 10)):
             start, clock = time.process_time(), time.perf_counter()
-            viewer.session.move(crank, round(float(value), 5))
+            viewer.session.set_value(crank, round(float(value), 5))
             viewer.session.wait()
             spent.append(1e3 * (time.process_time() - start))
             walls.append(1e3 * (time.perf_counter() - clock))
@@ -173,7 +173,7 @@ def _drag(chromium: Any, free: bool) -> None:
     with Viewer(run_scene(mechviz.load("kinetostatic-four-bar")), port=0) as viewer:
         page = opened(chromium, viewer, ["/mechanism/coupler"], free)
         page.wait_for_timeout(3000)
-        viewer.session.wait(rested=True)
+        viewer.session.wait(until_idle=True)
         slider, spent = viewer.inspector.controls.sliders["links.crank.points.B[0]"]._impl.uuid, Spent(page)
         result, solved, server = [], [], 0.0
         for k, value in enumerate(0.1 + 0.02 * np.sin(np.arange(MOVES + 10))):
@@ -233,7 +233,7 @@ def play() -> None:
     """Processor time of the server while 51 bodies play at 60 frames a second, sent frame by frame and played by the browser."""
     run = run_scene(chain(25), frames=360)
     with Viewer(run, port=0) as viewer:
-        viewer.session.wait(rested=True)
+        viewer.session.wait(until_idle=True)
         dense(viewer)
         idle = cpu(2.0)
         for box in viewer.switches.families:
@@ -281,7 +281,7 @@ def many() -> None:
     """Twenty browsers at once, each frame sent to all of them."""
     run = run_scene(mechviz.load("kinetostatic-four-bar"))
     with Viewer(run, port=0) as viewer:
-        viewer.session.wait(rested=True)
+        viewer.session.wait(until_idle=True)
         dense(viewer)
         playback.LARGEST_MOTION = 0
         viewer.inspector.playback.change()
@@ -338,7 +338,7 @@ def sent(frames: int) -> None:
     """Hours of play sent by the server, frame after frame with nothing between them, each fifth with plots and numbers."""
     run = run_scene(mechviz.load("kinetostatic-four-bar"))
     with Viewer(run, port=0) as viewer:
-        viewer.session.wait(rested=True)
+        viewer.session.wait(until_idle=True)
         other = subprocess.Popen(
             [sys.executable, "-c", LISTEN.format(port=viewer.port, count=1, seconds=1e6)], stdout=subprocess.DEVNULL
         )
@@ -360,7 +360,7 @@ def page(frames: int) -> None:
 
     run = run_scene(mechviz.load("kinetostatic-four-bar"))
     with Viewer(run, port=0) as viewer, sync_playwright() as playwright:
-        viewer.session.wait(rested=True)
+        viewer.session.wait(until_idle=True)
         chromium = browser(playwright)
         page = opened(chromium, viewer, ["/mechanism/coupler"], True)
         viewer.play()

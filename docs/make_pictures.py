@@ -50,7 +50,7 @@ def _compare(viewer: Viewer, page: Any) -> None:
     box.fill("46")
     box.press("Enter")
     page.wait_for_timeout(SETTLING)
-    viewer.session.wait(rested=True)
+    viewer.session.wait(until_idle=True)
     page.get_by_label("Compare with the scene as opened").check()
 
 

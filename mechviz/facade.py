@@ -130,7 +130,7 @@ class Result:
     @property
     def title(self) -> str:
         """The scene's title."""
-        return self._source.scene.title if isinstance(self._source, Run) else self._source.said.title
+        return self._source.scene.title if isinstance(self._source, Run) else self._source.parsed_properties.title
 
     @property
     def scene(self) -> Scene:

@@ -39,7 +39,7 @@ class OutputError(Exception):
         super().__init__(f"{message} {remedy}".strip())
 
 
-def reason(error: OSError, path: Path) -> OutputError:
+def output_error(error: OSError, path: Path) -> OutputError:
     """The `OutputError` for an operating system error at a path."""
     if error.errno in (errno.ENOSPC, errno.EDQUOT):
         return OutputError(f"'{path}' cannot be written: the disk is full.", "Free some space or write elsewhere.", 1)
@@ -138,7 +138,7 @@ def replacing(path: Path) -> Iterator[Path]:
         handle, name = tempfile.mkstemp(prefix=f".{target.stem}-", suffix=target.suffix, dir=target.parent)
         os.close(handle)
     except OSError as error:
-        raise reason(error, path) from None
+        raise output_error(error, path) from None
     temporary = Path(name)
     try:
         umask = os.umask(0)
@@ -147,7 +147,7 @@ def replacing(path: Path) -> Iterator[Path]:
         yield temporary
         put_in_place(temporary, target)
     except OSError as error:
-        raise reason(error, path) from None
+        raise output_error(error, path) from None
     finally:
         temporary.unlink(missing_ok=True)
 
@@ -169,7 +169,7 @@ def replacing_in(folder: Path) -> Iterator[Path]:
         for made, target in targets.items():
             put_in_place(made, target)
     except OSError as error:
-        raise reason(error, folder) from None
+        raise output_error(error, folder) from None
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
         with suppress(OSError):  # remove folders that were created in vain; those with files stay

@@ -103,7 +103,7 @@ def text_strokes(text: str, font: str = "scripts") -> list[Complex]:
     return [_rounded(stroke) for stroke in strokes]
 
 
-def on_sheet(strokes: Sequence[Complex], width: float) -> list[Complex]:
+def fit_to_sheet(strokes: Sequence[Complex], width: float) -> list[Complex]:
     """The strokes scaled so that the larger side of the box around them is ``width`` [m], the middle of the box at the origin."""
     every = np.concatenate(list(strokes))
     low, high = complex(every.real.min(), every.imag.min()), complex(every.real.max(), every.imag.max())

@@ -46,13 +46,13 @@ _CHECKED = 4  # frames for each row of the tables where the line is compared wit
 
 
 @dataclass(frozen=True, eq=False)
-class Writer:
+class DrawingMachine:
     """A drawing machine and what is known of it.
 
     ``scene`` with its tables, None of a motion without levers; ``motion`` of the pen; ``error`` [m]: largest distance between the
     line that the machine draws and the strokes, in both directions; ``ratio`` of the levers: travel of the pen over that of the
     rollers, by which errors of the cams are enlarged, too. Of the three cams: ``pressure_angles`` [rad], largest ``radii`` of the
-    pitch curves [m], ``sharpest`` [m]: least convex radii of curvature of the profiles.
+    pitch curves [m], ``least_radii`` [m]: least convex radii of curvature of the profiles.
     """
 
     scene: Scene | None
@@ -61,10 +61,10 @@ class Writer:
     ratio: float = 1.0
     pressure_angles: tuple[float, ...] = ()
     radii: tuple[float, ...] = ()
-    sharpest: tuple[float, ...] = ()
+    least_radii: tuple[float, ...] = ()
 
 
-def design_writer(
+def design_drawing_machine(
     strokes: Sequence[Complex],
     error: float,
     *,
@@ -75,7 +75,7 @@ def design_writer(
     linkage: type[PenLinkage] = Rods,
     levers: bool = True,
     progress: Callable[[str], object] = lambda _: None,
-) -> Writer:
+) -> DrawingMachine:
     """The machine that draws strokes (n,) [m] about the origin, and misses them by at most ``error`` [m] when it is run.
 
     ``speed`` of the shaft [rad/s]; ``linkage`` leads the pen; without ``levers`` only the motion of the pen is planned.
@@ -94,7 +94,7 @@ def design_writer(
         progress("planning the pen's motion")
         motion = plan_motion(strokes, share * error, rise, cam_size, stated=error)
         if not levers:
-            return Writer(None, motion, motion.error)
+            return DrawingMachine(None, motion, motion.error)
         progress("sizing the cams")
         for lever_ratio in RATIOS:
             machine = _Machine.sized(motion, linkage(size), lever_ratio, pressure_limit)
@@ -104,7 +104,9 @@ def design_writer(
         progress("running the machine")
         reached = drawn_error(scene, motion, [stroke + machine.linkage.sheet for stroke in strokes], linkage.pen)
         if reached <= error:
-            return Writer(scene, motion, reached, machine.ratio, machine.pressure_angles, machine.radii, machine.sharpest)
+            return DrawingMachine(
+                scene, motion, reached, machine.ratio, machine.pressure_angles, machine.radii, machine.least_radii
+            )
         share *= 0.9 * error / reached
     why = f"the machine misses the drawing by {as_length(reached, 3)}, not by at most {as_length(error, 3)}."
     raise MechanismError(Fault("error", why, "Allow a larger error."))
@@ -127,7 +129,7 @@ def drawn_error(scene: Scene, motion: PenMotion, strokes: Sequence[Complex], lin
 
 
 @dataclass(frozen=True, eq=False)
-class _Wanted:
+class _LeverLaw:
     """The law of a lever's lift over the shaft's angle [rad], the length of its arm [m], and the side of the line to the axis on
     which the arm is."""
 
@@ -141,7 +143,7 @@ class _Lever:
     """A lever with a roller on its cam: its pivot [m], direction [rad] of its arm at zero lift, radius of the base circle [m]."""
 
     pivot: complex
-    of: _Wanted
+    law: _LeverLaw
     heading: float
     base: float
     cam: Cam
@@ -149,11 +151,11 @@ class _Lever:
     @property
     def extremes(self) -> tuple[float, float, float]:
         """Largest pressure angle [rad], least convex radius of the profile [m], largest radius of the pitch curve [m]."""
-        pressure, sharpest, radius = _looked_at(self.cam)
-        return pressure, sharpest - self.cam.follower.radius, radius
+        pressure, least_radius, radius = _cam_extremes(self.cam)
+        return pressure, least_radius - self.cam.follower.radius, radius
 
 
-def _looked_at(cam: Cam) -> tuple[float, float, float]:
+def _cam_extremes(cam: Cam) -> tuple[float, float, float]:
     """Largest pressure angle [rad], least convex radius of the pitch curve [m], its largest distance from the axis [m]."""
     synthesis = cam.at(np.linspace(0.0, 2.0 * np.pi, _CHECKED * max(len(cam.law.pieces), 720)))
     rho = synthesis.pitch_radius
@@ -161,7 +163,7 @@ def _looked_at(cam: Cam) -> tuple[float, float, float]:
     return float(np.abs(synthesis.pressure_angle).max()), float(convex.min(initial=np.inf)), float(np.abs(synthesis.pitch).max())
 
 
-def _cam(wanted: _Wanted, middle: float, roller: float) -> tuple[Cam, float] | None:
+def _cam(wanted: _LeverLaw, middle: float, roller: float) -> tuple[Cam, float] | None:
     """The cam whose roller is ``middle`` [m] from the axis at half the lift, with the arm perpendicular to that radius, and the
     distance [m] of its pivot from the axis; None where the arm does not reach."""
     lift, arm = wanted.lift, wanted.arm
@@ -174,7 +176,7 @@ def _cam(wanted: _Wanted, middle: float, roller: float) -> tuple[Cam, float] | N
     return Cam(lift.raised(start), Follower(guide, Roller(roller))), apart
 
 
-def _least(wanted: Sequence[_Wanted], roller: float, limit: float, low: float, high: float) -> float:
+def _least_distance(wanted: Sequence[_LeverLaw], roller: float, limit: float, low: float, high: float) -> float:
     """The least distance [m] of the rollers from the axis, at half their lifts, at which all cams keep to the limit of the pressure
     angle without undercut. Raises `MechanismError` where there is none up to ``high``."""
     middle = low
@@ -188,8 +190,8 @@ def _least(wanted: Sequence[_Wanted], roller: float, limit: float, low: float, h
 
 
 def _fits(cam: Cam, roller: float, limit: float) -> bool:
-    pressure, sharpest, _ = _looked_at(cam)
-    return pressure <= limit and sharpest >= _SPARE * roller
+    pressure, least_radius, _ = _cam_extremes(cam)
+    return pressure <= limit and least_radius >= _SPARE * roller
 
 
 @dataclass(frozen=True, eq=False)
@@ -216,9 +218,9 @@ class _Machine:
         low, high, lifter = 0.3 * size, _LARGEST * size, _LIFTER * size
         lift = _LIFT * size / lifter
         segments = [(over, to if to is None else lift * to) for over, to in motion.lifts]
-        wanted = [_Wanted(law, arm, side) for law, side in zip(lifts, ("right", "left"), strict=True)]
-        third = _Wanted(_lift_law(segments), lifter, "left")
-        middle, own = _least(wanted, roller, limit, low, high), _least([third], roller, limit, low, high)
+        wanted = [_LeverLaw(law, arm, side) for law, side in zip(lifts, ("right", "left"), strict=True)]
+        third = _LeverLaw(_lift_law(segments), lifter, "left")
+        middle, own = _least_distance(wanted, roller, limit, low, high), _least_distance([third], roller, limit, low, high)
         cams = [_cam(wanted[0], middle, roller), _cam(wanted[1], middle, roller), _cam(third, own, roller)]
         (left, apart), (right, _), (up, below) = (f for f in cams if f is not None)
         axis = -1j * math.sqrt(apart**2 - (PIVOTS * size) ** 2)
@@ -245,7 +247,7 @@ class _Machine:
         return tuple(lever.extremes[0] for lever in self.levers)
 
     @property
-    def sharpest(self) -> tuple[float, ...]:
+    def least_radii(self) -> tuple[float, ...]:
         return tuple(lever.extremes[1] for lever in self.levers)
 
     @property
@@ -258,10 +260,10 @@ class _Machine:
         out = [place_words(complex(length)) for length in self.linkage.levers]
         sides = zip(("left", "right"), self.tables, strict=True)
         files = {f"{name}-{side}.csv": csv_table("angle [deg],lift [deg]", 360.0, table) for side, table in sides}
-        wire = up.pivot + 2.0 * up.of.arm * cmath.exp(1j * (up.heading + 0.5 * math.pi))
+        wire = up.pivot + 2.0 * up.law.arm * cmath.exp(1j * (up.heading + 0.5 * math.pi))
         grip = 0.5 * abs(self.axis - left.pivot)  # clear of the levers' pins
         starts = (*self.starts, 0.0)
-        heads = [cmath.rect(lever.of.arm, lever.heading - start) for lever, start in zip(self.levers, starts, strict=True)]
+        heads = [cmath.rect(lever.law.arm, lever.heading - start) for lever, start in zip(self.levers, starts, strict=True)]
         frames = 2 * len(self.tables[0])  # accelerations between the rows of the tables are seen
         speed_text = quoted(f"{30.0 / math.pi * speed:.12g} rpm")
         pivots = ", ".join(f"{pin} = {place_words(lever.pivot)}" for pin, lever in zip("ABC", self.levers, strict=True))
@@ -301,7 +303,7 @@ class _Machine:
                 "",
                 f"[joints.{cam}]",
                 f'cam = ["cams", {quoted(link)}]',
-                f'follower = {{ roller = {1e3 * _ROLLER * size:.6g}, guide = "{guide}", point = "R", side = "{lever.of.side}" }}',
+                f'follower = {{ roller = {1e3 * _ROLLER * size:.6g}, guide = "{guide}", point = "R", side = "{lever.law.side}" }}',
                 "",
                 f"[joints.{cam}.profile]",
                 f"base = {1e3 * lever.base:.9g}",

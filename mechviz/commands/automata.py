@@ -11,9 +11,9 @@ import typer
 
 from mechviz.automata.pen_linkages import CrossSlides, Rods
 from mechviz.automata.pen_motion import plotter_scene
-from mechviz.automata.strokes import joined_strokes, on_sheet, ordered_strokes, svg_strokes, text_strokes
+from mechviz.automata.strokes import fit_to_sheet, joined_strokes, ordered_strokes, svg_strokes, text_strokes
 from mechviz.automata.walking import walk_of, walking_scene
-from mechviz.automata.writer import design_writer
+from mechviz.automata.writer import design_drawing_machine
 from mechviz.commands.shared.loading import SceneArg, SetOpt, clear_errors, load_scene, quantity, quantity_option
 from mechviz.commands.shared.messages import check_suffix, check_targets, fail, interruptible, say
 from mechviz.files import check_target, replacing
@@ -71,27 +71,29 @@ def draw(
         with interruptible("matplotlib.path"), progress_bar("drawing") as bar:
             bar.stage("reading strokes")
             if text is not None:
-                strokes = joined_strokes(on_sheet(text_strokes(text, font), width), 0.5 * off)
+                strokes = joined_strokes(fit_to_sheet(text_strokes(text, font), width), 0.5 * off)
             else:
-                strokes = ordered_strokes(on_sheet(svg_strokes(str(picture), font), width), 0.5 * off)
+                strokes = ordered_strokes(fit_to_sheet(svg_strokes(str(picture), font), width), 0.5 * off)
             stem = (output or program or Path("writer")).stem
             title = f"A machine that writes “{name}”" if text is not None else f"A machine that draws “{name}”"
-            writer = design_writer(
+            machine = design_drawing_machine(
                 strokes, off, title=title, name=stem, speed=rate, pressure_limit=limit,
                 linkage=CrossSlides if slides else Rods, levers=output is not None, progress=bar.stage,
             )  # fmt: skip
-        motion = writer.motion
+        motion = machine.motion
         points, ink = sum(map(len, strokes)), sum(float(np.abs(np.diff(s)).sum()) for s in strokes)
         print(f"{len(strokes)} strokes, {points} points, {_mm(ink)} of line on {_mm(width)}")
-        print(f"drawn within {_mm(writer.error)} of its strokes; {100.0 * motion.even:.0f} % of the line at an even speed")
+        print(f"drawn within {_mm(machine.error)} of its strokes; {100.0 * motion.even:.0f} % of the line at an even speed")
         print(f"jerk at most {1e3 * motion.jerk * rate**3:.3g} mm/s^3 at {speed}")
-        for key, pressure, radius, sharp in zip("XYZ", writer.pressure_angles, writer.radii, writer.sharpest, strict=False):
+        for key, pressure, radius, sharp in zip("XYZ", machine.pressure_angles, machine.radii, machine.least_radii, strict=False):
             words = f"radius {_mm(radius)}, pressure angle up to {math.degrees(pressure):.3g} deg, least convex radius"
             print(f"cam {key}: {words} {_mm(sharp)}")
-        if writer.ratio > 1.0:
-            print(f"levers {writer.ratio:g} to 1: a cam that is off by 0.01 mm moves the pen by about {0.01 * writer.ratio:.2g} mm")
-        if output is not None and writer.scene is not None:
-            _write(writer.scene, output)
+        if machine.ratio > 1.0:
+            print(
+                f"levers {machine.ratio:g} to 1: a cam that is off by 0.01 mm moves the pen by about {0.01 * machine.ratio:.2g} mm"
+            )
+        if output is not None and machine.scene is not None:
+            _write(machine.scene, output)
         if program is not None:
             _write(plotter_scene(motion, 2.0 * math.pi / rate, title=f"Axes that draw “{name}”", name=program.stem), program)
 

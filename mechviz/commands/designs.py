@@ -17,7 +17,16 @@ import typer
 from mechcore.arrays import Real
 from mechviz.commands.shared.loading import SceneArg, SetOpt, clear_errors, load_scene
 from mechviz.commands.shared.messages import aligned_rows, check_suffix, check_targets, fail, interruptible, say
-from mechviz.commands.shared.solving import CyclesOpt, DaskOpt, DesignExecutorOpt, FramesOpt, JobsOpt, checked, solve, workers
+from mechviz.commands.shared.solving import (
+    CyclesOpt,
+    DaskOpt,
+    DesignExecutorOpt,
+    FramesOpt,
+    JobsOpt,
+    compiler_checked,
+    solve,
+    workers,
+)
 from mechviz.editor.saving import saved_scene
 from mechviz.figures import check_ending, save_chart
 from mechviz.files import OutputError, replacing
@@ -83,7 +92,7 @@ def sweep(
         chosen = None if sample is None else parse_sample(sample, seed)
         designs = grid(variations) if chosen is None else sampled(variations, chosen)
         measures = [parse_measure(loaded, text) for text in of]
-        how = checked(executor)
+        how = compiler_checked(executor)
         study = study_of(loaded, variations, measures, frames=frames, cycles=cycles, executor=how, count=len(designs))
         with interruptible("pyarrow.parquet"), ExitStack() as last:
             store = None if output is None else Store(output, about_study(study, chosen))
@@ -254,7 +263,7 @@ def tolerance(
                 results = tolerances(
                     run, measures, variables, limits=ends, samples=samples, distribution=distribution, seed=seed,
                     executor=pool, most=most, begin=partial(_say_how_long, remedy, most // 2), progress=bar,
-                    program=checked(executor),
+                    program=compiler_checked(executor),
                 )  # fmt: skip
             say(f"Samples computed by {results[0].computed_by}.")
             axis = run.catalogue.axes[0]
@@ -310,7 +319,12 @@ def optimise(
         loaded = load_scene(scene, values)
         opened = load(scene) if values else loaded
         problem = problem_of(
-            loaded, frames=frames, cycles=cycles, executor=checked(executor), population=population or 0, generations=generations
+            loaded,
+            frames=frames,
+            cycles=cycles,
+            executor=compiler_checked(executor),
+            population=population or 0,
+            generations=generations,
         )
         if (front is not None or plot is not None) and len(problem.terms) < 2:
             fail("--front, --plot: the goal has one objective only, and so no front.")

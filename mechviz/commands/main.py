@@ -20,7 +20,7 @@ import typer
 from typer.core import TyperGroup
 from typer.main import get_command
 
-from mechviz.commands.shared.messages import Stdout, fail, load_module, no_output, orderly, unforeseen
+from mechviz.commands.shared.messages import Stdout, errors_as_messages, fail, load_module, report_stdout_failure, report_unforeseen
 from mechviz.files import LARGE_VARIABLE
 from mechviz.scene.folder import TOPICS, gallery
 
@@ -134,7 +134,7 @@ def scenes(
     entries = [entry for entry in gallery() if entry.about(words or ())]
     if not entries:
         fail(f"no scene of the gallery is about {' and '.join(words or ())}. Use fewer or other words, or none for all.")
-    with orderly():
+    with errors_as_messages():
         if names:
             print("\n".join(entry.name for entry in entries))
             return
@@ -213,10 +213,10 @@ def main() -> None:
         except (KeyboardInterrupt, OSError):
             raise
         except BaseException as error:  # includes errors that are no Exception, such as a panic of rerun
-            code = unforeseen(error, shown=shown)
+            code = report_unforeseen(error, shown=shown)
         sys.stdout.flush()
     except OSError as error:  # even the help may be written to a full disk
-        code = no_output(error)
+        code = report_stdout_failure(error)
     gc.freeze()  # saves a garbage collection over all modules at exit
     sys.exit(code)
 

@@ -60,9 +60,9 @@ def view(
             if live:
                 fail("--live is for scenes: a recording is there at once.")
             recorded = open_recording(scene)
-            beside = _beside(others, None, cycles)
+            compared = _compared_designs(others, None, cycles)
             try:
-                serve(recorded, port=port, beside=beside)
+                serve(recorded, port=port, compared=compared)
             except ViewerError as e:
                 fail(str(e), 1)
             return
@@ -84,20 +84,20 @@ def view(
                 run = solve(loaded, frames, cycles, accuracy, executor)
                 print_accuracy_warnings(run)
                 warn_of_accuracy(run)
-                serve(run, port=port, folder=folder, beside=_beside(others, run.scene.frames, cycles), study=study)
+                serve(run, port=port, folder=folder, compared=_compared_designs(others, run.scene.frames, cycles), study=study)
         except ViewerError as e:
             fail(str(e), 1)
 
 
-def _beside(others: list[str] | None, frames: int | None, cycles: int | None) -> dict[str, Run | Recording]:
+def _compared_designs(others: list[str] | None, frames: int | None, cycles: int | None) -> dict[str, Run | Recording]:
     """Recordings and runs of other designs by name; scenes are solved with ``frames`` and ``cycles``."""
-    beside: dict[str, Run | Recording] = {}
+    compared: dict[str, Run | Recording] = {}
     for other in others or ():
         with clear_errors(other):
             solved = open_recording(other) if other.endswith(".rrd") else solve(load_scene(other), frames, cycles)
         name, k = Path(other).stem, 1
-        while name in beside:
+        while name in compared:
             k += 1
             name = f"{Path(other).stem} {k}"
-        beside[name] = solved
-    return beside
+        compared[name] = solved
+    return compared

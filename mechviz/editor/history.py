@@ -22,12 +22,12 @@ MOST_STEPS = 500
 
 @dataclass(frozen=True)
 class Draft:
-    """A scene being edited: its document, and the names of the loads that are switched off (``idle``), which keep their values."""
+    """A scene being edited: its document, and the names of ``disabled_loads``, which are switched off and keep their values."""
 
     name: str
     document: SceneDocument
     folder: SceneFolder
-    idle: tuple[str, ...] = ()
+    disabled_loads: tuple[str, ...] = ()
 
     @classmethod
     def of(cls, scene: Scene) -> Draft:
@@ -35,7 +35,7 @@ class Draft:
 
     def scene(self) -> Scene:
         """The scene of the draft, without the loads that are switched off. Raises `SceneError` where it is not valid."""
-        changes: dict[Place, Any] = {("loads", name): None for name in self.idle}
+        changes: dict[Place, Any] = {("loads", name): None for name in self.disabled_loads}
         document = changed_document(self.document, changes, self.name, self.folder) if changes else self.document
         return assembled(document, self.name, self.folder)
 
@@ -68,8 +68,8 @@ class Draft:
 
     def with_load(self, load: str, on: bool) -> Draft:
         """The draft with a load switched on or off."""
-        idle = tuple(name for name in self.idle if name != load)
-        return replace(self, idle=idle if on else (*idle, load))
+        others = tuple(name for name in self.disabled_loads if name != load)
+        return replace(self, disabled_loads=others if on else (*others, load))
 
 
 class History:

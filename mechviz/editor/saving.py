@@ -23,7 +23,7 @@ class _MissingError(Exception):
     """A value is not where it should be in the text."""
 
 
-def kept_text(opened: Scene, scene: Scene) -> str | None:
+def updated_text(opened: Scene, scene: Scene) -> str | None:
     """The text of ``opened`` with the values of ``scene``, an edited copy of it; None where that text cannot express them."""
     if not opened.text:
         return None
@@ -38,7 +38,7 @@ def kept_text(opened: Scene, scene: Scene) -> str | None:
 def saved_scene(opened: Scene, scene: Scene) -> tuple[Scene, bool]:
     """An edited scene with the text to be saved, and whether that is the text of ``opened`` with other values. The text has been
     read back, so that it is known to be a valid scene."""
-    text = kept_text(opened, scene)
+    text = updated_text(opened, scene)
     if text is None:
         loads(scene.to_toml(), scene.name, scene.folder)
     return replace(scene, source=text), text is not None

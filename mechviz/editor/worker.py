@@ -26,9 +26,9 @@ T = TypeVar("T")
 _left = itertools.count(1)
 
 
-class Latest(Generic[T]):
-    """One thread that calls ``work(request)`` for the newest request; ``rest()`` follows when no request has come for ``quiet``
-    seconds.
+class LatestRequestWorker(Generic[T]):
+    """One thread that calls ``work(request)`` for the newest request; ``on_idle()`` follows when no request has come
+    for ``idle_time`` [s].
 
     ``failed(error)`` gets an exception in either; the thread continues.
     """
@@ -37,14 +37,14 @@ class Latest(Generic[T]):
         self,
         work: Callable[[T], None],
         failed: Callable[[Exception], None],
-        rest: Callable[[], None] | None = None,
-        quiet: float = 0.35,
+        on_idle: Callable[[], None] | None = None,
+        idle_time: float = 0.35,
     ):
-        self._work, self._failed, self._rest, self._quiet = work, failed, rest, quiet
+        self._work, self._failed, self._on_idle, self._idle_time = work, failed, on_idle, idle_time
         self._changed = threading.Condition()
         self._waiting: list[T] = []  # none or one
         self._asked = self._done = 0
-        self._rested = True
+        self._idle_done = True
         self._closed = False
         self._thread = threading.Thread(target=self._run, name="mechviz-worker", daemon=True)
         self._thread.start()
@@ -57,16 +57,18 @@ class Latest(Generic[T]):
             self._changed.notify_all()
 
     @property
-    def overtaken(self) -> bool:
+    def is_superseded(self) -> bool:
         """Whether a newer request waits, or the thread is to end; long work checks this now and then and gives up."""
         return bool(self._waiting) or self._closed
 
-    def wait(self, timeout: float = 600.0, *, rested: bool = False) -> bool:
-        """Wait until all requests so far are done, with ``rested`` also the rest after them. False if that takes longer than
+    def wait(self, timeout: float = 600.0, *, until_idle: bool = False) -> bool:
+        """Wait until all requests so far are done, with ``until_idle`` also `on_idle` after them. False if that takes longer than
         ``timeout`` [s]."""
         with self._changed:
             asked = self._asked
-            return self._changed.wait_for(lambda: (self._done >= asked and (self._rested or not rested)) or self._closed, timeout)
+            return self._changed.wait_for(
+                lambda: (self._done >= asked and (self._idle_done or not until_idle)) or self._closed, timeout
+            )
 
     def close(self) -> None:
         """End the thread after its present work."""
@@ -79,27 +81,27 @@ class Latest(Generic[T]):
     def _run(self) -> None:
         while True:
             with self._changed:
-                pause = None if self._rested or self._rest is None else self._quiet
-                quiet = not self._changed.wait_for(lambda: self._waiting or self._closed, pause)
+                pause = None if self._idle_done or self._on_idle is None else self._idle_time
+                idle = not self._changed.wait_for(lambda: self._waiting or self._closed, pause)
                 if self._closed:
                     return
                 asked = self._asked
                 requests = [self._waiting.pop()] if self._waiting else []
-                if not quiet:
-                    self._rested = False
+                if not idle:
+                    self._idle_done = False
             try:
-                if quiet:
-                    assert self._rest is not None
-                    self._rest()
+                if idle:
+                    assert self._on_idle is not None
+                    self._on_idle()
                 for request in requests:
                     self._work(request)
             except Exception as error:
                 self._failed(error)
             with self._changed:
-                if not quiet:
+                if not idle:
                     self._done = max(self._done, asked)
                 else:
-                    self._rested = not self._waiting
+                    self._idle_done = not self._waiting
                 self._changed.notify_all()
 
 
@@ -124,7 +126,7 @@ def assembles(scene: Scene) -> bool:
         return False
 
 
-def reachable(
+def feasible_range(
     good: float, low: float, high: float, holds: Callable[[float], bool], given_up: Callable[[], bool] = lambda: False
 ) -> tuple[float, float] | None:
     """The range around a ``good`` value, within ``low`` to ``high``, over which ``holds(value)``; None if ``given_up()``.

@@ -60,7 +60,7 @@ class SolidsDraft:
         for k, reached in self.through.items():
             self.through[k] = {new if group == old else group for group in reached}
 
-    def reached(self, model: ScaledMechanism, axle: int) -> tuple[str, ...]:
+    def groups_on_axle(self, model: ScaledMechanism, axle: int) -> tuple[str, ...]:
         """Groups that the pin of an axle passes."""
         own = {self.groups[name] for name in model.axles[axle].centres if name != model.frame}
         return tuple(sorted(own | self.through.get(axle, set())))

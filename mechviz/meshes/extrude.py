@@ -46,7 +46,7 @@ def joined_shells(shells: Sequence[Shell]) -> Shell:
 
 
 @dataclass(frozen=True)
-class Turned:
+class RoundFeature:
     """A round feature of a plate: profiles (radius, z) that start on the plate's top and bottom face.
 
     An empty profile leaves that face unchanged. If both profiles end at the same radius > 0 they are joined by the wall of a
@@ -127,7 +127,7 @@ def plate_mesh(
     outline: Polygon,
     z: tuple[float, float],
     bevel: float,
-    turned: Sequence[Turned] = (),
+    turned: Sequence[RoundFeature] = (),
     segments: int = 40,
     groove: Groove | None = None,
 ) -> Shell:
@@ -195,7 +195,7 @@ def bored(rings: Sequence[tuple[Real, Real | float]], bore: Polygon) -> Shell:
     return build.shell()
 
 
-def _add_bored(build: _Builder, feature: Turned, top: list[Ring], bottom: list[Ring], segments: int) -> None:
+def _add_bored(build: _Builder, feature: RoundFeature, top: list[Ring], bottom: list[Ring], segments: int) -> None:
     """Add a hole that is not round, with or without a boss around it."""
     assert feature.bore is not None
     circle, hole = _circle(segments), _coords(clean(feature.bore).exterior)
@@ -214,7 +214,7 @@ def _add_bored(build: _Builder, feature: Turned, top: list[Ring], bottom: list[R
     build.strips(ends)
 
 
-def _add_turned(build: _Builder, feature: Turned, top: list[Ring], bottom: list[Ring], segments: int) -> None:
+def _add_turned(build: _Builder, feature: RoundFeature, top: list[Ring], bottom: list[Ring], segments: int) -> None:
     if feature.bore is not None:
         return _add_bored(build, feature, top, bottom, segments)
     circle = _circle(segments)
@@ -237,7 +237,7 @@ def _add_turned(build: _Builder, feature: Turned, top: list[Ring], bottom: list[
         build.cap(down[-1], feature.centre, feature.bottom[-1][1], up=False)
 
 
-def _insets(rings: list[Real], bevel: float, turned: Sequence[Turned]) -> list[Real] | None:
+def _insets(rings: list[Real], bevel: float, turned: Sequence[RoundFeature]) -> list[Real] | None:
     """The rings offset into the material by the bevel, vertex by vertex; None if no valid face remains."""
     if bevel <= 0.0:
         return None

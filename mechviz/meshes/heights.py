@@ -41,7 +41,7 @@ class Heights:
         """Height just above a link at a point of its frame [m]; above the whole link if the point lies outside its parts."""
         return _front(self._parts, {link: (xy[0] / self.size, xy[1] / self.size)}, self._near, self.size, self.top)
 
-    def middle(self, link: str, xy: Vec2) -> float | None:
+    def mid_height(self, link: str, xy: Vec2) -> float | None:
         """Mid-height [m] of a moving link's part at a point of its frame [m]; None if it has none there."""
         point = shapely.Point(xy[0] / self.size, xy[1] / self.size)
         for part in self._parts:
@@ -51,7 +51,7 @@ class Heights:
                         return 0.5 * (prism.low + prism.high) * self.size
         return None
 
-    def flat(self, link: str) -> Iterator[tuple[shapely.Polygon, float, float]]:
+    def flat_outlines(self, link: str) -> Iterator[tuple[shapely.Polygon, float, float]]:
         """Outlines [m] of a link's flat parts in its frame, each with its lower and upper height [m]."""
         for part in self.parts(link, _FLAT_KINDS):
             yield from part
@@ -63,8 +63,8 @@ class Heights:
                 outlines = [shapely.transform(prism.outline, lambda xy: xy * self.size) for prism in part.space]
                 yield [(o, p.low * self.size, p.high * self.size) for o, p in zip(outlines, part.space, strict=True)]
 
-    def crossed(self, between: tuple[float, float], lines: Real, frames: Integers, but: str = "") -> bool:
-        """Whether lines (K, n, 2) [m], see `cleared`, intersect a part between two heights [m]; ``but``: a link that is ignored."""
+    def is_crossed(self, between: tuple[float, float], lines: Real, frames: Integers, but: str = "") -> bool:
+        """Whether lines (K, n, 2) [m], see `clear_height`, intersect a part between two heights [m]; ``but``: a link to ignore."""
         lines = np.asarray(lines, float) / self.size
         known = np.isfinite(lines).all(axis=(1, 2))
         lines, frames = lines[known], np.asarray(frames)[known]
@@ -79,7 +79,7 @@ class Heights:
                         return True
         return False
 
-    def cleared(self, height: float, lines: Real, frames: Integers) -> float:
+    def clear_height(self, height: float, lines: Real, frames: Integers) -> float:
         """The lowest height [m], at least ``height``, at which no part covers lines in the plane.
 
         ``lines``: (K, n, 2) [m], a line of n points at each of the ``frames`` (K,), which are indices into `poses`.
@@ -109,7 +109,7 @@ def find_heights(
     mechanism: Mechanism, model: ScaledMechanism, parts: Sequence[Part], poses: Mapping[str, Real] | None, top: float
 ) -> Heights:
     """The heights of a mechanism's joints and parts; ``top`` [m] is above all parts."""
-    near = _NEAR_POINT * model.proportions.r
+    near = _NEAR_POINT * model.proportions.half_width
     joints = {}
     for joint in build_joints(mechanism).joints:
         points = {

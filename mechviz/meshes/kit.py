@@ -150,7 +150,7 @@ class _Kit:
         """Round holes (x, y, radius) [mm] for the pins in a piece of a link, and holes with a flat [mm]."""
         circles, flats = [], []
         for axle in self.model.axles:
-            fast = self._fast(axle)
+            fast = self._fixed_on_pin(axle)
             x0, y0 = fast[link][:2] if link in fast else axle.centres.get(link, (np.nan, np.nan))
             if not shape.contains(Point(x0, y0)):
                 continue
@@ -171,11 +171,11 @@ class _Kit:
     @cached_property
     def _rollers(self) -> list[_Roller]:
         faces = [(cam, cam.placed.cam.follower.face) for cam in self.model.cams]
-        widest = 0.4 * self.model.proportions.r
+        widest = 0.4 * self.model.proportions.half_width
         rollers = [(cam.follower, cam.tip, face.radius / self.model.size) for cam, face in faces if isinstance(face, Roller)]
         return [_Roller(link, tip, radius, min(widest, 0.3 * radius)) for link, tip, radius in rollers]
 
-    def _fast(self, axle: Axle) -> dict[str, tuple[float, float, float]]:
+    def _fixed_on_pin(self, axle: Axle) -> dict[str, tuple[float, float, float]]:
         """Links in which a pin fits tightly, its owner and the links welded to it there, with x and y of the axis in their frames,
         and the angle [rad] from the owner's frame to theirs, reversed."""
         at = axle.centres[axle.owner]
@@ -211,7 +211,7 @@ class _Kit:
         axle = self.model.axles[number]
         layers = [
             *self.levels.axle_layers[number],
-            *(self.levels.of(link) for link in self._fast(axle) if link in self.draft.groups),
+            *(self.levels.layer_of(link) for link in self._fixed_on_pin(axle) if link in self.draft.groups),
         ]
         if self.model.frame in axle.centres:
             layers.append(self.levels.top + 1 if self.levels.axle_front[number] else -1)

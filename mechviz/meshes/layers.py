@@ -196,7 +196,7 @@ _CARRIER_COST = 9.0  # the same for the carrier of a planetary gear or the web o
 class Levels:
     """Layers of a mechanism, counted from the back, and their heights in units of the size."""
 
-    size: Proportions
+    proportions: Proportions
     layer: Mapping[str, int]  # group -> layer
     group: Mapping[str, str]  # moving link -> group of its plate
     axle_layers: tuple[tuple[int, ...], ...]  # for every axle the layers that its pin passes
@@ -205,18 +205,18 @@ class Levels:
     top: int  # the layer nearest to the viewer
     clashes: int = 0  # number of remaining clashes of pieces and pins
 
-    def of(self, link: str) -> int:
+    def layer_of(self, link: str) -> int:
         """Layer of a moving link's plate."""
         return self.layer[self.group[link]]
 
     def plate(self, layer: int) -> tuple[float, float]:
         """Heights of the plates of a layer."""
-        return layer * self.size.pitch, layer * self.size.pitch + self.size.t
+        return layer * self.proportions.pitch, layer * self.proportions.pitch + self.proportions.thickness
 
     def slab(self, layer: int) -> tuple[float, float]:
         """Lower and upper height of everything on a layer, including bosses."""
         low, high = self.plate(layer)
-        return low - self.size.boss, high + self.size.boss
+        return low - self.proportions.boss, high + self.proportions.boss
 
 
 @dataclass(frozen=True, eq=False)
@@ -237,7 +237,7 @@ def stack_pieces(model: ScaledMechanism, draft: SolidsDraft) -> Levels:
     reaches = [_axle_reach(model, draft, k) for k in range(len(model.axles))]
     reaches += [_neck_reach(neck) for neck in draft.necks]
     reaches += [
-        _Reach(disc(centre, 0.6 * model.proportions.r, 16), model.frame, (group,), frozenset({model.frame}), True)
+        _Reach(disc(centre, 0.6 * model.proportions.half_width, 16), model.frame, (group,), frozenset({model.frame}), True)
         for centre, group in draft.fixed_blocks
     ]
     conflicts, hits, near = _meetings(model, draft, reaches, number)
@@ -251,7 +251,7 @@ def stack_pieces(model: ScaledMechanism, draft: SolidsDraft) -> Levels:
     layer = _in_planes(model, draft, {name: order.layers[number[name]] for name in names})
     axles, necks = len(model.axles), len(draft.necks)
     top = max(layer.values(), default=0)
-    passed = tuple(tuple(sorted({layer[g] for g in draft.reached(model, k)})) for k in range(axles))
+    passed = tuple(tuple(sorted({layer[g] for g in draft.groups_on_axle(model, k)})) for k in range(axles))
     return Levels(
         model.proportions, layer, draft.groups, passed, order.front[:axles], order.front[axles + necks :], top, order.clashes
     )
@@ -278,7 +278,7 @@ def _axle_reach(model: ScaledMechanism, draft: SolidsDraft, number: int) -> _Rea
     ground = model.frame in axle.centres
     link = model.frame if ground else axle.owner
     outline = disc(axle.centres[link], axle.sleeve, 16)
-    return _Reach(outline, link, draft.reached(model, number), frozenset(axle.centres), ground)
+    return _Reach(outline, link, draft.groups_on_axle(model, number), frozenset(axle.centres), ground)
 
 
 def _neck_reach(neck: Neck) -> _Reach:
@@ -300,7 +300,7 @@ def _meetings(
             conflicts[b] |= 1 << a
 
     for k in range(len(model.axles)):
-        groups = [number[group] for group in draft.reached(model, k)]
+        groups = [number[group] for group in draft.groups_on_axle(model, k)]
         for a in groups:
             for b in groups:
                 forbid(a, b)
@@ -343,7 +343,7 @@ def _meetings(
 
 def _grown(model: ScaledMechanism, pieces: Sequence[PlacedPart]) -> list[Polygon]:
     """Outlines of pieces without their holes, slightly enlarged: a part within a hole would hit the edge of the hole."""
-    r = model.proportions.r
+    r = model.proportions.half_width
     whole = shapely.polygons(shapely.get_exterior_ring([piece.outline for piece in pieces]))
     return list(shapely.simplify(shapely.buffer(whole, 0.08 * r, quad_segs=2), 0.01 * r))
 

@@ -14,9 +14,9 @@ from mechcore.joints.registry import build_joints
 from mechcore.records import dataclass
 from mechcore.spec.loads import Force
 from mechcore.spec.mechanism import CamJoint, Link, Mechanism, PinSlot, Prismatic, Rolling, Screw
-from mechviz.meshes.kinds.cam_profiles import CamDrawing, InverseDrawing, cam_extents, find_cams, find_inverse
+from mechviz.meshes.kinds.cam_profiles import CamDrawing, InverseCamDrawing, cam_extents, find_cams, find_inverse_cams
 from mechviz.meshes.kinds.fittings import Telescope, find_telescopes
-from mechviz.meshes.kinds.spatial_cams import SpatialDrawing, find_spatial
+from mechviz.meshes.kinds.spatial_cams import SpatialCamDrawing, find_spatial_cams
 from mechviz.meshes.kinds.wheels import Wheels, find_wheels
 from mechviz.meshes.outline import polygons, rounded
 
@@ -30,8 +30,8 @@ _DEFAULT_TRAVEL = 0.15  # half the travel of a guide whose motion is not known
 class Proportions:
     """Dimensions that all parts share."""
 
-    r: float  # half the width of a plate
-    t: float  # thickness of a plate
+    half_width: float  # of a plate
+    thickness: float  # of a plate
     bevel: float
     boss: float  # height of a boss above the plate if it faces another link
     clearance: float  # between bosses that face each other, and between a pin and its hole
@@ -40,7 +40,7 @@ class Proportions:
         """The same plates and gaps, thinner by a factor."""
         return replace(
             self,
-            t=factor * self.t,
+            thickness=factor * self.thickness,
             bevel=factor * self.bevel,
             boss=factor * self.boss,
             clearance=factor * self.clearance,
@@ -49,22 +49,22 @@ class Proportions:
     @property
     def pitch(self) -> float:
         """Distance of neighbouring layers."""
-        return self.t + 2.0 * self.boss + self.clearance
+        return self.thickness + 2.0 * self.boss + self.clearance
 
     @property
     def slot(self) -> float:
         """Half the width of a slot."""
-        return 0.9 * self.r
+        return 0.9 * self.half_width
 
     @property
     def slotted(self) -> float:
         """Half the width of a plate around a slot."""
-        return self.slot + 0.5 * self.r
+        return self.slot + 0.5 * self.half_width
 
     @property
     def block(self) -> float:
         """Half the length of a sliding block along its guide, beyond its outermost pins."""
-        return 1.45 * self.r
+        return 1.45 * self.half_width
 
 
 @dataclass(frozen=True)
@@ -150,8 +150,8 @@ class ScaledMechanism:
     proportions: Proportions
     segments: int  # sides of a full circle
     cams: tuple[CamDrawing, ...] = ()
-    inverse: tuple[InverseDrawing, ...] = ()
-    spatial: tuple[SpatialDrawing, ...] = ()  # barrel, end and globoidal cams
+    inverse_cams: tuple[InverseCamDrawing, ...] = ()
+    spatial_cams: tuple[SpatialCamDrawing, ...] = ()  # barrel, end and globoidal cams
     guide_points: Mapping[str, Vec2] = field(default_factory=dict)  # prismatic joint on the ground -> its point on it
     figures: Mapping[str, Polygon] = field(default_factory=dict)  # link -> figure added to its plate
     planes: Mapping[str, float] = field(default_factory=dict)  # link -> least height in front of the first plane
@@ -186,17 +186,21 @@ def scale_mechanism(
     wheels = find_wheels(mechanism, parts, size, scaled)
     racks = {bar.slider for bar in wheels.racks}
     cams = find_cams(mechanism, parts, size, profile)
-    spatial = find_spatial(mechanism, parts, size)
+    spatial = find_spatial_cams(mechanism, parts, size)
     spun = {drawing.cam for drawing in spatial}
     drawn = {name for cam in cams for name in cam.own_guides}
     clusters = [c for c in _clusters(mechanism, joints) if spun.isdisjoint(c[0])]  # shafts in the plane of motion
     marks = _marks(mechanism, points, clusters)
     proportions = _proportions(mechanism, links, clusters, wheels)
     others = [j for j in joints if j.kind == "prismatic" and j.name not in racks | drawn]
-    telescopes = find_telescopes(mechanism, joints, others, marks, {j.name: _travel(j, scaled) for j in others}, proportions.r)
+    telescopes = find_telescopes(
+        mechanism, joints, others, marks, {j.name: _travel(j, scaled) for j in others}, proportions.half_width
+    )
     marks = {link: () if any(link in (t.barrel, t.rod) for t in telescopes) else own for link, own in marks.items()}
     welds = tuple(Weldment(j.links, (_xy(j.a), _xy(j.b)), j.angle) for j in joints if j.kind == "weld")
-    axles = tuple(_keyed(_axle(c, clusters, marks, proportions), cams, welds, mechanism.frame, proportions.r) for c in clusters)
+    axles = tuple(
+        _keyed(_axle(c, clusters, marks, proportions), cams, welds, mechanism.frame, proportions.half_width) for c in clusters
+    )
     axles = tuple(replace(axle, play=_play(axle, scaled)) for axle in axles)
     guides = [j for j in others if j.name not in {t.joint for t in telescopes}]
     slots = [joint for joint in mechanism.joints if isinstance(joint, PinSlot)]
@@ -217,8 +221,8 @@ def scale_mechanism(
         proportions=proportions,
         segments=segments,
         cams=cams,
-        spatial=spatial,
-        inverse=find_inverse(mechanism, parts, size),
+        spatial_cams=spatial,
+        inverse_cams=find_inverse_cams(mechanism, parts, size),
         guide_points=_ground_points(mechanism.frame, joints),
         spindle=spindle,
         leads={f"{j.name}.slide": abs(j.lead) / size for j in mechanism.joints if isinstance(j, Screw)},
@@ -236,10 +240,10 @@ def _figure(corners: Real, bevel: float) -> Polygon:
 
 def largest_circle(model: ScaledMechanism) -> float:
     """Radius of the largest round shape, in sizes of the mechanism: wheels, the rims of grooved cams, rounded ends of links."""
-    radii = [model.proportions.r, *(w.radius for w in model.wheels.wheels)]
+    radii = [model.proportions.half_width, *(w.radius for w in model.wheels.wheels)]
     for cam in model.cams:
         rim = np.hypot(*(np.asarray(cam.profile.exterior.coords)[:, :2] - cam.bore).T)
-        radii.append(float(rim.max()) + 1.4 * model.proportions.r)
+        radii.append(float(rim.max()) + 1.4 * model.proportions.half_width)
     return max(radii)
 
 
@@ -374,7 +378,7 @@ def _proportions(mechanism: Mechanism, links: Sequence[Link], clusters: list[Clu
     wire = min(_LEAST_HALF_WIDTH, _LEAST_HALF_WIDTH * 8.0 * float(np.median(lengths))) if lengths else _LEAST_HALF_WIDTH
     r = float(np.clip(0.36 * shortest, wire, 0.033))
     t = 0.75 * r
-    return Proportions(r=r, t=t, bevel=0.12 * t, boss=0.22 * t, clearance=0.12 * t)
+    return Proportions(half_width=r, thickness=t, bevel=0.12 * t, boss=0.22 * t, clearance=0.12 * t)
 
 
 def _axle(cluster: Cluster, clusters: list[Cluster], marks: Marks, size: Proportions) -> Axle:
@@ -386,7 +390,7 @@ def _axle(cluster: Cluster, clusters: list[Cluster], marks: Marks, size: Proport
         room = min([room, *(_distance(xy, other) for other in others)])
         room = min([room, *(1.3 * _distance(xy, mark) for mark in marks[link])])  # a mark needs less space than a pin
     room = max(room, 10.0 * _SAME_AXLE)
-    return Axle(centres, owner, pin=min(0.4 * size.r, 0.3 * room), boss=min(0.82 * size.r, 0.46 * room))
+    return Axle(centres, owner, pin=min(0.4 * size.half_width, 0.3 * room), boss=min(0.82 * size.half_width, 0.46 * room))
 
 
 def _play(axle: Axle, poses: Mapping[str, Real]) -> dict[str, float]:
@@ -473,7 +477,7 @@ def _guide(
         if any(isinstance(p, Prismatic) and p.name != joint.name and p.links[p.guide] == link for p in mechanism.joints):
             return False
         pins = [centres[link] for centres, _ in clusters if link in centres]
-        return all(_distance(xy, at) < 2.0 * size.r for xy in [*pins, *marks[link]])
+        return all(_distance(xy, at) < 2.0 * size.half_width for xy in [*pins, *marks[link]])
 
     other_is_long = other == mechanism.frame or not compact(other, slider)
     if carrier != mechanism.frame and compact(carrier, origin) and other_is_long:

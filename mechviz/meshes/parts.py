@@ -15,7 +15,7 @@ from shapely.ops import unary_union
 from mechcore.arrays import Vec2
 from mechcore.records import dataclass
 from mechviz.meshes.draft import Neck, PlacedPart, SolidsDraft
-from mechviz.meshes.extrude import Groove, Part, Prism, Profile, Shell, Turned, plate_mesh, revolve
+from mechviz.meshes.extrude import Groove, Part, Prism, Profile, RoundFeature, Shell, plate_mesh, revolve
 from mechviz.meshes.kinds.spatial_cams import turrets_reach
 from mechviz.meshes.layers import Levels
 from mechviz.meshes.model import Axle, ScaledMechanism
@@ -53,7 +53,7 @@ def make_parts(model: ScaledMechanism, draft: SolidsDraft, levels: Levels) -> li
     parts += _pedestals(model, draft, levels)
     if not any(part.link == model.frame for part in parts):  # no part is on the ground: show its origin
         low, high = levels.plate(-1)
-        foot = pedestal((0.0, 0.0), model.proportions.r, model.segments)
+        foot = pedestal((0.0, 0.0), model.proportions.half_width, model.segments)
         shell = plate_mesh(foot, (low, high), model.proportions.bevel)
         parts.append(Part(model.frame, "pedestal", shell, None, (Prism(foot, low, high),)))
     return parts
@@ -67,7 +67,7 @@ def _flat_parts(model: ScaledMechanism, draft: SolidsDraft, levels: Levels, piec
     if piece.kind in ("block", "rail"):
         low, high = _block_heights(levels, layer)
     low, high = (low + part * (high - low) for part in piece.height)
-    turned: list[Turned] = []
+    turned: list[RoundFeature] = []
     holes: list[Polygon] = []
     bosses: list[Prism] = []
     keys: list[Part] = []
@@ -88,7 +88,7 @@ def _flat_parts(model: ScaledMechanism, draft: SolidsDraft, levels: Levels, piec
             bore = hole = keyed_bore(centre, axle.pin, axle.hole, axle.key, model.segments)
         holes.append(hole)
         if piece.kind not in ("plate", "wheel") or boss < 1.1 * radius:
-            turned.append(Turned(centre, ((radius, high),), ((radius, low),), bore))
+            turned.append(RoundFeature(centre, ((radius, high),), ((radius, low),), bore))
             keys += [_key(axle, (low, high), model)] if bore else []
             continue
         above, below = _boss_heights(model, levels, k, layer)
@@ -99,7 +99,7 @@ def _flat_parts(model: ScaledMechanism, draft: SolidsDraft, levels: Levels, piec
             chamfer = min(chamfer, 0.4 * (boss * float(np.cos(np.pi / model.segments)) - keyway_corner(axle.pin)))
         upper = _boss(boss, radius, high, above, chamfer)
         lower = _boss(boss, radius, low, -below, chamfer)
-        turned.append(Turned(centre, upper, lower, bore))
+        turned.append(RoundFeature(centre, upper, lower, bore))
         bosses.append(Prism(disc(centre, boss, model.segments).difference(hole), low - below, high + above))
         keys += [_key(axle, (low - below, high + above), model)] if bore else []
     marks = _drilled_marks(model, piece, shape, turned, low, high)
@@ -127,7 +127,7 @@ def _key(axle: Axle, z: tuple[float, float], model: ScaledMechanism) -> Part:
 
 def _block_heights(levels: Levels, layer: int) -> tuple[float, float]:
     """Heights of blocks and rails of a layer: they protrude slightly beyond the plate on both sides."""
-    (low, high), over = levels.plate(layer), 0.3 * levels.size.boss
+    (low, high), over = levels.plate(layer), 0.3 * levels.proportions.boss
     return low - over, high + over
 
 
@@ -196,18 +196,18 @@ def _boss(radius: float, hole: float, face: float, height: float, bevel: float) 
 
 
 def _drilled_marks(
-    model: ScaledMechanism, piece: PlacedPart, shape: Polygon, turned: Sequence[Turned], low: float, high: float
-) -> list[Turned]:
+    model: ScaledMechanism, piece: PlacedPart, shape: Polygon, turned: Sequence[RoundFeature], low: float, high: float
+) -> list[RoundFeature]:
     """Small holes that mark named points without a pin."""
     if piece.kind != "plate" or piece.link == model.frame:
         return []
-    radius = 0.2 * model.proportions.r
-    marks: list[Turned] = []
+    radius = 0.2 * model.proportions.half_width
+    marks: list[RoundFeature] = []
     for xy in model.marks[piece.link]:
         point = Point(xy)
         free = shape.contains(point) and shape.boundary.distance(point) > radius + 2.0 * model.proportions.bevel
         if free and all(point.distance(Point(other.centre)) > other.rim + 1.5 * radius for other in [*turned, *marks]):
-            marks.append(Turned(xy, ((radius, high),), ((radius, low),)))
+            marks.append(RoundFeature(xy, ((radius, high),), ((radius, low),)))
     return marks
 
 
@@ -243,7 +243,7 @@ def _necks(model: ScaledMechanism, draft: SolidsDraft, levels: Levels) -> list[P
 def _pins(model: ScaledMechanism, draft: SolidsDraft, levels: Levels, axle_number: int) -> list[Part]:
     """The pin of an axle; on a nut, one pin on each side with other links, which does not extend into the bore."""
     axle, reached = model.axles[axle_number], levels.axle_layers[axle_number] or (0,)
-    nut = next((levels.of(link) for link in axle.centres if model.spindles(link)), None)
+    nut = next((levels.layer_of(link) for link in axle.centres if model.spindles(link)), None)
     if nut is None:
         return [_pin(model, draft, levels, axle_number, reached)]
     sides = [tuple(k for k in reached if k <= nut), tuple(k for k in reached if k >= nut)]
@@ -271,7 +271,7 @@ def _pin(
             gap = 0.5 * size.clearance
             steps.append((axle.sleeve, levels.slab(a)[1] + gap, levels.slab(b)[0] - gap))
     free = reached[-1] == levels.top and not any(levels.axle_front) and not any(levels.block_front)
-    tall = _PIN_HEAD_HEIGHT * size.t if free else 0.0
+    tall = _PIN_HEAD_HEIGHT * size.thickness if free else 0.0
     if reached[-1] == nut:
         steps.append((axle.pin, levels.slab(nut)[0], _block_heights(levels, nut)[0]))
     elif ground and front:
@@ -320,14 +320,14 @@ class _Stand:
     layers: tuple[int, ...]
     front: bool
 
-    def column(self, levels: Levels, low: float, high: float) -> Turned:
+    def column(self, levels: Levels, low: float, high: float) -> RoundFeature:
         """The column on a pedestal that extends between the heights ``low`` and ``high``."""
-        chamfer, radius = levels.size.bevel, self.radius
+        chamfer, radius = levels.proportions.bevel, self.radius
         if self.front:
-            end = levels.slab(max(self.layers))[1] + levels.size.clearance
-            return Turned(self.centre, bottom=((radius, low), (radius, end + chamfer), (radius - chamfer, end), (0.0, end)))
-        end = levels.slab(min(self.layers))[0] - levels.size.clearance
-        return Turned(self.centre, top=((radius, high), (radius, end - chamfer), (radius - chamfer, end), (0.0, end)))
+            end = levels.slab(max(self.layers))[1] + levels.proportions.clearance
+            return RoundFeature(self.centre, bottom=((radius, low), (radius, end + chamfer), (radius - chamfer, end), (0.0, end)))
+        end = levels.slab(min(self.layers))[0] - levels.proportions.clearance
+        return RoundFeature(self.centre, top=((radius, high), (radius, end - chamfer), (radius - chamfer, end), (0.0, end)))
 
 
 def _stands(model: ScaledMechanism, draft: SolidsDraft, levels: Levels) -> list[_Stand]:
@@ -337,7 +337,7 @@ def _stands(model: ScaledMechanism, draft: SolidsDraft, levels: Levels) -> list[
             layers = layers or (0,)
             stands.append(_Stand(axle.centres[model.frame], axle.sleeve, layers, front))
     for (centre, group), front in zip(draft.fixed_blocks, levels.block_front, strict=True):
-        stands.append(_Stand(centre, 0.6 * model.proportions.r, (levels.layer[group],), front))
+        stands.append(_Stand(centre, 0.6 * model.proportions.half_width, (levels.layer[group],), front))
     return stands
 
 
@@ -350,11 +350,11 @@ def _pedestals(model: ScaledMechanism, draft: SolidsDraft, levels: Levels) -> li
         side = [stand for stand in stands if stand.front == front]
         low, high = levels.plate(levels.top + 1 if front else -1)
         if not front:  # lower than the rollers that pass over the foot of their turret
-            sunk = max(0.0, high + levels.size.clearance - turrets_reach(model, levels))
+            sunk = max(0.0, high + levels.proportions.clearance - turrets_reach(model, levels))
             low, high = low - sunk, high - sunk
-        feet = unary_union([pedestal(stand.centre, size.r, model.segments) for stand in side])
+        feet = unary_union([pedestal(stand.centre, size.half_width, model.segments) for stand in side])
         for foot in polygons(feet):
-            columns: list[Turned] = []
+            columns: list[RoundFeature] = []
             for stand in side:
                 column, point = stand.column(levels, low, high), Point(stand.centre)
                 # Stands that nearly coincide share one column.

@@ -18,7 +18,7 @@ from mechcore.arrays import Real, Vec2
 from mechviz.meshes import outline
 from mechviz.meshes.draft import Neck, PlacedPart, SolidsDraft, share_a_pin
 from mechviz.meshes.extrude import Profile
-from mechviz.meshes.kinds.cam_profiles import draw_inverse
+from mechviz.meshes.kinds.cam_profiles import draw_inverse_cams
 from mechviz.meshes.kinds.cams import draw_cams, group_cams
 from mechviz.meshes.kinds.fittings import (
     draw_slots,
@@ -56,7 +56,7 @@ def draft_pieces(model: ScaledMechanism) -> SolidsDraft:
         _draw_guide(model, draft, guide, forms[guide.joint], at_home=homes.get(guide.block) == guide.joint)
     draw_wheels(model, draft)
     draw_cams(model, draft)
-    draw_inverse(model, draft)
+    draw_inverse_cams(model, draft)
     draw_telescopes(model, draft)
     draw_slots(model, draft)
     for name, shape in plates.items():
@@ -85,7 +85,7 @@ def _form(model: ScaledMechanism, guide: Guide) -> str:
         return "saddle"
     slot = _slot(model, guide)
     for axle in model.axles:
-        margin = axle.boss + 0.15 * model.proportions.r
+        margin = axle.boss + 0.15 * model.proportions.half_width
         if guide.rail in axle.centres and slot.distance(Point(axle.centres[guide.rail])) < margin:
             return "saddle"  # the block passes a pin of its rail
     return "slot"
@@ -98,7 +98,7 @@ def _on_material(model: ScaledMechanism, guide: Guide) -> Guide:
     to which a block could be attached: the block is moved to the nearest pin or mark on the line, otherwise to a point just beside
     the slot.
     """
-    r = model.proportions.r
+    r = model.proportions.half_width
     slots = [_slot(model, g) for g in model.guides if g.rail == guide.block and _form(model, g) == "slot"]
 
     def free(s: float) -> bool:
@@ -139,7 +139,7 @@ def _homes(model: ScaledMechanism, draft: SolidsDraft, forms: Mapping[str, str])
 
 def _draw_guide(model: ScaledMechanism, draft: SolidsDraft, guide: Guide, form: str, *, at_home: bool) -> None:
     """Add the block (or jaws) of a guide and, on the frame, its rails."""
-    r = model.proportions.r
+    r = model.proportions.half_width
     if form == "rails":
         group = draft.groups[guide.block] if at_home else f"rails of {guide.joint}"
         block = _block(model, guide, half_width=1.25 * r, whole=at_home)
@@ -187,8 +187,8 @@ def _draw_rod(model: ScaledMechanism, draft: SolidsDraft, guide: Guide, group: s
     """Add a rod of the ground between the jaws of its block, which includes the guide's own point."""
     size = model.proportions
     low, high = _span(model, guide, whole=False)
-    low, high = min(low, 1.3 * size.r), max(high, 1.3 * size.r)
-    radius = min(0.5 * size.t, 0.55 * size.r)
+    low, high = min(low, 1.3 * size.half_width), max(high, 1.3 * size.half_width)
+    radius = min(0.5 * size.thickness, 0.55 * size.half_width)
     bar = outline.rectangle(_along(guide.origin, guide.along, 0.5 * (low + high)), guide.along, high - low, 2.0 * radius, 0.0)
     profile = ((0.0, low), (radius, low), (radius, high), (0.0, high))
     draft.pieces.append(PlacedPart(model.frame, bar, group, "rod", profile=profile, line=(guide.origin, guide.along)))
@@ -197,7 +197,7 @@ def _draw_rod(model: ScaledMechanism, draft: SolidsDraft, guide: Guide, group: s
 def _draw_spindle(model: ScaledMechanism, draft: SolidsDraft, guide: Guide, group: str, span: tuple[float, float]) -> None:
     """Add the threaded spindle of a screw through its nut, which includes the guide's own point, and its bearing."""
     size = model.proportions
-    low, high = min(span[0], -1.5 * size.r), max(span[1], 1.5 * size.r)
+    low, high = min(span[0], -1.5 * size.half_width), max(span[1], 1.5 * size.half_width)
     radius = _spindle_radius(model)
     bar = outline.rectangle(_along(guide.origin, guide.along, 0.5 * (low + high)), guide.along, high - low, 2.0 * radius, 0.0)
     turns = _threads(low, high, model.leads[guide.joint], radius)
@@ -208,14 +208,14 @@ def _draw_spindle(model: ScaledMechanism, draft: SolidsDraft, guide: Guide, grou
     shaft = outline.disc((0.0, 0.0), 0.3 * radius, model.segments)  # within the rod: the turning link itself
     draft.groups[_spindle_of(guide.joint)] = group
     draft.pieces.append(PlacedPart(_spindle_of(guide.joint), shaft, group, "block", mates))
-    if span[0] > 0.8 * size.r:  # if there is space beside the nut
-        bearing = outline.rectangle(guide.origin, guide.along, 0.7 * size.r, 1.9 * size.r, 0.15 * size.r)
+    if span[0] > 0.8 * size.half_width:  # if there is space beside the nut
+        bearing = outline.rectangle(guide.origin, guide.along, 0.7 * size.half_width, 1.9 * size.half_width, 0.15 * size.half_width)
         draft.pieces.append(PlacedPart(model.frame, bearing, group, "block", mates))
 
 
 def _spindle_radius(model: ScaledMechanism) -> float:
     """Radius of a screw's spindle, such that its nut fits on the layer."""
-    return min(0.41 * model.proportions.t, 0.5 * model.proportions.r)
+    return min(0.41 * model.proportions.thickness, 0.5 * model.proportions.half_width)
 
 
 def _spindle_of(guide: str) -> str:
@@ -233,41 +233,41 @@ def _threads(low: float, high: float, lead: float, radius: float) -> Profile:
 def _plate(model: ScaledMechanism, link: str, forms: Mapping[str, str]) -> Polygon:
     """The plate of a link: around its pins, marks and guides, with slots, and with cut-outs where it is wide."""
     size = model.proportions
-    discs: list[outline.Disc] = [(xy, size.r) for xy in model.pins(link)]
-    discs += [(xy, 0.6 * size.r) for xy in model.marks[link]]
+    discs: list[outline.Disc] = [(xy, size.half_width) for xy in model.pins(link)]
+    discs += [(xy, 0.6 * size.half_width) for xy in model.marks[link]]
     extra: list[Polygon] = []
     slots: list[Polygon] = []
     for guide in model.guides:
         form = forms[guide.joint]
         if guide.rail == link:
             low, high = _span(model, guide, whole=form == "slot")
-            radius = size.slotted if form == "slot" else size.r
+            radius = size.slotted if form == "slot" else size.half_width
             discs += [(_along(guide.origin, guide.along, s), radius) for s in (low, high)]
             if form == "slot":
                 slots.append(_slot(model, guide))
         elif guide.block == link:
-            discs.append((guide.block_point, size.r))
+            discs.append((guide.block_point, size.half_width))
             if form == "saddle":
-                length, width = 2.0 * size.block, 3.2 * size.r
-                extra.append(outline.rectangle(guide.block_point, guide.block_along, length, width, 0.3 * size.r))
+                length, width = 2.0 * size.block, 3.2 * size.half_width
+                extra.append(outline.rectangle(guide.block_point, guide.block_along, length, width, 0.3 * size.half_width))
     for slot in model.slots:
         if slot.link == link:
             low, high = slot.travel
-            discs += [(_along(slot.origin, slot.along, s), size.r) for s in (low, high)]
+            discs += [(_along(slot.origin, slot.along, s), size.half_width) for s in (low, high)]
             slots.append(slot_of(model, slot))
-    discs += [(weld.points[weld.links.index(link)], size.r) for weld in model.welds if link in weld.links]
+    discs += [(weld.points[weld.links.index(link)], size.half_width) for weld in model.welds if link in weld.links]
     discs += rail_ends(model, link) + lug(model, link)
-    discs += [(end, 0.7 * size.r) for drawing in model.inverse if drawing.driven == link for end in drawing.ends]
+    discs += [(end, 0.7 * size.half_width) for drawing in model.inverse_cams if drawing.driven == link for end in drawing.ends]
     if not discs:
-        discs = [((0.0, 0.0), size.r)]
+        discs = [((0.0, 0.0), size.half_width)]
     figure = [model.figures[link]] if link in model.figures else []
     whole = unary_union([outline.hull(discs, model.segments), *extra, *figure])
     axles = [axle for axle in model.axles if link in axle.centres]
-    keep = [outline.disc(axle.centres[link], axle.boss + 0.4 * size.r, model.segments) for axle in axles]
-    keep += [outline.disc(xy, 0.6 * size.r, model.segments) for xy in model.marks[link]]
-    keep += [slot.buffer(0.6 * size.r) for slot in slots] + [shape.buffer(0.3 * size.r) for shape in extra]
-    keep += [outline.disc(g.block_point, size.r, model.segments) for g in model.guides if g.block == link]
-    holes = [] if figure else outline.cutouts(whole, keep, 1.35 * size.r, 0.45 * size.r, 7.0 * size.r**2)
+    keep = [outline.disc(axle.centres[link], axle.boss + 0.4 * size.half_width, model.segments) for axle in axles]
+    keep += [outline.disc(xy, 0.6 * size.half_width, model.segments) for xy in model.marks[link]]
+    keep += [slot.buffer(0.6 * size.half_width) for slot in slots] + [shape.buffer(0.3 * size.half_width) for shape in extra]
+    keep += [outline.disc(g.block_point, size.half_width, model.segments) for g in model.guides if g.block == link]
+    holes = [] if figure else outline.cutouts(whole, keep, 1.35 * size.half_width, 0.45 * size.half_width, 7.0 * size.half_width**2)
     cut = whole.difference(unary_union([*slots, *holes])) if slots or holes else whole
     return outline.largest(cut)
 
@@ -275,11 +275,11 @@ def _plate(model: ScaledMechanism, link: str, forms: Mapping[str, str]) -> Polyg
 def _compact(model: ScaledMechanism, guide: Guide) -> bool:
     """Whether a block needs no plate: it belongs to no other guide, and its pins and marks are close together on its centre
     line."""
-    if any(drawing.driven == guide.block for drawing in model.inverse):
+    if any(drawing.driven == guide.block for drawing in model.inverse_cams):
         return False
     if any(guide.block in (other.rail, other.block) and other.joint != guide.joint for other in model.guides):
         return False
-    r = model.proportions.r
+    r = model.proportions.half_width
     points = [*model.pins(guide.block), *model.marks[guide.block]]
     s, lateral = _coordinates(points, guide.block_point, guide.block_along)
     wide = 0.5 * r if guide.rail == model.frame else 0.1 * r
@@ -291,7 +291,7 @@ def _straight(model: ScaledMechanism, link: str, origin: Vec2, along: Vec2) -> b
     """Whether a link is a plain bar along a line, so that jaws can slide along its sides."""
     _, lateral = _coordinates([*model.pins(link), *model.marks[link]], origin, along)
     rails = [g for g in model.guides if link in (g.rail, g.block)]
-    return bool(np.all(np.abs(lateral) <= 0.02 * model.proportions.r)) and len(rails) == 1
+    return bool(np.all(np.abs(lateral) <= 0.02 * model.proportions.half_width)) and len(rails) == 1
 
 
 def _coordinates(points: list[Vec2], origin: Vec2, along: Vec2) -> tuple[Real, Real]:
@@ -313,26 +313,26 @@ def _extent(model: ScaledMechanism, guide: Guide, *, whole: bool) -> tuple[float
 def _span(model: ScaledMechanism, guide: Guide, *, whole: bool) -> tuple[float, float]:
     """Range of the guide line that the block covers over the run, with a margin, from the guide's origin."""
     low, high = _extent(model, guide, whole=whole and _compact(model, guide))
-    margin = 0.45 * model.proportions.r
+    margin = 0.45 * model.proportions.half_width
     return guide.travel[0] + low - margin, guide.travel[1] + high + margin
 
 
 def _slot(model: ScaledMechanism, guide: Guide) -> Polygon:
     low, high = _span(model, guide, whole=True)
     middle = _along(guide.origin, guide.along, 0.5 * (low + high))
-    return outline.rectangle(middle, guide.along, high - low, 2.0 * model.proportions.slot, 0.35 * model.proportions.r)
+    return outline.rectangle(middle, guide.along, high - low, 2.0 * model.proportions.slot, 0.35 * model.proportions.half_width)
 
 
 def _die(model: ScaledMechanism) -> float:
     """Half the width of a block in a slot."""
-    return model.proportions.slot - 0.05 * model.proportions.r
+    return model.proportions.slot - 0.05 * model.proportions.half_width
 
 
 def _block(model: ScaledMechanism, guide: Guide, half_width: float, *, whole: bool) -> Polygon:
     low, high = _extent(model, guide, whole=whole)
     middle = _along(guide.block_point, guide.block_along, 0.5 * (low + high))
-    width = 2.0 * half_width - 0.1 * model.proportions.r if guide.rail == model.frame else 2.0 * half_width
-    return outline.rectangle(middle, guide.block_along, high - low, width, 0.2 * model.proportions.r)
+    width = 2.0 * half_width - 0.1 * model.proportions.half_width if guide.rail == model.frame else 2.0 * half_width
+    return outline.rectangle(middle, guide.block_along, high - low, width, 0.2 * model.proportions.half_width)
 
 
 def _beside(point: Vec2, along: Vec2, lateral: float, length: float, width: float) -> Polygon:

@@ -21,7 +21,7 @@ from mechcore.records import dataclass
 from mechcore.spec.mechanism import Mechanism
 from mechviz.meshes.extrude import Part, Shell, joined_shells
 from mechviz.meshes.heights import Heights, find_heights
-from mechviz.meshes.kinds.fittings import on_shafts
+from mechviz.meshes.kinds.fittings import with_welds_on_pins
 from mechviz.meshes.kinds.rims import BeltLoop
 from mechviz.meshes.kinds.spatial_cams import Spin, spatial_parts
 from mechviz.meshes.kinds.wheels_drawn import find_loop
@@ -138,7 +138,7 @@ def _build(
         model = replace(model, segments=_sides(chord / (model.size * largest_circle(model)), 512))
     draft = draft_pieces(model)
     levels = stack_pieces(model, draft)
-    if levels.clashes and (other := on_shafts(model)).axles != model.axles:
+    if levels.clashes and (other := with_welds_on_pins(model)).axles != model.axles:
         apart = draft_pieces(other)
         stacked = stack_pieces(other, apart)
         if stacked.clashes < levels.clashes:
@@ -146,10 +146,10 @@ def _build(
     free = not model.telescopes and not model.planes  # thin barrels would look like wires; stated planes are kept
     if free and (levels.top + 1) * model.proportions.pitch > GREATEST_DEPTH:
         model = replace(model, proportions=model.proportions.thinner(GREATEST_DEPTH / ((levels.top + 1) * model.proportions.pitch)))
-        draft, levels = draft_pieces(model), replace(levels, size=model.proportions)
+        draft, levels = draft_pieces(model), replace(levels, proportions=model.proportions)
     parts = make_parts(model, draft, levels)
     spins: dict[str, Spin] = {}
-    if model.spatial:
+    if model.spatial_cams:
         more, spins = spatial_parts(model, levels)
         parts += more
     stated = {link.name: link.colour for link in mechanism.links if link.colour is not None}
@@ -165,8 +165,8 @@ def _build(
 def _loops(model: ScaledMechanism, parts: list[Part]) -> tuple[BeltLoop, ...]:
     """Centre lines of the belts [m], at the heights of their parts, which are in the same order."""
     spaces = [part.space[0] for part in parts if part.kind == "belt"]
-    bands = model.wheels.bands
-    return tuple(find_loop(model, b).placed(model.size, s.low, s.high) for b, s in zip(bands, spaces, strict=True))
+    belts = model.wheels.belts
+    return tuple(find_loop(model, b).placed(model.size, s.low, s.high) for b, s in zip(belts, spaces, strict=True))
 
 
 def _sagitta(model: ScaledMechanism) -> float:
@@ -256,7 +256,7 @@ def _mesh(shell: Shell) -> trimesh.Trimesh:
 
 
 def _layers_of_links(model: ScaledMechanism, levels: Levels, parts: list[Part]) -> dict[str, int | tuple[int, ...]]:
-    layers: dict[str, int | tuple[int, ...]] = {name: levels.of(name) for name in model.links if name != model.frame}
+    layers: dict[str, int | tuple[int, ...]] = {name: levels.layer_of(name) for name in model.links if name != model.frame}
     heights = [part.space[0].low for part in parts if part.link == model.frame and part.kind != "pin"]
     layers[model.frame] = tuple(sorted({round(low / model.proportions.pitch) for low in heights}))
     return layers

@@ -33,14 +33,14 @@ def polygon_streams(drawings: dict[str, Drawing], every: int) -> Iterator[Stream
 
     for name, drawing in drawings.items():
         path = entity("polygons", *name.split("/"))
-        arrows = [i for i in drawing.strokes if not i.plain]
+        arrows = [i for i in drawing.arrows if not i.headless]
         if arrows:
             yield Stream(path, _arrows([(i.start, i.vector) for i in arrows]), every)
-        lines = [i for i in drawing.strokes if i.plain]
+        lines = [i for i in drawing.arrows if i.headless]
         if lines:
             yield Stream(f"{path}/rays", _strips([np.stack([i.start, i.start + i.vector], axis=1) for i in lines]), every)
-        if drawing.marks:
-            places = np.stack([m.at for m in drawing.marks], axis=1)
+        if drawing.points:
+            places = np.stack([m.position for m in drawing.points], axis=1)
 
             def points(frames: slice, places: Complex = places) -> Any:
                 z = places[frames]
@@ -55,7 +55,7 @@ def polygon_shapes(drawings: dict[str, Drawing], size: float) -> Iterator[Static
 
     for name, drawing in drawings.items():
         path = entity("polygons", *name.split("/"))
-        arrows, lines = [i for i in drawing.strokes if not i.plain], [i for i in drawing.strokes if i.plain]
+        arrows, lines = [i for i in drawing.arrows if not i.headless], [i for i in drawing.arrows if i.headless]
         known = {"title": drawing.title, "unit": drawing.unit, "per_metre": float(drawing.per_metre)}
         yield Static(path, rr.AnyValues(**known, least=float(drawing.least), whole=drawing.whole))
         labels = [i.label for i in arrows]
@@ -63,16 +63,16 @@ def polygon_shapes(drawings: dict[str, Drawing], size: float) -> Iterator[Static
             "colors": [i.color for i in arrows],
             "labels": labels,
             "show_labels": True,
-            "radii": [(0.003 if i.fine else 0.0055) * size for i in arrows],
+            "radii": [(0.003 if i.thin else 0.0055) * size for i in arrows],
         }
         if arrows:
             yield Static(path, rr.Arrows3D.from_fields(**style))
         if lines:
             style = {"colors": [i.color for i in lines], "labels": [i.label for i in lines], "show_labels": True}
             yield Static(f"{path}/rays", rr.LineStrips3D.from_fields(radii=[0.002 * size] * len(lines), **style))
-        if drawing.marks:
+        if drawing.points:
             marks = rr.Points3D.from_fields(
-                colors=[(240, 240, 240)], radii=[0.009 * size], labels=[m.label for m in drawing.marks], show_labels=True
+                colors=[(240, 240, 240)], radii=[0.009 * size], labels=[m.label for m in drawing.points], show_labels=True
             )
             yield Static(f"{path}/points", marks)
         if drawing.curves:

@@ -95,17 +95,17 @@ class Inspection:
 def inspect(path: Path | str) -> Inspection:
     """Read a recording, complete or interrupted. Raises `RecordingError`."""
     recording = Recording(path)
-    said, model = recording.said, recording.said.model
+    properties, model = recording.parsed_properties, recording.parsed_properties.model
     rows = recording.rows("data", "links", model.frame, "pose", component="Scalars:scalars")
     losses = _losses(recording, model)
     return Inspection(
         path=recording.path,
         bytes=recording.path.stat().st_size,
-        version=said.version,
-        complete=said.complete,
+        version=properties.version,
+        complete=properties.complete,
         note=recording.note,
-        scene=said.scene,
-        title=said.title,
+        scene=properties.scene,
+        title=properties.title,
         frame=model.frame,
         links=model.links,
         joints=tuple(RecordedJoint(name, j.type, j.links) for name, j in model.joints.items()),
@@ -114,9 +114,9 @@ def inspect(path: Path | str) -> Inspection:
         frames=len(rows.time),
         start=1e-9 * float(rows.time[0]),
         end=1e-9 * float(rows.time[-1]),
-        drive_range=_drive_range(rows, said.units),
-        effects=said.effects,
-        skipped=said.skipped,
+        drive_range=_drive_range(rows, properties.units),
+        effects=properties.effects,
+        skipped=properties.skipped,
         peaks=tuple(_peaks(recording, model)),
         motion=tuple(_motion(recording, model)),
         studies=tuple(_studies(recording)),
@@ -124,7 +124,7 @@ def inspect(path: Path | str) -> Inspection:
         losses_over=losses[0][2] if losses else (),
         health=tuple(_health(recording)),
         events=recording.events,
-        units=said.units,
+        units=properties.units,
     )
 
 
@@ -247,7 +247,7 @@ def _peak(
         return None
     k = int(np.nanargmax(size))
     value, time = float(values[k, 0] if signed else size[k]), 1e-9 * float(rows.time[k])
-    return Peak(item, value, unit, time, _drive_at(rows, k, recording.said.units))
+    return Peak(item, value, unit, time, _drive_at(rows, k, recording.parsed_properties.units))
 
 
 def _drive_at(rows: ComponentRows, k: int, units: Units) -> str:

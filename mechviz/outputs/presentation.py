@@ -87,16 +87,16 @@ def presentation_in(recording: Recording) -> Presentation:
     numbers = recorded_numbers(recording)
     ticks, _ = recording.scalars("data", "links", numbers.frame, "pose")
     every = ticks if recording.frame_times is None else recording.frame_times
-    said = recording.said
+    properties = recording.parsed_properties
     head = recording.notes.partition("\n## ")[0]
     chosen = np.clip(np.searchsorted(every, ticks), 0, len(every) - 1)
     return Presentation(
-        name=said.scene or recording.path.stem,
-        title=said.title or said.scene or recording.path.stem,
+        name=properties.scene or recording.path.stem,
+        title=properties.title or properties.scene or recording.path.stem,
         # in the notes it stands between the title and the first section
         learning_goal=" ".join(line.strip() for line in head.splitlines() if line.strip() and not line.startswith(("#", "**"))),
         notes=recording.notes,
-        version=said.version,
+        version=properties.version,
         picture=picture_in(recording, numbers),
         catalogue=Catalogue(numbers),
         events=recording.events,
@@ -104,7 +104,7 @@ def presentation_in(recording: Recording) -> Presentation:
         drawings=cache(RecordedDrawings(recording, ticks).drawings),
         chosen=chosen,
         total=len(every),
-        simulated=said.duration is not None,
+        simulated=properties.duration is not None,
         bands=cache(lambda: _bands_in(recording, numbers.time, chosen)),
     )
 

@@ -40,22 +40,22 @@ ROUND_OFF = 1e-9  # relative to the largest moment: moments that are smaller at 
 
 @dataclass(frozen=True, eq=False)
 class Arrows:
-    """Vectors and moments, sorted by family, with their scales; ``asides``: lateral offsets of the vectors [m]; ``radii``: of the
+    """Vectors and moments, sorted by family, with their scales; ``offsets``: lateral offsets of the vectors [m]; ``radii``: of the
     arcs of the moments [m]."""
 
     vectors: tuple[Vector, ...]
     moments: tuple[Moment, ...]
     scales: Scales
-    asides: tuple[float, ...]
+    offsets: tuple[float, ...]
     radii: tuple[float, ...]
 
     def nodes(self, heights: Mapping[str, float], otherwise: float, beside: Mapping[str, float] | None = None) -> Iterator[Node]:
         """The nodes of a picture. ``heights`` [m] by key, ``otherwise`` for the others; ``beside``: offsets and radii [m] by key
         that replace those found here."""
         known = beside or {}
-        for vector, aside in zip(self.vectors, self.asides, strict=True):
+        for vector, offset in zip(self.vectors, self.offsets, strict=True):
             key = arrow_key(vector)
-            place = known.get(key, aside)
+            place = known.get(key, offset)
             yield Arrow(key, owner_of(vector), vector.family, vector.entity, heights.get(key, otherwise), vector, place)
         for moment, radius in zip(self.moments, self.radii, strict=True):
             key = arrow_key(moment)
@@ -98,23 +98,23 @@ def with_scales(numbers: Numbers, size: float, scales: Scales, circles: Collecti
 
 def _drawn(vectors: tuple[Vector, ...], moments: tuple[Moment, ...], scales: Scales, size: float) -> Arrows:
     radii = (ARC_RADIUS * size * (1.0 + ARC_SPACING * lane) for lane in _lanes(moments, size, lambda _a, _b: True))
-    return Arrows(vectors, moments, scales, set_apart(vectors, scales, size), tuple(radii))
+    return Arrows(vectors, moments, scales, lateral_offsets(vectors, scales, size), tuple(radii))
 
 
-def set_apart(vectors: tuple[Vector, ...], scales: Scales, size: float) -> tuple[float, ...]:
+def lateral_offsets(vectors: tuple[Vector, ...], scales: Scales, size: float) -> tuple[float, ...]:
     """Lateral offset [m] of each vector from its line. Vectors that at some frame point in the same direction from one place, or
     that often overlap, are drawn side by side. Resultants of inertia stay on their lines of action."""
     order = sorted(range(len(vectors)), key=lambda k: vectors[k].family != "inertia")
     ordered = [vectors[k] for k in order]
     covering = _covering(ordered, scales, size)
     lanes = _lanes(ordered, size, lambda a, b: _on_one_line(a, b, scales, size), covering != 0)
-    asides, senses = [0.0] * len(vectors), [1] * len(vectors)
+    offsets, senses = [0.0] * len(vectors), [1] * len(vectors)
     for n, (k, lane) in enumerate(zip(order, lanes, strict=True)):
         for i in np.flatnonzero(covering[n, :n])[:1].tolist():
             senses[n] = senses[i] * int(covering[n, i])
         if vectors[k].family != "inertia":
-            asides[k] = (lane + 1) // 2 * (1 if lane % 2 else -1) * senses[n] * ARROW_SPACING * size  # 0, 1, -1, 2, -2 ...
-    return tuple(asides)
+            offsets[k] = (lane + 1) // 2 * (1 if lane % 2 else -1) * senses[n] * ARROW_SPACING * size  # 0, 1, -1, 2, -2 ...
+    return tuple(offsets)
 
 
 def _lanes(items: Sequence[T], size: float, meet: Callable[[T, T], bool], covering: Flags | None = None) -> list[int]:

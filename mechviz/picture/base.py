@@ -14,7 +14,7 @@ from mechcore.arrays import Real, Vec2
 from mechcore.records import dataclass
 from mechviz.meshes.outline import polygons
 from mechviz.meshes.shading import SolidColor
-from mechviz.picture.proportions import looks
+from mechviz.picture.proportions import occlusion_frames
 from mechviz.picture.springs import Coil
 
 if TYPE_CHECKING:
@@ -66,9 +66,9 @@ class _Room:
 
 def blocked(run: Run, solids: Solids, shape: Polygon, heights: tuple[float, float]) -> bool:
     """Whether a link passes through a shape on the ground between two heights [m] during the run."""
-    frames, known = looks(run, solids.heights)
+    frames, known = occlusion_frames(run, solids.heights)
     ring = np.asarray(shape.exterior.coords)
-    return solids.heights.crossed(heights, np.broadcast_to(ring, (len(frames), *ring.shape)), known, run.motion.mechanism.frame)
+    return solids.heights.is_crossed(heights, np.broadcast_to(ring, (len(frames), *ring.shape)), known, run.motion.mechanism.frame)
 
 
 def find_base(run: Run, solids: Solids, coils: Sequence[Coil], fixtures: Sequence[PlacedOutline]) -> list[PlacedOutline]:
@@ -114,7 +114,7 @@ def find_base(run: Run, solids: Solids, coils: Sequence[Coil], fixtures: Sequenc
 
 def _covered(run: Run, solids: Solids, coil: Coil) -> tuple[shapely.Geometry, float, float]:
     """The area of the plane [m] that a spring sweeps during the run, and its least and greatest height [m]."""
-    frames, _ = looks(run, solids.heights)
+    frames, _ = occlusion_frames(run, solids.heights)
     start, angle = coil.pose[frames, :2], coil.pose[frames, 2]
     long, wide = coil.stretch[frames] * float(coil.vertices[:, 0].max()), float(np.abs(coil.vertices[:, 1]).max())
     lines = np.stack([start, start + long[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])], axis=1)

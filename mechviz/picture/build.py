@@ -124,8 +124,8 @@ def solid_nodes(run: Run, solids: Solids, fixtures: Mapping[str, Sequence[Mesh]]
         poses = None
         if solid.spin is not None:
             turned = run.motion.pose(name)[:, 2] - run.motion.pose(solid.spin.carrier)[:, 2]
-            places, turns = spin_transforms(solid.spin, turned)
-            poses = PoseTrack(_single(places), _single(turns))
+            places, quaternions = spin_transforms(solid.spin, turned)
+            poses = PoseTrack(_single(places), _single(quaternions))
         group = UNDRAWN if "nothing" in looks.get(name, ()) else "solids"
         yield Body(f"link.{name}", ("link", name), group, ("mechanism", "links", name, "mesh"), 0.0, name, mesh, poses)
 
@@ -143,7 +143,7 @@ def _marks(run: Run, solids: Solids) -> Iterator[Body]:
     """Surface marks of rollers and belts, in the axes of their links."""
     for mark in find_surface_marks(run, solids):
         mesh = Mesh(mark.vertices, mark.faces, mark.normals, _one_color(mark.color, len(mark.vertices)))
-        poses = PoseTrack(_single(mark.places()), _single(mark.turns()))
+        poses = PoseTrack(_single(mark.places()), _single(mark.quaternions()))
         height = mark.centre[2] if mark.axis is None else 0.0
         key, entity = f"{mark.kind}.{mark.name}", ("mechanism", "links", mark.link, mark.title)
         yield Body(key, ("link", mark.link), mark.kind, entity, height, mark.link, mesh, poses)
@@ -301,7 +301,7 @@ def solids_of(run: Run) -> Solids:
     settings = run.resolved_accuracy
     solids = build_solids(
         run.motion.mechanism,
-        looked_at(run),
+        collision_poses(run),
         chord=settings.chord,
         profile=settings.profile or PROFILE_POINTS,
         spindle=has_spindle(run),
@@ -314,7 +314,7 @@ def solids_of(run: Run) -> Solids:
     return solids
 
 
-def looked_at(run: Run) -> dict[str, Real]:
+def collision_poses(run: Run) -> dict[str, Real]:
     """Poses (n, 3) of all links at the frames at which solids are checked for collisions. Raises `MechanismError` where there are
     too many links."""
     motion = run.motion

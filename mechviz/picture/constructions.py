@@ -69,14 +69,14 @@ DRAWING_SIZE = 1.0  # size of a drawing, in sizes of the mechanism
 
 @dataclass(frozen=True, eq=False)
 class DrawnArrow:
-    """An arrow (F,) in the drawing plane [m] with its label; ``plain``: a line without a head; ``fine``: a thin arrow."""
+    """An arrow (F,) in the drawing plane [m] with its label; ``headless``: a plain line; ``thin``: a thin arrow."""
 
     label: str
     color: Color
     start: Complex
     vector: Complex
-    plain: bool = False
-    fine: bool = False
+    headless: bool = False
+    thin: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +84,7 @@ class NamedPoint:
     """A named point (F,) of the drawing plane [m]."""
 
     label: str
-    at: Complex
+    position: Complex
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,8 +94,8 @@ class Drawing:
 
     name: str
     title: str
-    strokes: tuple[DrawnArrow, ...]
-    marks: tuple[NamedPoint, ...]
+    arrows: tuple[DrawnArrow, ...]
+    points: tuple[NamedPoint, ...]
     per_metre: float
     unit: str
     closing: Real | None = None
@@ -107,12 +107,12 @@ class Drawing:
     def curves(self) -> list[tuple[Color, Complex]]:
         """Colours and points (F,) of the paths of the arrow tips, which only the polar plot shows; empty for other drawings."""
         polar = self.name == "shaking"
-        return [(i.color, i.start + i.vector) for i in self.strokes if not i.plain] if polar else []
+        return [(i.color, i.start + i.vector) for i in self.arrows if not i.headless] if polar else []
 
     @property
     def legend(self) -> list[tuple[str, Color]]:
         """Meaning and colour of the colours in the drawing; empty where there is only one."""
-        there = {stroke.color for stroke in self.strokes}
+        there = {arrow.color for arrow in self.arrows}
         entries = [
             (words, VECTOR_COLORS[key]) for key, words in COLOR_LEGENDS.get(self.name, {}).items() if VECTOR_COLORS[key] in there
         ]
@@ -122,7 +122,7 @@ class Drawing:
     def bounds(self) -> Real:
         """Box (2, 2) [m] around the drawing at all frames; where some frames extend far out, around nine tenths of them on each
         side."""
-        ends = [z for stroke in self.strokes for z in (stroke.start, stroke.start + stroke.vector)] + [m.at for m in self.marks]
+        ends = [z for arrow in self.arrows for z in (arrow.start, arrow.start + arrow.vector)] + [m.position for m in self.points]
         if not ends:
             return np.zeros((2, 2))
         z = np.array(ends)
@@ -160,8 +160,8 @@ def draw_polygons(name: str, polygons: Sequence[Polygon], size: float, units: Un
     heights = [float((high - low).imag) for low, high in boxes]
     rows = grid_columns(widths, heights)
     gap = 0.12 * max([*widths, *heights, 1e-300])
-    strokes: list[DrawnArrow] = []
-    marks: list[NamedPoint] = []
+    arrows: list[DrawnArrow] = []
+    points: list[NamedPoint] = []
     whole = max(
         max(sum(widths[i] + gap for i in row) - gap for row in rows), sum(max(heights[i] for i in row) + gap for row in rows) - gap
     )
@@ -174,20 +174,20 @@ def draw_polygons(name: str, polygons: Sequence[Polygon], size: float, units: Un
             low, _ = boxes[i]
             shift = complex(x, y - top) - low
             for e in shown[i]:
-                start, vector, fine = (
+                start, vector, thin = (
                     (e.start + shift) / per_metre,
                     e.vector / per_metre,
                     e.kind == "absolute" and name != "velocity",
                 )
-                strokes.append(DrawnArrow(pretty(e.name), VECTOR_COLORS[e.kind], start, vector, fine=fine))
+                arrows.append(DrawnArrow(pretty(e.name), VECTOR_COLORS[e.kind], start, vector, thin=thin))
             for label, at in polygons[i].images.items():
-                marks.append(NamedPoint(polygons[i].name if label == "start" else label, (at + shift) / per_metre))
+                points.append(NamedPoint(polygons[i].name if label == "start" else label, (at + shift) / per_metre))
             x += widths[i] + gap
         y -= top + gap
     closing = np.max([polygon.closing for polygon in polygons], axis=0) if polygons else None
     unit = polygons[0].unit if polygons else "1"
     title = f"{name.capitalize()} polygon: {scale_title(units, per_metre, unit)}"
-    return Drawing(name, title, tuple(strokes), tuple(marks), per_metre, unit, closing)
+    return Drawing(name, title, tuple(arrows), tuple(points), per_metre, unit, closing)
 
 
 def draw_graph(graph: ContourGraph, frames: int, size: float) -> Drawing:
@@ -197,17 +197,17 @@ def draw_graph(graph: ContourGraph, frames: int, size: float) -> Drawing:
     ends = np.concatenate([places.vertices, *places.edges])
     scale = DRAWING_SIZE * size / max(float(np.ptp(ends.real)), float(np.ptp(ends.imag)), 1.0)
     still = np.ones(frames, complex)
-    strokes = []
+    arrows = []
     for edge, z in zip(graph.edges, places.edges, strict=True):
         color = VECTOR_COLORS["reaction" if edge.driven else "load" if edge.higher else "ray"]
         for k, (a, b) in enumerate(pairwise(scale * z)):  # the middle segment has the label
             label = edge.joint if k == (len(z) - 1) // 2 else ""
-            strokes.append(DrawnArrow(label, color, a * still, (b - a) * still, plain=True))
-    marks = [
+            arrows.append(DrawnArrow(label, color, a * still, (b - a) * still, headless=True))
+    points = [
         NamedPoint(f"{k} {name}", scale * z * still) for k, (name, z) in enumerate(zip(graph.links, places.vertices, strict=True))
     ]
-    marks += [NamedPoint(loop_number(k), scale * z * still) for k, z in enumerate(places.numbers)]
-    return Drawing("graph", "Contour graph", tuple(strokes), tuple(marks), 0.0, "1", whole=True)
+    points += [NamedPoint(loop_number(k), scale * z * still) for k, z in enumerate(places.numbers)]
+    return Drawing("graph", "Contour graph", tuple(arrows), tuple(points), 0.0, "1", whole=True)
 
 
 def draw_funicular(run: Run, size: float) -> Drawing:
@@ -216,13 +216,13 @@ def draw_funicular(run: Run, size: float) -> Drawing:
     systems = run.studies.systems.values()
     drawn = [s for s in systems if any(e.kind == "resultant" for e in _worth_drawing(s.drawing.polygon().edges))]
     aside = [_aside(s.drawing) * 0.02 * size for s in drawn]
-    strokes: list[DrawnArrow] = []
-    for i in drawing.strokes:  # the resultant of parallel forces is drawn beside them
+    arrows: list[DrawnArrow] = []
+    for i in drawing.arrows:  # the resultant of parallel forces is drawn beside them
         shift = aside.pop(0) if i.color == VECTOR_COLORS["resultant"] else 0j
-        strokes.append(DrawnArrow(i.label, i.color, i.start + shift, i.vector, plain=i.color == VECTOR_COLORS["ray"]))
+        arrows.append(DrawnArrow(i.label, i.color, i.start + shift, i.vector, headless=i.color == VECTOR_COLORS["ray"]))
     title = f"Force polygon with pole and rays: {scale_title(run.scene.units, drawing.per_metre, 'N')}"
     closing = np.max([s.drawing.closing for s in run.studies.systems.values()], axis=0)
-    return Drawing("funicular/forces", title, tuple(strokes), drawing.marks, drawing.per_metre, "N", closing)
+    return Drawing("funicular/forces", title, tuple(arrows), drawing.points, drawing.per_metre, "N", closing)
 
 
 def draw_shaking(run: Run, size: float) -> Drawing:
@@ -236,9 +236,9 @@ def draw_shaking(run: Run, size: float) -> Drawing:
     per_metre = largest / (0.5 * DRAWING_SIZE * size) if largest > 0.0 else 1.0
     names = {"before": "shaking force", "after": "with counterweights"}
     zero = np.zeros(run.motion.frames, complex)
-    strokes = tuple(DrawnArrow(names[key], VECTOR_COLORS[key], zero, f / per_metre) for key, f in forces)
+    arrows = tuple(DrawnArrow(names[key], VECTOR_COLORS[key], zero, f / per_metre) for key, f in forces)
     title = f"Shaking force, polar: {scale_title(run.scene.units, per_metre, 'N')}"
-    return Drawing("shaking", title, strokes, (), per_metre, "N", least=0.3 * DRAWING_SIZE * size, whole=True)
+    return Drawing("shaking", title, arrows, (), per_metre, "N", least=0.3 * DRAWING_SIZE * size, whole=True)
 
 
 def _aside(f: Funicular) -> complex:

@@ -22,7 +22,7 @@ from mechviz.meshes.shading import FRAME_COLOR, PIN_COLOR, SolidColor, crisp, fa
 from mechviz.meshes.solids import Solids, shaped
 from mechviz.picture.base import PlacedOutline, blocked, find_base
 from mechviz.picture.nodes import Mesh
-from mechviz.picture.proportions import looks
+from mechviz.picture.proportions import occlusion_frames
 from mechviz.picture.springs import Coil, find_struts
 
 if TYPE_CHECKING:
@@ -81,7 +81,7 @@ def joined_meshes(meshes: Sequence[Mesh]) -> Mesh:
 def bounds_with(run: Run, solids: Solids, fixtures: Mapping[str, Sequence[Mesh]]) -> Real:
     """Box (2, 3) [m] around the solids and their fixtures, over the run."""
     low, high = np.array(solids.bounds, float)
-    frames = looks(run, solids.heights)[0]
+    frames = occlusion_frames(run, solids.heights)[0]
     for link, meshes in fixtures.items():
         points = np.concatenate([mesh.vertices for mesh in meshes]).astype(float)
         pose = run.motion.pose(link)[frames]
@@ -203,7 +203,7 @@ def _reach(
     """
     (x, y, angle), (pivot, turn), (normal, middle) = pose, moved, strip
     best: tuple[float, tuple[float, float]] | None = None
-    for outline, low, high in solids.heights.flat(link):
+    for outline, low, high in solids.heights.flat_outlines(link):
         points = shapely.get_coordinates(shapely.segmentize(outline.exterior, 0.01 * solids.size)) @ [1.0, 1.0j]
         world = points * np.exp(1j * angle) + complex(x, y)
         local = (world - pivot) * np.exp(1j * turn) / normal

@@ -45,10 +45,10 @@ class Mesh:
 
 @dataclass(frozen=True, eq=False)
 class PoseTrack:
-    """Poses of a body at every frame: ``places`` (F, 3) [m], ``turns`` (F, 4) as quaternions x, y, z, w, ``scales`` (F, 3)."""
+    """Poses of a body at every frame: ``places`` (F, 3) [m], ``quaternions`` x, y, z, w (F, 4), ``scales`` (F, 3)."""
 
     places: Single
-    turns: Single
+    quaternions: Single
     scales: Single | None = None
 
 
@@ -88,10 +88,10 @@ class Body(Node):
     mesh: Mesh
     poses: PoseTrack | None = None
 
-    def reach(self) -> Real:
+    def bounds(self) -> Real:
         """Box (2, 2) [m] over the run around a body that is scaled along its axis in the plane. The body must have scales."""
         assert self.poses is not None and self.poses.scales is not None
-        places, (z, w) = self.poses.places[:, :2], self.poses.turns[:, 2:].T
+        places, (z, w) = self.poses.places[:, :2], self.poses.quaternions[:, 2:].T
         long, wide = self.poses.scales[:, 0] * self.mesh.vertices[:, 0].max(), float(self.mesh.vertices[:, 1].max())
         points = np.concatenate([places, places + long[:, None] * np.column_stack([w * w - z * z, 2.0 * w * z])]).astype(float)
         return np.array([np.nanmin(points, axis=0) - wide, np.nanmax(points, axis=0) + wide])
@@ -101,7 +101,7 @@ class Body(Node):
 class Lines(Node):
     """Strips (F, n, 3) [m] in the world at every frame, or (1, n, 3) at rest in the world or in the axes of the link ``parent``.
 
-    ``colors`` and ``radii`` [m]: one for each strip, or one for all; ``shown`` (F,): whether the lines are drawn at a frame.
+    ``colors`` and ``radii`` [m]: one for each strip, or one for all; ``visible`` (F,): whether the lines are drawn at a frame.
     """
 
     KIND = NodeKind.LINES
@@ -109,7 +109,7 @@ class Lines(Node):
     strips: tuple[Single, ...]
     colors: tuple[Color, ...]
     radii: tuple[float, ...]
-    shown: Flags | None = None
+    visible: Flags | None = None
     labels: tuple[str, ...] = ()
     parent: str = ""
 
@@ -147,12 +147,12 @@ class ArrowSet(Node):
 
 @dataclass(frozen=True, eq=False)
 class Arrow(Node):
-    """A vector over the frames. ``aside``: offset [m] to the left of its line, where another arrow lies on that."""
+    """A vector over the frames. ``offset`` [m]: shift to the left of its line, where another arrow lies on that."""
 
     KIND = NodeKind.ARROW
 
     vector: Vector
-    aside: float = 0.0
+    offset: float = 0.0
 
     @property
     def origin(self) -> Real:
@@ -162,12 +162,12 @@ class Arrow(Node):
     def origin_at(self, frames: slice) -> Real:
         """Start of the drawn arrow at some frames (n, 2) [m]."""
         origin = self.vector.origin[frames]
-        if not self.aside:
+        if not self.offset:
             return origin
         x, y = self.vector.value[frames].T
         length = np.hypot(x, y)
         across = np.column_stack([-y, x]) / np.where(length > 0.0, length, 1.0)[:, None]
-        return np.asarray(origin + self.aside * across)
+        return np.asarray(origin + self.offset * across)
 
 
 @dataclass(frozen=True, eq=False)
@@ -227,6 +227,6 @@ class Picture:
     def by_key(self) -> Mapping[str, Node]:
         return {node.key: node for node in self.nodes}
 
-    def of(self, kind: type[N], *groups: str) -> Iterator[N]:
+    def nodes_of(self, kind: type[N], *groups: str) -> Iterator[N]:
         """The nodes of a class, in the given groups or, without groups, in all."""
         return (node for node in self.nodes if isinstance(node, kind) and (not groups or node.group in groups))

@@ -15,7 +15,7 @@ from mechcore.forces.section_lines import Cuts
 from mechcore.reduction.reduced import REDUCED_KINDS
 from mechviz.picture.constructions import VECTOR_COLORS
 from mechviz.picture.nodes import ArrowSet, Color, Lines, Node, Points
-from mechviz.picture.proportions import in_space, looks
+from mechviz.picture.proportions import in_space, occlusion_frames
 from mechviz.picture.springs import strut_ends
 
 if TYPE_CHECKING:
@@ -328,11 +328,11 @@ def _in_world(run: Run, link: str, strip: Complex) -> Complex:
 
 def _height(run: Run, solids: Solids, link: str, outline: Complex) -> float:
     """Height [m] of a diagram: the front of the link, or as far in front of it as the outline needs to be visible."""
-    frames, known = looks(run, solids.heights)
+    frames, known = occlusion_frames(run, solids.heights)
     z = outline[frames]
     spec = {k.name: k for k in run.motion.mechanism.links}[link]
     lines = np.stack([z.real, z.imag], axis=-1)
-    return solids.heights.cleared(max(solids.heights.of_point(link, xy) for xy in spec.points.values()), lines, known)
+    return solids.heights.clear_height(max(solids.heights.of_point(link, xy) for xy in spec.points.values()), lines, known)
 
 
 INVERSION_GROUP = "inversion"

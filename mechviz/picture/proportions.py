@@ -22,29 +22,29 @@ def path_height(run: Run, heights: Heights, link: str, point: str) -> float:
     """Height [m] of a traced point's path: the front of its link, or as far in front of it that no part passes over the point."""
     places = run.motion.point(link, point)
     point_of_link = {spec.name: spec for spec in run.motion.mechanism.links}[link].points[point]
-    frames, known = looks(run, heights)
+    frames, known = occlusion_frames(run, heights)
     dots = np.stack([places[frames], places[frames] + 1e-6 * heights.size], axis=1)
-    return heights.cleared(heights.of_point(link, point_of_link), dots, known)
+    return heights.clear_height(heights.of_point(link, point_of_link), dots, known)
 
 
 def arrow_height(run: Run, heights: Heights, vector: Vector, per_metre: float) -> float:
     """Height [m] of an arrow: the front of the pin or link where it starts, or as far in front of it as the arrow needs to be
     visible."""
-    frames, known = looks(run, heights)
+    frames, known = occlusion_frames(run, heights)
     start = vector.origin[frames]
     lines = np.stack([start, start + vector.value[frames] / per_metre], axis=1)
-    return heights.cleared(_own_height(run, heights, vector), lines, known)
+    return heights.clear_height(_own_height(run, heights, vector), lines, known)
 
 
 def arc_height(run: Run, heights: Heights, moment: Moment, radius: float) -> float:
     """Height [m] of an arc of a radius [m] about a pin or link, as far in front of it as the arc needs to be visible."""
-    frames, known = looks(run, heights)
+    frames, known = occlusion_frames(run, heights)
     angles = np.linspace(0.0, 2.0 * np.pi, 17)
     circle = radius * np.stack([np.cos(angles), np.sin(angles)], axis=-1)
-    return heights.cleared(_own_height(run, heights, moment), moment.origin[frames][:, None] + circle, known)
+    return heights.clear_height(_own_height(run, heights, moment), moment.origin[frames][:, None] + circle, known)
 
 
-def looks(run: Run, heights: Heights) -> tuple[Integers, Integers]:
+def occlusion_frames(run: Run, heights: Heights) -> tuple[Integers, Integers]:
     """Up to `OCCLUSION_FRAMES` frames of the run, and their indices among the frames whose poses ``heights`` holds."""
     count = max((len(pose) for pose in heights.poses.values()), default=1)
     known = np.unique(np.linspace(0, count - 1, min(count, OCCLUSION_FRAMES)).round().astype(int))

@@ -14,7 +14,7 @@ from mechcore.records import dataclass
 from mechcore.spec.loads import Actuator, Bushing, Damper, GasSpring, Spring, TorsionSpring
 from mechcore.spec.mechanism import Mechanism
 from mechviz.meshes.extrude import Shell
-from mechviz.picture.proportions import POT_HALF_WIDTH, SPIRAL_TURNS, looks, pot_length, spiral_radius
+from mechviz.picture.proportions import POT_HALF_WIDTH, SPIRAL_TURNS, occlusion_frames, pot_length, spiral_radius
 
 if TYPE_CHECKING:
     from mechviz.meshes.solids import Solids
@@ -54,7 +54,7 @@ class Coil:
         """Height [m] of its front."""
         return self.height + float(self.vertices[:, 2].max())
 
-    def reach(self) -> Real:
+    def bounds(self) -> Real:
         """Box (2, 2) [m] around the spring in the plane, over the run."""
         long, wide = self.stretch * float(self.vertices[:, 0].max()), float(self.vertices[:, 1].max())
         end = self.pose[:, :2] + long[:, None] * np.column_stack([np.cos(self.pose[:, 2]), np.sin(self.pose[:, 2])])
@@ -115,7 +115,7 @@ def _place(
     """Height [m] of a spring's axis, and its width. The axis is in the middle of one of its links if the coil, or a wider one
     around a guide, does not collide there; otherwise in front of all parts that it would hit."""
     heights, (radius, wire) = solids.heights, coil
-    frames, known = looks(run, heights)
+    frames, known = occlusion_frames(run, heights)
     a, b = (end[frames] for end in ends)
     d = b - a
     across = np.column_stack([-d[:, 1], d[:, 0]]) / np.maximum(np.hypot(d[:, 0], d[:, 1]), 1e-300)[:, None]
@@ -125,15 +125,15 @@ def _place(
 
     points = {link.name: link.points for link in run.motion.mechanism.links}
     for link, point in zip(load.links, load.points, strict=True):
-        middle = heights.middle(link, points[link][point])
+        middle = heights.mid_height(link, points[link][point])
         for width in (1.0, *widths) if middle is not None else ():
             r = width * radius + 0.5 * wire
             both = [*sides(r), *sides(r - wire)]
-            if middle is not None and not any(heights.crossed((middle - r, middle + r), side, known) for side in both):
+            if middle is not None and not any(heights.is_crossed((middle - r, middle + r), side, known) for side in both):
                 return middle, width
     start = 0.0
     for line in (np.stack([a, b], axis=1), *sides(radius + 0.5 * wire)):
-        start = heights.cleared(start, line, known)
+        start = heights.clear_height(start, line, known)
     return start + radius + 0.5 * wire, 1.0
 
 

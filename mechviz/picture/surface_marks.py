@@ -56,7 +56,7 @@ class SurfaceMark:
     def color(self) -> tuple[int, int, int]:
         return MARK_COLORS[self.kind]
 
-    def turns(self) -> Real:
+    def quaternions(self) -> Real:
         """Quaternions x, y, z, w (F, 4)."""
         if self.axis is None:
             return about_z(self.angle)
@@ -211,7 +211,7 @@ def _stripes(radius: float, height: float) -> tuple[Single, NDArray[np.uint32], 
     )
 
 
-def held(values: Real, known: Flags) -> Real:
+def forward_filled(values: Real, known: Flags) -> Real:
     """Values (F, ...) in which unknown ones are replaced by the last known value before them, at the start by the first known one;
     all zero where none is known."""
     if known.all():
@@ -245,7 +245,7 @@ def belt_travel(run: Run, loop: BeltLoop) -> Real:
     """Travel of a belt (F,) [m]: that of the rim of its first pulley relative to the carrier. It does not change at frames that
     cannot be assembled."""
     turned = run.motion.pose(loop.pulley)[:, 2] - run.motion.pose(loop.carrier)[:, 2]
-    turned = held(turned, np.isfinite(turned))
+    turned = forward_filled(turned, np.isfinite(turned))
     return np.asarray(loop.radii[0] * (turned - turned[0]))
 
 

@@ -51,7 +51,7 @@ def tables_of(path: Path) -> set[str]:
 
 def check(target: Path, part: Path, tables: set[str]) -> None:
     """Read a recording and the unfinished one beside it, if there is one; says what is wrong."""
-    if not Recording(target).said.complete:
+    if not Recording(target).parsed_properties.complete:
         print("WRONG: the recording is not complete")
     format_inspection(inspect(target))
     if part.exists():

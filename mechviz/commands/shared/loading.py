@@ -11,7 +11,7 @@ from typing import Annotated
 import typer
 
 from mechcore.errors import MechanismError
-from mechviz.commands.shared.messages import fail, orderly, say
+from mechviz.commands.shared.messages import errors_as_messages, fail, say
 from mechviz.scene.assembly.simulation import oscillation_changes
 from mechviz.scene.faults import SceneError
 from mechviz.scene.kinds.segments import former_laws
@@ -29,8 +29,8 @@ ReachableOpt = Annotated[bool, typer.Option("--reachable", help="run the drive a
 
 @contextmanager
 def clear_errors(source: str) -> Iterator[None]:
-    """Context manager: `orderly`, which also turns the faults of a scene into a message that names the scene."""
-    with orderly():
+    """Context manager: `errors_as_messages`, which also turns the faults of a scene into a message that names the scene."""
+    with errors_as_messages():
         try:
             yield
         except MechanismError as e:

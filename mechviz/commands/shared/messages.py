@@ -38,7 +38,7 @@ UNFORESEEN = 70  # exit code of a fault of the program, as in sysexits.h
 NAMED = ("path", "joint", "link", "load", "drive", "name")  # names of variables that hold the item being worked on
 
 
-def unforeseen(error: BaseException, *, shown: bool) -> int:
+def report_unforeseen(error: BaseException, *, shown: bool) -> int:
     """Report an unforeseen error of the program, with the item of the scene at which it happened if that is known; returns the exit
     code.
 
@@ -73,7 +73,7 @@ def _item_of(error: BaseException) -> str:
 
 
 @contextmanager
-def orderly() -> Iterator[None]:
+def errors_as_messages() -> Iterator[None]:
     """Context manager that turns interruptions, unusable files and write errors into messages with exit codes, without a
     traceback."""
     try:
@@ -85,7 +85,7 @@ def orderly() -> Iterator[None]:
     except OutputError as e:
         fail(str(e), e.code)
     except OSError as e:
-        raise typer.Exit(no_output(e) if e.filename is None else tell_unusable(e)) from None
+        raise typer.Exit(report_stdout_failure(e) if e.filename is None else report_unusable(e)) from None
 
 
 def check_targets(source: str, *paths: Path | None) -> None:
@@ -106,7 +106,7 @@ def check_suffix(path: Path | None, suffix: str, option: str = "--output") -> No
         fail(f"{option}: '{path}' does not end in {suffix}.")
 
 
-def tell_unusable(error: OSError) -> int:
+def report_unusable(error: OSError) -> int:
     """Report the file that cannot be used; returns the exit code."""
     say(f"{error.filename}: {error.strerror or error}.")
     return 2
@@ -128,7 +128,7 @@ def _give_up(output: int) -> None:
     os.dup2(os.open(os.devnull, os.O_WRONLY), output)
 
 
-def no_output(error: OSError) -> int:
+def report_stdout_failure(error: OSError) -> int:
     """Report that stdout cannot be written, and redirect it to the null device; returns the exit code."""
     with suppress(OSError, ValueError):
         _give_up(sys.stdout.fileno())

@@ -69,7 +69,7 @@ def solve(scene: Scene, frames: int | None, cycles: int | None, accuracy: float 
         )
 
 
-def checked(executor: Executor) -> Executor:
+def compiler_checked(executor: Executor) -> Executor:
     """The given executor. Raises `MechanismError` where it is "c" and there is no compiler."""
     if executor == "c":
         required_compiler()

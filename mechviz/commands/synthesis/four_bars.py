@@ -20,9 +20,9 @@ from mechviz.commands.synthesis.tasks import (
     angle_option,
     check_scene_targets,
     function_of,
-    give,
     length_of,
     option_rows,
+    output_solutions,
     pairs_of,
     quantity_in,
 )
@@ -88,7 +88,7 @@ def function(
         if not generated:
             fail("No four-bar meets these points. Give other start angles, or other ranges of input and output.")
         solutions = function_solutions(task, generated, length_of(frame, "frame"), expression)
-        give(solutions, output, plot, lambda: figures.error_figure(task, generated, expression))
+        output_solutions(solutions, output, plot, lambda: figures.error_figure(task, generated, expression))
 
 
 def slider(
@@ -117,7 +117,7 @@ def slider(
         made = slider_generator(*task.turned(chebyshev_points(task.start, task.end, points)), *begin)
         if made is None:
             fail("No slider-crank meets these points. Give another --crank-start, --slider-start or --travel.")
-        give([slider_function_solution(task, made, expression)], output, None, None)
+        output_solutions([slider_function_solution(task, made, expression)], output, None, None)
 
 
 def motion(
@@ -157,12 +157,12 @@ def motion(
         if slider:
             if plot is not None:
                 fail("--slider, --plot: there is no chart of guides with a slide. Leave out one of them.")
-            give(slider_guide_solutions(poses, slider_guides(poses, w, c, most)), output, None, None)
+            output_solutions(slider_guide_solutions(poses, slider_guides(poses, w, c, most)), output, None, None)
             return
         if named and (len(set(pivots[0])) < len(pivots[0]) or len(set(pivots[1])) < len(pivots[1])):
             fail("--moving, --fixed: a pivot is given twice. Give two that differ.")
         designs = motion_designs(poses, w, c, most, all_of_them=bool(named) or len(rows) >= 5)
-        give(motion_solutions(poses, designs), output, plot, lambda: figures.motion_figure(poses, designs))
+        output_solutions(motion_solutions(poses, designs), output, plot, lambda: figures.motion_figure(poses, designs))
 
 
 def path(
@@ -218,7 +218,7 @@ def path(
             designs = ranked_paths(path_designs(task, seed, screened), task.points)[:most]
         if not designs:
             fail("No crank-rocker passes the points in their order. Try another --seed, more --screened, or wider bounds.")
-        give(path_solutions(designs, task.points), output, plot, lambda: figures.path_figure(task.points, designs))
+        output_solutions(path_solutions(designs, task.points), output, plot, lambda: figures.path_figure(task.points, designs))
 
 
 def cognates(
@@ -233,4 +233,4 @@ def cognates(
     with clear_errors(scene):
         check_scene_targets(output, None)
         run = run_scene(load_scene(scene, values), outputs=("positions",))
-        give(cognate_solutions(*traced_four_bar(run)), output, None, None)
+        output_solutions(cognate_solutions(*traced_four_bar(run)), output, None, None)

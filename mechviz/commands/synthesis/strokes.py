@@ -19,10 +19,10 @@ from mechviz.commands.synthesis.tasks import (
     PlotOpt,
     angle_option,
     check_scene_targets,
-    give,
     length_of,
+    output_solutions,
     quantity_in,
-    tell_written,
+    report_written,
 )
 from mechviz.figures import save_chart
 from mechviz.studies.synthesis import figures
@@ -68,7 +68,7 @@ def stroke(
             solution = slider_crank_solution(slider_crank(travel, ratio, length_of(offset, "offset")), travel, ratio)
         else:
             solution = slider_crank_solution(best_slider_crank(travel, ratio), travel, ratio)
-        give([solution], output, None, None)
+        output_solutions([solution], output, None, None)
 
 
 def swing(
@@ -84,7 +84,7 @@ def swing(
     with clear_errors("swing"):
         check_scene_targets(output, None)
         wanted = angle_option(angle, "SWING")
-        give(
+        output_solutions(
             [crank_rocker_solution(best_crank_rocker(wanted, ratio, length_of(rocker, "rocker")), wanted, ratio)],
             output,
             None,
@@ -107,7 +107,7 @@ def line(
     with clear_errors("line"):
         check_scene_targets(output, None)
         wanted = None if straight is None else angle_option(straight, "range")
-        give(straight_line_solutions(list(names or ()), length_of(travel, "travel"), wanted), output, None, None)
+        output_solutions(straight_line_solutions(list(names or ()), length_of(travel, "travel"), wanted), output, None, None)
 
 
 def dwell(
@@ -130,7 +130,7 @@ def dwell(
         with interruptible():
             linkages = dwell_linkages(angle_option(rest, "DWELL"), angle_option(swing, "swing"), seed, most)
         solutions = dwell_solutions(linkages, length_of(crank, "crank"), angle_option(rest, "DWELL"))
-        give(solutions, output, plot, lambda: figures.dwell_figure(linkages))
+        output_solutions(solutions, output, plot, lambda: figures.dwell_figure(linkages))
 
 
 def lid(
@@ -161,7 +161,7 @@ def lid(
         )  # fmt: skip
         with interruptible():
             springs = lid_springs(task, seed)[:most]
-        give(lid_solutions(task, springs), output, plot, lambda: figures.lid_figure(task, springs))
+        output_solutions(lid_solutions(task, springs), output, plot, lambda: figures.lid_figure(task, springs))
 
 
 def chains(
@@ -188,7 +188,7 @@ def chains(
         print(f"{len(drawn)} chains, {sum(len(chain.frames) for chain in drawn)} inversions.")
         with interruptible(*(() if plot is None else ("matplotlib.figure",))):
             if output is not None:
-                tell_written(write(chain_solutions(drawn), output))
+                report_written(write(chain_solutions(drawn), output))
             if plot is not None:
                 save_chart(figures.chains_figure(drawn), plot)
                 say(f"{plot} written.")

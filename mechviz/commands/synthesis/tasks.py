@@ -33,20 +33,22 @@ PlotOpt = Annotated[Path | None, typer.Option("--plot", help="write a chart (.sv
 MostOpt = Annotated[int, typer.Option("--most", min=1, max=1000, help="solutions that are shown")]
 
 
-def give(solutions: Sequence[LinkageSolution], output: Path | None, plot: Path | None, figure: Callable[[], Figure] | None) -> None:
+def output_solutions(
+    solutions: Sequence[LinkageSolution], output: Path | None, plot: Path | None, figure: Callable[[], Figure] | None
+) -> None:
     """Print solutions, and write their scenes and their chart."""
     if not solutions:
         fail("No linkage does that. Ask for something else.")
     print("\n".join(solution_table(solutions)))
     with interruptible(*(() if plot is None else ("matplotlib.figure",))):
         if output is not None:
-            tell_written(write(solutions, output))
+            report_written(write(solutions, output))
         if plot is not None and figure is not None:
             save_chart(figure(), plot)
             say(f"{plot} written.")
 
 
-def tell_written(paths: list[Path]) -> None:
+def report_written(paths: list[Path]) -> None:
     """Report the scenes that were written."""
     say(f"{paths[0]} written." if len(paths) == 1 else f"{len(paths)} scenes written to {paths[0].parent}.")
 

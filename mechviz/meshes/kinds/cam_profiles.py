@@ -128,7 +128,7 @@ _ROLLER_SIDES = 256  # sides of the roller
 
 
 @dataclass(frozen=True, eq=False)
-class InverseDrawing:
+class InverseCamDrawing:
     """Data for drawing an inverse cam. ``groove``: region swept by the roller, in the driven link's frame; ``tip``: in the
     crank's."""
 
@@ -141,7 +141,7 @@ class InverseDrawing:
     radius: float
 
 
-def find_inverse(mechanism: Mechanism, parts: Builder, size: float) -> tuple[InverseDrawing, ...]:
+def find_inverse_cams(mechanism: Mechanism, parts: Builder, size: float) -> tuple[InverseCamDrawing, ...]:
     """All inverse cams of a mechanism."""
     by_name = {r.name: r.geometry for r in parts.relations}
     drawings = []
@@ -158,18 +158,18 @@ def find_inverse(mechanism: Mechanism, parts: Builder, size: float) -> tuple[Inv
         out = [w[0] + 1.6 * radius * (w[0] - w[8]) / abs(w[0] - w[8]), w[-1] + 1.6 * radius * (w[-1] - w[-9]) / abs(w[-1] - w[-9])]
         tip = (placed.tip.real / size, placed.tip.imag / size)
         first, last = ((z.real, z.imag) for z in out)
-        drawings.append(InverseDrawing(joint.name, joint.links[0], joint.links[1], groove, (first, last), tip, radius))
+        drawings.append(InverseCamDrawing(joint.name, joint.links[0], joint.links[1], groove, (first, last), tip, radius))
     return tuple(drawings)
 
 
-def _group(drawing: InverseDrawing) -> str:
+def _group(drawing: InverseCamDrawing) -> str:
     return f"groove {drawing.joint}"
 
 
-def draw_inverse(model: ScaledMechanism, draft: SolidsDraft) -> None:
+def draw_inverse_cams(model: ScaledMechanism, draft: SolidsDraft) -> None:
     """Add the pieces of all inverse cams."""
-    r = model.proportions.r
-    for drawing in model.inverse:
+    r = model.proportions.half_width
+    for drawing in model.inverse_cams:
         group, mates = _group(drawing), frozenset([drawing.joint])
         body = drawing.groove.buffer(max(1.3 * r, 0.9 * drawing.radius), quad_segs=32).difference(drawing.groove)
         draft.pieces.append(PlacedPart(drawing.driven, outline.largest(body), group, "wheel", mates))

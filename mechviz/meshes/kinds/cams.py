@@ -35,7 +35,7 @@ _CHEEK_HEIGHT = 0.2  # height of the cheeks of a fork, in thicknesses of a plate
 def group_cams(model: ScaledMechanism, draft: SolidsDraft, taken: set[str]) -> set[str]:
     """Merge the groups of cams and their followers; return the links that need no plate of their own, including those ``taken``."""
     plain = set(taken)
-    for drawing in model.spatial:  # its shaft lies in the plane of motion: it has no layer of its own
+    for drawing in model.spatial_cams:  # its shaft lies in the plane of motion: it has no layer of its own
         plain.add(drawing.cam)
         draft.merge(draft.groups[drawing.cam], draft.groups[drawing.follower])
     for cam in model.cams:
@@ -64,7 +64,7 @@ def _before(cam: CamDrawing) -> bool:
 
 def _holds(model: ScaledMechanism, cam: CamDrawing) -> bool:
     """Whether all pins of the cam's link are inside the profile."""
-    r = model.proportions.r
+    r = model.proportions.half_width
     own = [at for at in (*model.pins(cam.cam), *model.marks[cam.cam]) if math.dist(at, cam.bore) > 1e-9]
     guided = any(cam.cam in (g.rail, g.block) for g in model.guides)
     return not guided and all(cam.profile.contains(Point(at).buffer(0.7 * r)) for at in own)
@@ -90,7 +90,7 @@ def draw_cams(model: ScaledMechanism, draft: SolidsDraft) -> None:
 
 
 def _draw_cam(model: ScaledMechanism, draft: SolidsDraft, cam: CamDrawing, group: str, *, home: bool) -> None:
-    r = model.proportions.r
+    r = model.proportions.half_width
     mates = frozenset([cam.joint])
     kind = "plate" if home else "wheel"
     draft.pieces.append(PlacedPart(cam.cam, cam.profile, group, kind, mates))
@@ -121,7 +121,7 @@ def _outer_flank(cam: CamDrawing) -> Polygon:
 
 def _draw_bed(model: ScaledMechanism, draft: SolidsDraft, cam: CamDrawing, group: str) -> None:
     """Add the ground below a wedge, over its travel."""
-    r, placed = model.proportions.r, cam.placed
+    r, placed = model.proportions.half_width, cam.placed
     back = [(complex(x, y) - placed.own / cam.size) / placed.mount for x, y in cam.profile.exterior.coords]
     low, high, deep = min(z.real for z in back), max(z.real for z in back), min(z.imag for z in back)
     if model.frames:
@@ -155,7 +155,7 @@ def _cycle(cam: CamDrawing) -> Any:
 
 def _head(model: ScaledMechanism, cam: CamDrawing) -> _Head:
     """The head of a follower; of an oscillating one in its position at ``theta``."""
-    r, placed = model.proportions.r, cam.placed
+    r, placed = model.proportions.half_width, cam.placed
     face, s = placed.cam.follower.face, _cycle(cam)
     if isinstance(face, Roller):
         return _Head(outline.disc((0.0, 0.0), face.radius / cam.size, _ROLLER_SIDES), face.radius / cam.size)
@@ -226,7 +226,7 @@ def _yoke(cam: CamDrawing, r: float) -> _Head:
 
 def _draw_head(model: ScaledMechanism, draft: SolidsDraft, cam: CamDrawing, group: str) -> None:
     """Add the head alone, on the cam's layer, with a neck to the plate of the follower."""
-    r = model.proportions.r
+    r = model.proportions.half_width
     head = _head(model, cam)
     shape = _moved(head.touching, complex(*cam.tip), cam.turn)
     draft.pieces.append(PlacedPart(cam.follower, shape, group, "wheel", frozenset([cam.joint])))
@@ -240,7 +240,7 @@ def _draw_head(model: ScaledMechanism, draft: SolidsDraft, cam: CamDrawing, grou
 
 def _draw_stem(model: ScaledMechanism, draft: SolidsDraft, cam: CamDrawing, group: str) -> None:
     """Add a translating follower in a guide on the ground: head, stem and rails."""
-    r, placed = model.proportions.r, cam.placed
+    r, placed = model.proportions.half_width, cam.placed
     head, mates = _head(model, cam), frozenset([cam.joint])
     own = draft.groups[cam.follower]
     half = 0.75 * r

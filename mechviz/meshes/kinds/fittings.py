@@ -47,14 +47,14 @@ def slot_of(model: ScaledMechanism, slot: Slot) -> Polygon:
     """The opening in a slotted plate: the path of the pin with a small clearance."""
     axle = model.axles[_pin_axle(model, slot)]
     low, high = slot.travel
-    margin = 0.12 * model.proportions.r
+    margin = 0.12 * model.proportions.half_width
     ends = [_along(slot.origin, slot.along, s) for s in (low - margin, high + margin)]
     return outline.hull([(end, 1.06 * axle.pin) for end in ends], model.segments)
 
 
 def draw_slots(model: ScaledMechanism, draft: SolidsDraft) -> None:
     """Add the slots of the ground: two rails, and between them a roller on the pin."""
-    r = model.proportions.r
+    r = model.proportions.half_width
     for slot in model.slots:
         if slot.link != model.frame:
             continue
@@ -68,7 +68,7 @@ def draw_slots(model: ScaledMechanism, draft: SolidsDraft) -> None:
 # --- welds --------------------------------------------------------------------------------------------------------------
 
 
-def on_shafts(model: ScaledMechanism) -> ScaledMechanism:
+def with_welds_on_pins(model: ScaledMechanism) -> ScaledMechanism:
     """The mechanism with links that are welded at the axis of a pin added to that pin, like two cranks at the ends of a shaft."""
     axles = list(model.axles)
     for weld in model.welds:
@@ -84,7 +84,7 @@ def on_shafts(model: ScaledMechanism) -> ScaledMechanism:
 def join_welds(model: ScaledMechanism, draft: SolidsDraft, plates: dict[str, Polygon]) -> None:
     """Join welded plates: on one layer, with the second cut along the edge of the first, if possible; otherwise on two layers with
     a stud between them, unless a common pin joins them."""
-    r = model.proportions.r
+    r = model.proportions.half_width
     for weld in model.welds:
         if model.frame in weld.links:
             side = weld.links.index(model.frame)
@@ -120,7 +120,7 @@ def _cut(model: ScaledMechanism, weld: Weldment, plates: dict[str, Polygon]) -> 
     (ax, ay), (bx, by) = weld.points
     moved = affinity.translate(plates[first], -ax, -ay)
     moved = affinity.translate(affinity.rotate(moved, -weld.angle, origin=(0.0, 0.0), use_radians=True), bx, by)
-    left = outline.polygons(plates[second].difference(moved.buffer(_SEAM_WIDTH * model.proportions.r)))
+    left = outline.polygons(plates[second].difference(moved.buffer(_SEAM_WIDTH * model.proportions.half_width)))
     if not left or left[0].area < 0.3 * plates[second].area:
         return None
     whole = left[0]
@@ -142,7 +142,7 @@ def group_telescopes(model: ScaledMechanism, draft: SolidsDraft) -> None:
 
 def lug(model: ScaledMechanism, link: str) -> list[outline.Disc]:
     """The lug by which the plate of a barrel or rod is attached to the round part beside its pin; empty for other links."""
-    r = model.proportions.r
+    r = model.proportions.half_width
     for telescope in model.telescopes:
         if link in (telescope.barrel, telescope.rod):
             pin, direction = telescope.line(link)
@@ -170,8 +170,8 @@ def _profiles(model: ScaledMechanism, telescope: Telescope) -> tuple[tuple[Vec2,
     is longer and emerges at the other end.
     """
     size = model.proportions
-    r = size.r
-    outer = 0.5 * size.t + 0.85 * size.boss
+    r = size.half_width
+    outer = 0.5 * size.thickness + 0.85 * size.boss
     bore, rod, piston = 0.76 * outer, 0.45 * outer, 0.7 * outer
     low, high = telescope.travel
     start = 0.85 * r  # of the barrel, from its pin: within the lug
@@ -227,13 +227,13 @@ def find_telescopes(
         if joint.name in named:
             telescopes.append(Telescope(joint.name, joint.links[0], joint.links[1], travels[joint.name]))
             continue
-        telescope = _in_all_but_name(mechanism, joints, joint, marks, travels[joint.name])
+        telescope = _equivalent_telescope(mechanism, joints, joint, marks, travels[joint.name])
         if telescope is not None and telescope.travel[0] > 3.0 * r:
             telescopes.append(telescope)
     return tuple(telescopes)
 
 
-def _in_all_but_name(
+def _equivalent_telescope(
     mechanism: Mechanism,
     joints: Sequence[LoopJoint],
     joint: LoopJoint,

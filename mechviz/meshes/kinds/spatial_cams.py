@@ -32,7 +32,7 @@ _ROLLER_CLEARANCE = 0.04  # between the roller's end and the floor of the groove
 
 
 @dataclass(frozen=True, eq=False)
-class SpatialDrawing:
+class SpatialCamDrawing:
     """Data for drawing a spatial cam. ``tip``: the named roller in the follower's frame; ``placed``: its geometry [m]."""
 
     joint: str
@@ -75,7 +75,7 @@ def spin_transforms(spin: Spin, turn: Real) -> tuple[Real, Real]:
     return o - turned, q
 
 
-def find_spatial(mechanism: Mechanism, parts: Builder, size: float) -> tuple[SpatialDrawing, ...]:
+def find_spatial_cams(mechanism: Mechanism, parts: Builder, size: float) -> tuple[SpatialCamDrawing, ...]:
     """All spatial cams of a mechanism."""
     by_name = {r.name: r.geometry for r in parts.relations}
     drawings = []
@@ -93,7 +93,7 @@ def find_spatial(mechanism: Mechanism, parts: Builder, size: float) -> tuple[Spa
             first = loop_joint.links[0] == placed.carrier
             up = complex(1j * placed.axes * np.exp(1j * (-loop_joint.angle if first else loop_joint.angle)))
         drawings.append(
-            SpatialDrawing(
+            SpatialCamDrawing(
                 joint.name, joint.links[0], joint.links[1], placed, size, (placed.own.real / size, placed.own.imag / size),
                 (tip.real / size, tip.imag / size), hinge, up,
             )
@@ -161,7 +161,7 @@ def _solid(rings: list[Real], bore: Polygon) -> Shell:
     return bored([(ring[:, :2], ring[:, 2]) for ring in turned], bore)
 
 
-def _space(drawing: SpatialDrawing, p: Real, height: float) -> Real:
+def _space(drawing: SpatialCamDrawing, p: Real, height: float) -> Real:
     """Points (n, 3) [m] of the cam's frame in the frame of its link, with the axis of its shaft at a height."""
     placed = drawing.placed
     angle = placed.sense * placed.phase
@@ -178,7 +178,7 @@ def spatial_parts(model: ScaledMechanism, levels: Levels) -> tuple[list[Part], d
     """Parts of all spatial cams with their shafts, bearings and rollers; and the axes of rotation by link."""
     parts: list[Part] = []
     spins: dict[str, Spin] = {}
-    for drawing in model.spatial:
+    for drawing in model.spatial_cams:
         height = _height(model, levels, drawing)
         parts += _cam_parts(model, drawing, height)
         parts += _rollers(model, levels, drawing, height)
@@ -188,21 +188,21 @@ def spatial_parts(model: ScaledMechanism, levels: Levels) -> tuple[list[Part], d
     return parts, spins
 
 
-def _height(model: ScaledMechanism, levels: Levels, drawing: SpatialDrawing) -> float:
-    low, high = levels.plate(levels.of(drawing.follower))
+def _height(model: ScaledMechanism, levels: Levels, drawing: SpatialCamDrawing) -> float:
+    low, high = levels.plate(levels.layer_of(drawing.follower))
     if drawing.flat:
         return 0.5 * (low + high)
-    return low - 0.5 * model.proportions.r - drawing.placed.blank.radius / drawing.size
+    return low - 0.5 * model.proportions.half_width - drawing.placed.blank.radius / drawing.size
 
 
 def turrets_reach(model: ScaledMechanism, levels: Levels) -> float:
     """The lowest height reached by rollers in the plane around the pivot of a turret; infinite if there are none."""
-    lying = [drawing for drawing in model.spatial if drawing.flat and drawing.placed.blank.rollers]
+    lying = [drawing for drawing in model.spatial_cams if drawing.flat and drawing.placed.blank.rollers]
     return min((_height(model, levels, d) - d.placed.cam.radius / d.size for d in lying), default=np.inf)
 
 
-def _cam_parts(model: ScaledMechanism, drawing: SpatialDrawing, height: float) -> list[Part]:
-    placed, r = drawing.placed, model.proportions.r
+def _cam_parts(model: ScaledMechanism, drawing: SpatialCamDrawing, height: float) -> list[Part]:
+    placed, r = drawing.placed, model.proportions.half_width
     least = placed.blank.radius - placed.blank.depth
     if drawing.flat and placed.pivot is not None:
         least = abs(placed.pivot - placed.centre) - placed.cam.outer
@@ -217,7 +217,9 @@ def _cam_parts(model: ScaledMechanism, drawing: SpatialDrawing, height: float) -
     around_bore = disc(drawing.bore, 0.2 * r, 12)
 
     def part(link: str, kind: str, shell: Shell, color: SolidColor | None = None) -> Part:
-        points = _space(drawing, shell.vertices, height) if link == drawing.cam else _still(drawing, shell.vertices, height)
+        points = (
+            _space(drawing, shell.vertices, height) if link == drawing.cam else _in_carrier_frame(drawing, shell.vertices, height)
+        )
         low, high = float(points[:, 2].min()), float(points[:, 2].max())
         return Part(link, kind, _outwards(Shell(points, shell.faces)), color, (Prism(around_bore, low, high),), mates)
 
@@ -252,7 +254,7 @@ def _bearing(shaft: float, reach: float, out: complex) -> tuple[Polygon, Polygon
     return block, bed
 
 
-def _still(drawing: SpatialDrawing, p: Real, height: float) -> Real:
+def _in_carrier_frame(drawing: SpatialCamDrawing, p: Real, height: float) -> Real:
     """Points (n, 3) [m] of the cam's frame in the frame of the carrier."""
     placed = drawing.placed
     x, y, z = p.T
@@ -269,7 +271,7 @@ def _outwards(shell: Shell) -> Shell:
     return shell if volume > 0.0 else Shell(shell.vertices, shell.faces[:, ::-1])
 
 
-def _rollers(model: ScaledMechanism, levels: Levels, drawing: SpatialDrawing, height: float) -> list[Part]:
+def _rollers(model: ScaledMechanism, levels: Levels, drawing: SpatialCamDrawing, height: float) -> list[Part]:
     placed, size = drawing.placed, drawing.size
     radius, pin = placed.cam.radius / size, 0.55 * placed.cam.radius / size
     depth = placed.blank.depth / size
@@ -277,12 +279,12 @@ def _rollers(model: ScaledMechanism, levels: Levels, drawing: SpatialDrawing, he
     inner, outer = placed.cam.inner / size, placed.cam.outer / size
     if drawing.flat:
         assert drawing.hinge is not None
-        start = model.proportions.r
+        start = model.proportions.half_width
         mouth, end = inner - 0.1 * depth, outer - _ROLLER_CLEARANCE * depth
         profile = ((0.0, start), (pin, start), (pin, mouth), (radius, mouth), (radius, end), (0.0, end))
         upright = revolve(profile, segments=96).vertices
         parts, hinge = [], complex(*drawing.hinge)
-        for tip in around(placed, complex(*drawing.tip), hinge):
+        for tip in roller_positions(placed, complex(*drawing.tip), hinge):
             direction = (tip - hinge) / abs(tip - hinge)
             xy = hinge + direction * (upright[:, 2] + 1j * upright[:, 0])
             vertices = np.column_stack([xy.real, xy.imag, upright[:, 1] + height])
@@ -290,7 +292,7 @@ def _rollers(model: ScaledMechanism, levels: Levels, drawing: SpatialDrawing, he
             prism = Prism(disc((tip.real, tip.imag), 0.5 * radius, 24), height - radius, height + radius)
             parts.append(Part(drawing.follower, "roller", shell, PIN_COLOR, (prism,), mates))
         return [*parts, *_turret(model, levels, drawing, disc(drawing.hinge, 0.8 * inner, 180))]
-    top = levels.plate(levels.of(drawing.follower))[0]
+    top = levels.plate(levels.layer_of(drawing.follower))[0]
     low = height + inner + _ROLLER_CLEARANCE * depth
     edge = min(height + outer + 0.1 * depth, top)
     profile = ((0.0, low), (radius, low), (radius, edge), (pin, edge), (pin, top), (0.0, top))
@@ -299,7 +301,7 @@ def _rollers(model: ScaledMechanism, levels: Levels, drawing: SpatialDrawing, he
         reach = drawing.up * (0.5 * placed.blank.thickness + placed.cam.radius) / size
         places = [places[0] - reach, places[0] + reach]
     elif placed.blank.rollers and drawing.hinge is not None:
-        places = around(placed, places[0], complex(*drawing.hinge))
+        places = roller_positions(placed, places[0], complex(*drawing.hinge))
     parts = []
     for z in places:
         at = (z.real, z.imag)
@@ -309,18 +311,22 @@ def _rollers(model: ScaledMechanism, levels: Levels, drawing: SpatialDrawing, he
         return parts
     spokes = [LineString([drawing.hinge, (z.real, z.imag)]).buffer(0.6 * radius) for z in places]
     star = unary_union(
-        [*spokes, *(disc((z.real, z.imag), 0.9 * radius, 48) for z in places), disc(drawing.hinge, 1.6 * model.proportions.r, 48)]
+        [
+            *spokes,
+            *(disc((z.real, z.imag), 0.9 * radius, 48) for z in places),
+            disc(drawing.hinge, 1.6 * model.proportions.half_width, 48),
+        ]
     )
     return [*parts, *_turret(model, levels, drawing, star)]
 
 
-def _turret(model: ScaledMechanism, levels: Levels, drawing: SpatialDrawing, shape: Polygon) -> list[Part]:
+def _turret(model: ScaledMechanism, levels: Levels, drawing: SpatialCamDrawing, shape: Polygon) -> list[Part]:
     """Carrier of the rollers of a turret: a disc, or a star if they are perpendicular to it."""
     if not drawing.placed.blank.rollers or drawing.hinge is None:
         return []
-    low, high = levels.plate(levels.of(drawing.follower))
+    low, high = levels.plate(levels.layer_of(drawing.follower))
     low, high = low + 0.1 * (high - low), high - 0.1 * (high - low)  # thinner than the link, which stays visible
-    outline = shape.difference(disc(drawing.hinge, 1.02 * model.proportions.r, 48))
+    outline = shape.difference(disc(drawing.hinge, 1.02 * model.proportions.half_width, 48))
     shell = plate_mesh(outline, (low, high), 0.0)
     return [Part(drawing.follower, "wheel", shell, None, (Prism(outline, low, high),), frozenset([drawing.joint]))]
 
@@ -426,7 +432,7 @@ def core_rings(placed: PlacedSpatial) -> list[Real]:
     return [circle(azimuth, distance - outer * np.cos(x), outer * np.sin(x)) for x in np.linspace(*ends, _CORE_RINGS)]
 
 
-def around(placed: PlacedSpatial, tip: complex, hinge: complex) -> list[complex]:
+def roller_positions(placed: PlacedSpatial, tip: complex, hinge: complex) -> list[complex]:
     """Positions of all rollers of a turret, the named one first; of an arm only this one."""
     count = placed.blank.rollers or 1
     return [hinge + (tip - hinge) * complex(np.exp(2j * np.pi * k / count)) for k in range(count)]

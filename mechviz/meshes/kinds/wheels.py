@@ -74,7 +74,7 @@ class Track:
 
 
 @dataclass(frozen=True)
-class Band:
+class BeltDrive:
     """A belt or chain around two pulleys, in the frame of their carrier."""
 
     carrier: str
@@ -92,10 +92,10 @@ class Wheels:
     meshes: tuple[tuple[int, int], ...] = ()
     racks: tuple[RackBar, ...] = ()
     tracks: tuple[Track, ...] = ()
-    bands: tuple[Band, ...] = ()
+    belts: tuple[BeltDrive, ...] = ()
     carriers: frozenset[str] = frozenset()  # links that carry meshing wheels
 
-    def of(self, link: str) -> list[int]:
+    def wheels_on(self, link: str) -> list[int]:
         """Numbers of the wheels of a link."""
         return [k for k, wheel in enumerate(self.wheels) if wheel.link == link]
 
@@ -110,7 +110,7 @@ class _Finder:
     meshes: list[tuple[int, int, complex, complex]] = field(default_factory=list)  # wheels, world directions to the pitch point
     racks: list[tuple[RackBar, complex, float]] = field(default_factory=list)  # bar; direction to it, angle (world)
     tracks: list[Track] = field(default_factory=list)
-    bands: list[Band] = field(default_factory=list)
+    belts: list[BeltDrive] = field(default_factory=list)
 
     def point(self, link: str, name: str) -> complex:
         return point_of(self.parts.links[link], name) / self.size
@@ -142,7 +142,7 @@ class _Finder:
         self.wheels.append(wheel)
         return len(self.wheels) - 1
 
-    def gear(self, joint: Gear) -> None:
+    def add_gear(self, joint: Gear) -> None:
         (c1, c2), own = self.axes(joint)
         n1, n2 = joint.sizes
         total = n2 - n1 if joint.internal else n1 + n2
@@ -167,16 +167,16 @@ class _Finder:
         first = -outward if joint.internal else outward
         self.meshes.append((wheels[0], wheels[1], first, first if joint.internal else -outward))
 
-    def belt(self, joint: Belt) -> None:
+    def add_belt(self, joint: Belt) -> None:
         centres, own = self.axes(joint)
         first, second = (
             self.add(Wheel(link, (at.real, at.imag), radius / self.size, "pulley", (joint.name,)))
             for link, at, radius in zip(joint.links, own, joint.radii, strict=True)
         )
         c1, c2 = ((c.real, c.imag) for c in centres)
-        self.bands.append(Band(joint.carrier, joint.name, (c1, c2), (first, second), joint.crossed))
+        self.belts.append(BeltDrive(joint.carrier, joint.name, (c1, c2), (first, second), joint.crossed))
 
-    def rolling(self, joint: Rolling) -> None:
+    def add_rolling(self, joint: Rolling) -> None:
         edge, wheel = joint.links
         over, centre = (self.point(link, name) for link, name in zip(joint.links, joint.points, strict=True))
         radius = joint.radius / self.size
@@ -184,18 +184,18 @@ class _Finder:
         sign = 1.0 if joint.side == "left" else -1.0  # the track has the wheel on its left
         along = sign * complex(*joint.along) / abs(complex(*joint.along))
         origin = over - 1j * radius * along
-        seen = self.seen(wheel, centre, edge)
+        seen = self.relative_path(wheel, centre, edge)
         s = np.real((seen - over) * np.conj(along)) if self.poses else np.zeros(1)
         travel = (float(s.min()), float(s.max()))
         self.tracks.append(Track(edge, joint.name, (origin.real, origin.imag), (along.real, along.imag), travel, number))
 
-    def seen(self, link: str, point: complex, other: str) -> Real:
+    def relative_path(self, link: str, point: complex, other: str) -> Real:
         """Positions (F,) of a point of a link in the frame of another link over the run."""
         pose, base = self.pose(link), self.pose(other)
         world = pose[:, 0] + 1j * pose[:, 1] + point * np.exp(1j * pose[:, 2])
         return np.asarray((world - base[:, 0] - 1j * base[:, 1]) * np.exp(-1j * base[:, 2]))
 
-    def rack(self, joint: Rack) -> None:
+    def add_rack(self, joint: Rack) -> None:
         pinion, bar = joint.links
         slider = next(p for p in self.mechanism.joints if p.name == joint.slider)
         assert isinstance(slider, Prismatic)
@@ -210,7 +210,7 @@ class _Finder:
         guide = on_bar * twist
         sign = 1.0 if joint.side == "left" else -1.0
         contact = on_carrier - 1j * sign * guide * wheel.radius
-        touch = self.seen(carrier, contact, bar)
+        touch = self.relative_path(carrier, contact, bar)
         along = sign * on_bar  # teeth on its left, towards the pinion
         origin = complex(touch[0])
         s = np.real((touch - origin) * np.conj(along))
@@ -307,7 +307,7 @@ class _Finder:
         turned = math.remainder(wheel.phase + self.turn(wheel.link) - cmath.phase(towards), 2.0 * math.pi / wheel.teeth)
         return wheel.radius * turned
 
-    def bars(self) -> tuple[RackBar, ...]:
+    def phased_racks(self) -> tuple[RackBar, ...]:
         """The racks, with phases such that their teeth are in the tooth spaces of their pinions at the start."""
         out = []
         for bar, towards, direction in self.racks:
@@ -319,19 +319,19 @@ class _Finder:
 
 
 def find_wheels(mechanism: Mechanism, parts: Builder, size: float, poses: PosesByLink) -> Wheels:
-    """Wheels, racks, tracks and bands of a mechanism; ``poses`` (F, 3) in units of the size, empty if not known."""
+    """Wheels, racks, tracks and belts of a mechanism; ``poses`` (F, 3) in units of the size, empty if not known."""
     finder = _Finder(mechanism, parts, size, poses)
     for joint in mechanism.joints:
         if isinstance(joint, Gear):
-            finder.gear(joint)
+            finder.add_gear(joint)
         elif isinstance(joint, Belt):
-            finder.belt(joint)
+            finder.add_belt(joint)
         elif isinstance(joint, Rolling):
-            finder.rolling(joint)
+            finder.add_rolling(joint)
         elif isinstance(joint, Rack):
-            finder.rack(joint)
+            finder.add_rack(joint)
     finder.number_teeth()
     finder.set_phases()
     meshes = tuple((i, j) for i, j, _, _ in finder.meshes)
     carriers = frozenset(joint.carrier for joint in mechanism.joints if isinstance(joint, Gear | Belt))
-    return Wheels(tuple(finder.wheels), meshes, finder.bars(), tuple(finder.tracks), tuple(finder.bands), carriers)
+    return Wheels(tuple(finder.wheels), meshes, finder.phased_racks(), tuple(finder.tracks), tuple(finder.belts), carriers)

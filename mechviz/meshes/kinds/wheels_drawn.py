@@ -16,7 +16,7 @@ from mechcore.errors import Fault, MechanismError
 from mechviz.meshes import outline
 from mechviz.meshes.draft import Neck, PlacedPart, SolidsDraft
 from mechviz.meshes.kinds.rims import ADDENDUM, DEDENDUM, BeltLoop, external_wheel, rack_teeth, ring_teeth
-from mechviz.meshes.kinds.wheels import Band, RackBar, Track, Wheel
+from mechviz.meshes.kinds.wheels import BeltDrive, RackBar, Track, Wheel
 from mechviz.meshes.model import ScaledMechanism, world_points
 
 _WHEEL_GAP = 0.02  # between a wheel and its track, a belt and its pulley; in half widths of a plate
@@ -30,13 +30,13 @@ def group_wheels(model: ScaledMechanism, draft: SolidsDraft) -> set[str]:
     wheels = model.wheels
     plain: set[str] = set()
     for link in dict.fromkeys(wheel.link for wheel in wheels.wheels):
-        home = _home(model, link)
-        for k in wheels.of(link):
+        home = _plate_wheel(model, link)
+        for k in wheels.wheels_on(link):
             draft.wheels += [""] * (k + 1 - len(draft.wheels))
             draft.wheels[k] = link if k == home else f"wheel {k} of {link}"
         if home is not None or _has_web(model, link):
             plain.add(link)
-    for i, j in (*wheels.meshes, *(band.wheels for band in wheels.bands)):
+    for i, j in (*wheels.meshes, *(belt.wheels for belt in wheels.belts)):
         draft.merge(draft.wheels[j], draft.wheels[i])
     for bar in wheels.racks:
         if _is_plain(model, bar):
@@ -58,13 +58,13 @@ def draw_wheels(model: ScaledMechanism, draft: SolidsDraft) -> None:
         kind = "plate" if wheel.kind != "ring" and draft.groups.get(wheel.link) == group else "wheel"
         groove = _FLANGE_HEIGHT * _belt(model) if wheel.kind == "pulley" else 0.0
         draft.pieces.append(PlacedPart(wheel.link, _body(model, wheel), group, kind, mates, groove=groove))
-        _hold(model, draft, k)
+        _fix_wheel(model, draft, k)
     for bar in model.wheels.racks:
         _draw_rack(model, draft, bar)
     for track in model.wheels.tracks:
         _draw_track(model, draft, track)
-    for band in model.wheels.bands:
-        _draw_band(model, draft, band)
+    for belt in model.wheels.belts:
+        _draw_belt(model, draft, belt)
 
 
 def webs(model: ScaledMechanism, draft: SolidsDraft) -> list[str]:
@@ -76,7 +76,7 @@ def webs(model: ScaledMechanism, draft: SolidsDraft) -> list[str]:
 
 def rail_ends(model: ScaledMechanism, link: str) -> list[outline.Disc]:
     """Discs that extend the plate of a moving link to the tracks and racks that it carries on another layer."""
-    r = model.proportions.r
+    r = model.proportions.half_width
     if link == model.frame:
         return []
     discs = []
@@ -101,30 +101,33 @@ def _root(model: ScaledMechanism, wheel: Wheel) -> float:
         return wheel.radius - DEDENDUM * wheel.module
     if wheel.kind == "pulley":
         return wheel.radius - (0.5 + _WHEEL_GAP) * _belt(model)
-    return wheel.radius - _WHEEL_GAP * model.proportions.r
+    return wheel.radius - _WHEEL_GAP * model.proportions.half_width
 
 
 def _belt(model: ScaledMechanism) -> float:
     """Thickness of all belts."""
     smallest = min((wheel.radius for wheel in model.wheels.wheels if wheel.kind == "pulley"), default=1.0)
-    return min(0.4 * model.proportions.r, 0.2 * smallest)
+    return min(0.4 * model.proportions.half_width, 0.2 * smallest)
 
 
-def _home(model: ScaledMechanism, link: str) -> int | None:
+def _plate_wheel(model: ScaledMechanism, link: str) -> int | None:
     """The number of the wheel that is a link's plate: the widest one that holds all its pins and marks; None if none does."""
-    r = model.proportions.r
+    r = model.proportions.half_width
     if link == model.frame or _guided(model, link):
         return None
     wheels = model.wheels.wheels
-    for k in sorted(model.wheels.of(link), key=lambda k: -wheels[k].radius):
+    for k in sorted(model.wheels.wheels_on(link), key=lambda k: -wheels[k].radius):
         wheel = wheels[k]
         if wheel.kind == "ring":
-            if _still(model, link) and all(_away(at, wheel) < 0.5 * r for at in model.pins(link)):
+            if _is_fixed(model, link) and all(_axis_distance(at, wheel) < 0.5 * r for at in model.pins(link)):
                 return k  # its rim is fixed to the ground
             continue
         room = _root(model, wheel)
-        if all(_away(at, wheel) < room - 0.75 * r or _away(at, wheel) < 0.1 * r for at in model.pins(link)) and all(
-            _away(at, wheel) < 1.001 * wheel.radius + ADDENDUM * (wheel.module if wheel.teeth else 0.0) for at in model.marks[link]
+        if all(
+            _axis_distance(at, wheel) < room - 0.75 * r or _axis_distance(at, wheel) < 0.1 * r for at in model.pins(link)
+        ) and all(
+            _axis_distance(at, wheel) < 1.001 * wheel.radius + ADDENDUM * (wheel.module if wheel.teeth else 0.0)
+            for at in model.marks[link]
         ):
             return k
     return None
@@ -137,15 +140,15 @@ def _guided(model: ScaledMechanism, link: str) -> bool:
 
 def _has_web(model: ScaledMechanism, link: str) -> bool:
     """Whether a link has a rotating ring gear, so that its plate is a spoked disc beside the teeth."""
-    rings = any(model.wheels.wheels[k].kind == "ring" for k in model.wheels.of(link))
-    return rings and not _still(model, link) and not _guided(model, link)
+    rings = any(model.wheels.wheels[k].kind == "ring" for k in model.wheels.wheels_on(link))
+    return rings and not _is_fixed(model, link) and not _guided(model, link)
 
 
-def _away(at: Vec2, wheel: Wheel) -> float:
+def _axis_distance(at: Vec2, wheel: Wheel) -> float:
     return float(np.hypot(at[0] - wheel.centre[0], at[1] - wheel.centre[1]))
 
 
-def _still(model: ScaledMechanism, link: str) -> bool:
+def _is_fixed(model: ScaledMechanism, link: str) -> bool:
     """Whether a link is the ground or welded to it."""
     return link == model.frame or any(set(weld.links) == {link, model.frame} for weld in model.welds)
 
@@ -154,10 +157,10 @@ def _body(model: ScaledMechanism, wheel: Wheel) -> Polygon:
     """Outline of a wheel with its teeth and windows, in the link's frame."""
     size = model.proportions
     if wheel.kind == "ring":
-        rim = (_root(model, wheel) + _RIM_WIDTH * size.r) / wheel.module
-        return _set_up(ring_teeth(wheel.teeth, wheel.pinion, wheel.angle, rim), wheel)
+        rim = (_root(model, wheel) + _RIM_WIDTH * size.half_width) / wheel.module
+        return _in_link_frame(ring_teeth(wheel.teeth, wheel.pinion, wheel.angle, rim), wheel)
     if wheel.kind == "gear":
-        whole = _set_up(external_wheel(wheel.teeth, wheel.angle), wheel)
+        whole = _in_link_frame(external_wheel(wheel.teeth, wheel.angle), wheel)
     else:
         flange = _FLANGE_HEIGHT * _belt(model) if wheel.kind == "pulley" else 0.0
         whole = Point(wheel.centre).buffer(_root(model, wheel) + flange, quad_segs=max(16, model.segments // 2))
@@ -165,7 +168,7 @@ def _body(model: ScaledMechanism, wheel: Wheel) -> Polygon:
     return outline.largest(whole.difference(unary_union(holes))) if holes else whole
 
 
-def _set_up(shape: Polygon, wheel: Wheel) -> Polygon:
+def _in_link_frame(shape: Polygon, wheel: Wheel) -> Polygon:
     """A toothed outline, given in modules about its axis, in the link's frame, with a tooth at the wheel's phase."""
     turned = affinity.rotate(shape, wheel.phase, origin=(0.0, 0.0), use_radians=True)
     m = wheel.module
@@ -176,13 +179,13 @@ def _windows(model: ScaledMechanism, wheel: Wheel) -> list[Polygon]:
     """Round holes, or openings between spokes, which make the rotation visible; clear of all pins."""
     size = model.proportions
     root = _root(model, wheel)
-    outer = root - max(0.13 * root, 0.4 * size.r)
-    inner = max(0.25 * root, 1.25 * size.r)
-    keep = [outline.disc(at, size.r * 1.15, 24) for at in model.pins(wheel.link) if _away(at, wheel) > 1e-9]
-    keep += [outline.disc(at, 0.6 * size.r, 24) for at in model.marks[wheel.link]]
-    if outer - inner < 0.3 * size.r:
+    outer = root - max(0.13 * root, 0.4 * size.half_width)
+    inner = max(0.25 * root, 1.25 * size.half_width)
+    keep = [outline.disc(at, size.half_width * 1.15, 24) for at in model.pins(wheel.link) if _axis_distance(at, wheel) > 1e-9]
+    keep += [outline.disc(at, 0.6 * size.half_width, 24) for at in model.marks[wheel.link]]
+    if outer - inner < 0.3 * size.half_width:
         return []
-    if outer - inner < 3.0 * size.r:
+    if outer - inner < 3.0 * size.half_width:
         middle, radius = 0.5 * (outer + inner), 0.4 * (outer - inner)
         count = int(np.clip(2.0 * np.pi * middle / (3.2 * radius), 3, 6))
         angles = [wheel.phase + 2.0 * np.pi * (k + 0.5) / count for k in range(count)]
@@ -191,31 +194,31 @@ def _windows(model: ScaledMechanism, wheel: Wheel) -> list[Polygon]:
             for a in angles
         ]
         return [hole for hole in holes if not any(hole.intersects(region) for region in keep)]
-    count = 5 if outer < 9.0 * size.r else 6
+    count = 5 if outer < 9.0 * size.half_width else 6
     spokes = []
     for k in range(count):
         a = wheel.phase + 2.0 * np.pi * k / count
         far = (wheel.centre[0] + root * np.cos(a), wheel.centre[1] + root * np.sin(a))
-        spokes.append(LineString([wheel.centre, far]).buffer(max(0.055 * root, 0.35 * size.r), cap_style="flat"))
+        spokes.append(LineString([wheel.centre, far]).buffer(max(0.055 * root, 0.35 * size.half_width), cap_style="flat"))
     ring = Point(wheel.centre).buffer(outer, quad_segs=24).difference(Point(wheel.centre).buffer(inner, quad_segs=16))
-    fillet = min(0.08 * root, 0.6 * size.r)
+    fillet = min(0.08 * root, 0.6 * size.half_width)
     opened = ring.difference(unary_union([*spokes, *keep])).buffer(-fillet, quad_segs=6).buffer(fillet, quad_segs=6)
-    return [part for part in outline.polygons(opened) if part.area > 1.5 * size.r**2 and not part.interiors]
+    return [part for part in outline.polygons(opened) if part.area > 1.5 * size.half_width**2 and not part.interiors]
 
 
-def _hold(model: ScaledMechanism, draft: SolidsDraft, k: int) -> None:
+def _fix_wheel(model: ScaledMechanism, draft: SolidsDraft, k: int) -> None:
     """Fix a wheel to its link's plate, by a hub or a web, or to the ground."""
     wheel, size = model.wheels.wheels[k], model.proportions
-    if wheel.kind == "ring" and _still(model, wheel.link):
+    if wheel.kind == "ring" and _is_fixed(model, wheel.link):
         pose = model.poses[wheel.link][0] if model.frames and wheel.link != model.frame else np.zeros(3)
         (x, y) = world_points(np.array([wheel.centre]), pose[None])[0, 0]
         for side in (-0.62, 0.62):  # two feet
-            reach = _root(model, wheel) + 0.5 * _RIM_WIDTH * size.r
+            reach = _root(model, wheel) + 0.5 * _RIM_WIDTH * size.half_width
             foot = (float(x + reach * np.sin(side)), float(y - reach * np.cos(side)))
             draft.fixed_blocks.append((foot, draft.wheels[k]))
         return
     if wheel.link == model.frame:
-        if not any(_away(axle.centres[model.frame], wheel) < 1e-9 for axle in model.axles if model.frame in axle.centres):
+        if not any(_axis_distance(axle.centres[model.frame], wheel) < 1e-9 for axle in model.axles if model.frame in axle.centres):
             draft.fixed_blocks.append((wheel.centre, draft.wheels[k]))
         return
     own = draft.groups[wheel.link]
@@ -224,22 +227,28 @@ def _hold(model: ScaledMechanism, draft: SolidsDraft, k: int) -> None:
     if wheel.kind == "ring" and _has_web(model, wheel.link):
         _web(model, draft, wheel, draft.wheels[k])
         return
-    hub = outline.disc(wheel.centre, min(1.1 * size.r, 0.8 * _root(model, wheel)), model.segments)
+    hub = outline.disc(wheel.centre, min(1.1 * size.half_width, 0.8 * _root(model, wheel)), model.segments)
     draft.necks.append(Neck(wheel.link, hub, (own, draft.wheels[k])))
 
 
 def _web(model: ScaledMechanism, draft: SolidsDraft, wheel: Wheel, group: str) -> None:
     """Add a spoked disc beside a rotating ring gear, joined to its rim."""
     size = model.proportions
-    low, high = _root(model, wheel), _root(model, wheel) + _RIM_WIDTH * size.r
-    rim = Point(wheel.centre).buffer(high, quad_segs=24).difference(Point(wheel.centre).buffer(low + 0.2 * size.r, quad_segs=24))
+    low, high = _root(model, wheel), _root(model, wheel) + _RIM_WIDTH * size.half_width
+    rim = (
+        Point(wheel.centre)
+        .buffer(high, quad_segs=24)
+        .difference(Point(wheel.centre).buffer(low + 0.2 * size.half_width, quad_segs=24))
+    )
     arms = [
-        LineString([wheel.centre, _polar(wheel, high - 0.9 * size.r, wheel.phase + 2.0 * np.pi * j / 3)]).buffer(0.7 * size.r)
+        LineString([wheel.centre, _polar(wheel, high - 0.9 * size.half_width, wheel.phase + 2.0 * np.pi * j / 3)]).buffer(
+            0.7 * size.half_width
+        )
         for j in range(3)
     ]
     held = [*model.pins(wheel.link), *model.marks[wheel.link]]
-    arms += [outline.hull([(wheel.centre, size.r), (at, size.r)], model.segments) for at in held]
-    hub = Point(wheel.centre).buffer(1.3 * size.r, quad_segs=12)
+    arms += [outline.hull([(wheel.centre, size.half_width), (at, size.half_width)], model.segments) for at in held]
+    hub = Point(wheel.centre).buffer(1.3 * size.half_width, quad_segs=12)
     draft.pieces.append(PlacedPart(wheel.link, outline.largest(unary_union([rim, hub, *arms])), draft.groups[wheel.link], "plate"))
     draft.necks.append(Neck(wheel.link, rim, (draft.groups[wheel.link], group)))
 
@@ -263,7 +272,7 @@ def _in_bar(bar: RackBar, at: Vec2) -> tuple[float, float]:
 
 def _bar_extent(model: ScaledMechanism, bar: RackBar) -> tuple[float, float, float]:
     """Range of a rack along its pitch line (low, high), and its depth below the line."""
-    r, module = model.proportions.r, model.wheels.wheels[bar.wheel].module
+    r, module = model.proportions.half_width, model.wheels.wheels[bar.wheel].module
     margin = 2.0 * np.pi * module
     low, high = bar.contact[0] - margin, bar.contact[1] + margin
     depth = DEDENDUM * module + 1.4 * r
@@ -280,7 +289,7 @@ def _bar_extent(model: ScaledMechanism, bar: RackBar) -> tuple[float, float, flo
 
 def _is_plain(model: ScaledMechanism, bar: RackBar) -> bool:
     """Whether the body of a rack holds all pins of its link, so that it is the plate."""
-    module, r = model.wheels.wheels[bar.wheel].module, model.proportions.r
+    module, r = model.wheels.wheels[bar.wheel].module, model.proportions.half_width
     if _guided(model, bar.link):
         return False
     return all(_in_bar(bar, at)[1] < -DEDENDUM * module - 0.8 * r for at in model.pins(bar.link))
@@ -289,13 +298,13 @@ def _is_plain(model: ScaledMechanism, bar: RackBar) -> bool:
 def _bar_hold(model: ScaledMechanism, bar: RackBar) -> Vec2:
     """A point in the middle of a rack's body."""
     low, high, depth = _bar_extent(model, bar)
-    return _at(bar.origin, bar.along, 0.5 * (low + high), -depth + 0.7 * model.proportions.r)
+    return _at(bar.origin, bar.along, 0.5 * (low + high), -depth + 0.7 * model.proportions.half_width)
 
 
 def _draw_rack(model: ScaledMechanism, draft: SolidsDraft, bar: RackBar) -> None:
     """Add the rack and, if its carrier is the ground, the rail on which its back slides. Raises `MechanismError` for more than
     `MOST_TEETH` teeth."""
-    wheel, r = model.wheels.wheels[bar.wheel], model.proportions.r
+    wheel, r = model.wheels.wheels[bar.wheel], model.proportions.half_width
     m, group = wheel.module, draft.wheels[bar.wheel]
     low, high, depth = _bar_extent(model, bar)
     teeth = (high - low) / (np.pi * m)
@@ -325,13 +334,13 @@ def _draw_rack(model: ScaledMechanism, draft: SolidsDraft, bar: RackBar) -> None
 
 
 def _track_span(model: ScaledMechanism, track: Track) -> tuple[float, float]:
-    margin = 0.6 * model.wheels.wheels[track.wheel].radius + model.proportions.r
+    margin = 0.6 * model.wheels.wheels[track.wheel].radius + model.proportions.half_width
     return track.travel[0] - margin, track.travel[1] + margin
 
 
 def _draw_track(model: ScaledMechanism, draft: SolidsDraft, track: Track) -> None:
     """Add the rail on which a wheel rolls."""
-    r, group = model.proportions.r, draft.wheels[track.wheel]
+    r, group = model.proportions.half_width, draft.wheels[track.wheel]
     low, high = _track_span(model, track)
     start, end = (_at(track.origin, track.along, s) for s in (low, high))
     if track.link == model.frame:
@@ -343,18 +352,18 @@ def _draw_track(model: ScaledMechanism, draft: SolidsDraft, track: Track) -> Non
     draft.necks.append(Neck(track.link, shape.buffer(-0.2 * r), (draft.groups[track.link], group)))
 
 
-def find_loop(model: ScaledMechanism, band: Band) -> BeltLoop:
+def find_loop(model: ScaledMechanism, belt: BeltDrive) -> BeltLoop:
     """The centre line of a belt, in sizes of the mechanism."""
-    first, second = (model.wheels.wheels[k] for k in band.wheels)
-    c1, c2 = (complex(*c) for c in band.centres)
-    return BeltLoop(band.joint, band.carrier, first.link, (c1, c2), (first.radius, second.radius), band.crossed, _belt(model))
+    first, second = (model.wheels.wheels[k] for k in belt.wheels)
+    c1, c2 = (complex(*c) for c in belt.centres)
+    return BeltLoop(belt.joint, belt.carrier, first.link, (c1, c2), (first.radius, second.radius), belt.crossed, _belt(model))
 
 
-def _draw_band(model: ScaledMechanism, draft: SolidsDraft, band: Band) -> None:
+def _draw_belt(model: ScaledMechanism, draft: SolidsDraft, belt: BeltDrive) -> None:
     """Add a closed belt around two pulleys, fixed to their carrier."""
-    loop = find_loop(model, band)
+    loop = find_loop(model, belt)
     first, span, second = loop.pieces
     around, _ = loop.at(np.concatenate([np.linspace(0.0, first, 97), first + span + np.linspace(0.0, second, 97)]))
     path = LineString([(z.real, z.imag) for z in [*around, around[0]]])
     shape = outline.largest(path.buffer(0.5 * loop.thick, quad_segs=4).simplify(0.01 * loop.thick))
-    draft.pieces.append(PlacedPart(band.carrier, shape, draft.wheels[band.wheels[0]], "belt", height=(0.27, 0.73)))
+    draft.pieces.append(PlacedPart(belt.carrier, shape, draft.wheels[belt.wheels[0]], "belt", height=(0.27, 0.73)))

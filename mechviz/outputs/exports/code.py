@@ -99,7 +99,7 @@ def code_of(scene: Scene, name: str) -> tuple[str, str | None]:
             raise Untraceable("no drive moves it")
         if compiled.singular_points is not None and compiled.singular_points.points:
             raise Untraceable("its assembly modes meet at change points, between which a program would have to choose")
-        written = _Written(compiled)
+        written = _SymbolicResults(compiled)
     except Untraceable as reason:
         why = f"C does not have this mechanism: {reason}."
         raise MechanismError(Fault("--c", why, "Export a table of its motion: --csv.")) from None
@@ -144,7 +144,7 @@ def _number(x: float) -> str:
     return repr(x) if math.isfinite(x) else "NAN" if math.isnan(x) else "INFINITY" if x > 0.0 else "-INFINITY"
 
 
-class _Written:
+class _SymbolicResults:
     """The mechanism evaluated with symbols: its ``columns`` by name with unit, why efforts are ``missing``, and the ``unit`` of the
     first drive's coordinate."""
 

@@ -45,7 +45,7 @@ def glb_bytes(shown: Presentation, *, arrows: Iterable[str] = ARROW_FAMILIES) ->
     out = _Writer()
     tree = _Tree(out, out.accessor(_rising(picture.time), bounds=True), shown.name)
     numbers: dict[str, int] = {}
-    bodies = {body.parent: body for body in picture.of(Body, "solids")}
+    bodies = {body.parent: body for body in picture.nodes_of(Body, "solids")}
     for name, pose in picture.poses.items():
         body = bodies.get(name)
         mesh = None if body is None else out.mesh(name, list(_primitives(out, body.mesh)))
@@ -53,19 +53,19 @@ def glb_bytes(shown: Presentation, *, arrows: Iterable[str] = ARROW_FAMILIES) ->
         spins = None if body is None else body.poses
         numbers[name] = tree.add(name, 0, mesh if spins is None else None, **moves)
         if spins is not None:  # a child node for the solid, which turns about an axis in the plane of motion
-            tree.add(f"{name} solid", numbers[name], mesh, translation=spins.places, rotation=spins.turns)
+            tree.add(f"{name} solid", numbers[name], mesh, translation=spins.places, rotation=spins.quaternions)
     shapes: dict[Any, int] = {}  # marks of a belt have the same mesh
-    for body in picture.of(Body, "roller", "belt", "springs", "sheet"):
+    for body in picture.nodes_of(Body, "roller", "belt", "springs", "sheet"):
         name, poses = body.key.replace(".", " ", 1), body.poses
         key = (body.group, body.mesh.vertices.tobytes())
         if key not in shapes:
             shapes[key] = out.mesh(name, list(_primitives(out, body.mesh)))
-        placed = {} if poses is None else {"translation": poses.places, "rotation": poses.turns}
+        placed = {} if poses is None else {"translation": poses.places, "rotation": poses.quaternions}
         scaled = {} if poses is None or poses.scales is None else {"scale": poses.scales}
         tree.add(name, numbers[body.parent] if body.parent else 0, shapes[key], **placed, **scaled)
     for mark in find_marks(shown, arrows):
         _add_mark(tree, mark, 0)
-    for path in picture.of(Lines, "paths", "ink"):  # of ink the final drawing
+    for path in picture.nodes_of(Lines, "paths", "ink"):  # of ink the final drawing
         stroke = out.material(path.colors[0], line=True)
         lines = [
             {
@@ -97,11 +97,11 @@ def _add_mark(tree: _Tree, mark: MarkNode, parent: int) -> None:
         mesh = tree.out.mesh(mark.name, [_shown(tree.out, mark.shape)])
         if mark.weights is not None:
             tree.out.weigh(mesh, mark.weights[0].tolist())
-    turns = None if mark.turns is None else about_z(mark.turns)
+    turns = None if mark.angles is None else about_z(mark.angles)
     moves = {"translation": mark.places, "rotation": turns, "scale": mark.scales, "weights": mark.weights}
     number = tree.add(mark.name, parent, mesh, **{path: values for path, values in moves.items() if values is not None})
-    for below in mark.below:
-        _add_mark(tree, below, number)
+    for child in mark.children:
+        _add_mark(tree, child, number)
 
 
 class _Tree:

@@ -33,7 +33,7 @@ from mechviz.picture.proportions import (
     spiral_radius,
 )
 from mechviz.picture.springs import BUSHING_RADIUS, RING_POINTS, axis_of_spiral, ends_of_strut
-from mechviz.picture.surface_marks import held
+from mechviz.picture.surface_marks import forward_filled
 from mechviz.quantities.vectors import VECTOR_FAMILIES
 
 ARROW_FAMILIES = ("reaction", "applied", "inertia", "friction", "drive")
@@ -60,28 +60,28 @@ class MarkShape:
 
 @dataclass(frozen=True, eq=False)
 class MarkNode:
-    """A node: positions ``places`` (F, 3) [m], rotations ``turns`` (F,) about z [rad], ``scales`` (F, 3), its ``shape``, the
-    ``weights`` (F, T) of its morph targets, and its children ``below``. None: without."""
+    """A node: positions ``places`` (F, 3) [m], rotations ``angles`` (F,) about z [rad], ``scales`` (F, 3), its ``shape``, the
+    ``weights`` (F, T) of its morph targets, and its ``children``. None: without."""
 
     name: str
     places: Real | None = None
-    turns: Real | None = None
+    angles: Real | None = None
     scales: Real | None = None
     shape: MarkShape | None = None
     weights: Real | None = None
-    below: tuple[MarkNode, ...] = ()
+    children: tuple[MarkNode, ...] = ()
 
 
 def find_marks(shown: Presentation, families: Iterable[str] = ARROW_FAMILIES) -> list[MarkNode]:
     """The arrows and moments of some families, and the struts, bushings and torsion springs of a presentation."""
     wanted, picture = set(families), shown.picture
     marks = []
-    for arrow in (a for a in picture.of(Arrow) if a.group in wanted):
+    for arrow in (a for a in picture.nodes_of(Arrow) if a.group in wanted):
         vector, family = arrow.vector, VECTOR_FAMILIES[arrow.group]
         lengths = vector.value / picture.scales.per_metre(family.name)
         marks.append(_arrow(f"{family.label}: {vector.item}", arrow.origin, lengths, arrow.height, picture.size, family.color))
-    largest = max((_largest(arc.moment.value) for arc in picture.of(MomentArc)), default=0.0)
-    for arc in (a for a in picture.of(MomentArc) if a.group in wanted):
+    largest = max((_largest(arc.moment.value) for arc in picture.nodes_of(MomentArc)), default=0.0)
+    for arc in (a for a in picture.nodes_of(MomentArc) if a.group in wanted):
         moment, family = arc.moment, VECTOR_FAMILIES[arc.group]
         name = f"{family.label}: moment {moment.item}"
         marks.append(_moment(name, arc, moment.value / largest, picture.size, family.color))
@@ -101,8 +101,10 @@ def _arrow(name: str, origin: Real, vector: Real, height: float, size: float, co
     shaft = np.maximum(length, whole) - ARROW_HEAD_LENGTH * size
     factor = np.clip(length / whole, LEAST_SCALE, 1.0)
     pointed = length > 1e-9 * size
-    turn = np.unwrap(held(np.arctan2(vector[:, 1], vector[:, 0]), pointed))
-    places = np.column_stack([held(origin[:, 0], known), held(origin[:, 1], known), np.full(len(origin), height)])
+    turn = np.unwrap(forward_filled(np.arctan2(vector[:, 1], vector[:, 0]), pointed))
+    places = np.column_stack(
+        [forward_filled(origin[:, 0], known), forward_filled(origin[:, 1], known), np.full(len(origin), height)]
+    )
     one, none = np.ones(len(length)), np.zeros(len(length))
     rod = _turned([(ARROW_SHAFT_RADIUS * size, 0.0), (ARROW_SHAFT_RADIUS * size, 1.0)], color)
     tip = _turned([(ARROW_HEAD_RADIUS * size, 0.0), (0.0, ARROW_HEAD_LENGTH * size)], color)
@@ -111,7 +113,7 @@ def _arrow(name: str, origin: Real, vector: Real, height: float, size: float, co
         places,
         turn,
         np.column_stack([factor] * 3),
-        below=(
+        children=(
             MarkNode(f"{name} shaft", scales=np.column_stack([shaft, one, one]), shape=rod),
             MarkNode(f"{name} head", places=np.column_stack([shaft, none, none]), shape=tip),
         ),
@@ -124,7 +126,9 @@ def _moment(name: str, arc: MomentArc, part: Real, size: float, color: Color) ->
     known = np.logical_and(np.isfinite(origin).all(axis=1), np.isfinite(part))
     size_of = np.where(known, part, 0.0)
     size_of = np.where(np.abs(size_of) < LEAST_SCALE, LEAST_SCALE, size_of)
-    places = np.column_stack([held(origin[:, 0], known), held(origin[:, 1], known), np.full(len(origin), arc.height)])
+    places = np.column_stack(
+        [forward_filled(origin[:, 0], known), forward_filled(origin[:, 1], known), np.full(len(origin), arc.height)]
+    )
     shape = _flat(arc_corners(ARC_TURN, arc.radius, ARC_WIDTH * size, ARC_STEPS), arc_faces(ARC_STEPS), color)
     return MarkNode(name, places, None, np.column_stack([np.abs(size_of), size_of, np.abs(size_of)]), shape)
 
@@ -135,10 +139,10 @@ def _strut_glyphs(shown: Presentation) -> list[MarkNode]:
     picture, loads = shown.picture, shown.catalogue.numbers.loads
     size, top = picture.size, picture.top
     marks: list[MarkNode] = []
-    for node in picture.of(Lines, "springs"):
+    for node in picture.nodes_of(Lines, "springs"):
         load = node.owner[1]
         kind = loads[load].kind
-        strips = [held(s[..., :2].astype(float), np.asarray(np.isfinite(s).all(axis=(1, 2)))) for s in node.strips]
+        strips = [forward_filled(s[..., :2].astype(float), np.asarray(np.isfinite(s).all(axis=(1, 2)))) for s in node.strips]
         if kind in ("damper", "gas spring", "actuator"):
             a, b = ends_of_strut(*strips, closed=kind != "damper")
             marks += _strut(f"{kind} {load}", a, b, size, top + POT_HALF_WIDTH * size)

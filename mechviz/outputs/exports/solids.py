@@ -16,7 +16,7 @@ import numpy as np
 from mechviz.files import OutputError, replacing, replacing_in
 from mechviz.meshes.kit import FlatPart, kit_of, laid_out
 from mechviz.meshes.solids import Solid, Solids, stl_bytes
-from mechviz.picture.build import looked_at, solids_of
+from mechviz.picture.build import collision_poses, solids_of
 from mechviz.picture.fixtures import find_fixtures
 from mechviz.picture.springs import find_coils
 
@@ -138,7 +138,7 @@ def export_kit(run: Run, folder: Path | str, thickness: float, clearance: float,
 
     Lengths in mm, see `kit_of`.
     """
-    parts = kit_of(run.motion.mechanism, looked_at(run), thickness, clearance, washer)
+    parts = kit_of(run.motion.mechanism, collision_poses(run), thickness, clearance, washer)
     placed = laid_out(parts, SHEET_WIDTH)
     plates = [entry for entry in placed if entry[0].kind == "plate"]
     plates = laid_out([part for part, _, _ in plates], SHEET_WIDTH)

@@ -12,8 +12,8 @@ from shapely import Polygon, polygons, union_all
 
 from mechcore.arrays import Real
 from mechviz.files import replacing
-from mechviz.outputs.page.pack import MOST_FRAMES, PackProgress, quiet, unpack
-from mechviz.outputs.page.page import show_text
+from mechviz.outputs.page.pack import MOST_FRAMES, PackProgress, no_progress, unpack
+from mechviz.outputs.page.page import page_data
 from mechviz.outputs.presentation import Presentation
 
 LEAST_FACING = 0.2  # least z of the normal of a face that is drawn: it faces the viewer
@@ -31,7 +31,7 @@ def write_svg(
     width: int = 1280,
     height: int = 800,
     dark: bool = False,
-    progress: PackProgress = quiet,
+    progress: PackProgress = no_progress,
 ) -> Path:
     """Write the drawing at a time [s], by default that at which a page opens. ``progress`` is called while nodes are packed."""
     text = svg_of(shown, time=time, width=width, height=height, dark=dark, progress=progress)
@@ -47,11 +47,11 @@ def svg_of(
     width: int = 1280,
     height: int = 800,
     dark: bool = False,
-    progress: PackProgress = quiet,
+    progress: PackProgress = no_progress,
 ) -> str:
     """The drawing as SVG text, ``width`` by ``height`` in size, to scale."""
     most = MOST_FRAMES if time is None else 2
-    header, arrays = unpack(show_text(shown, most=most, keep=time, plots=False, progress=progress)[0])
+    header, arrays = unpack(page_data(shown, most=most, keep=time, plots=False, progress=progress)[0])
     times = arrays[header["time"]]
     frame = header["opening"] if time is None else float(np.interp(time, times, np.arange(len(times))))
     low, high = np.array(header["drawn"])[:, :2]

@@ -18,8 +18,8 @@ import numpy as np
 from mechcore.records import dataclass
 from mechviz.files import OutputError, check_target, replacing
 from mechviz.outputs.images.browser import Chromium
-from mechviz.outputs.page.pack import PackProgress, quiet
-from mechviz.outputs.page.page import make_page, pace_of
+from mechviz.outputs.page.pack import PackProgress, no_progress
+from mechviz.outputs.page.page import make_page, playback_speed
 from mechviz.outputs.presentation import Presentation
 from mechviz.quantities.catalogue import time_at
 
@@ -57,7 +57,13 @@ def picture_time(
 
 
 def shot(
-    shown: Presentation, path: Path, look: Look, when: PictureTime, *, progress: PackProgress = quiet, begin: Begin = lambda _: None
+    shown: Presentation,
+    path: Path,
+    look: Look,
+    when: PictureTime,
+    *,
+    progress: PackProgress = no_progress,
+    begin: Begin = lambda _: None,
 ) -> Path:
     """Write a picture (PNG) of the mechanism. ``progress`` is called while the page is made, ``begin`` with each stage."""
     check_target(path)
@@ -74,8 +80,8 @@ def film(
     *,
     seconds: float | None = None,
     rate: int | None = None,
-    progress: PackProgress = quiet,
-    reading: PackProgress = quiet,
+    progress: PackProgress = no_progress,
+    reading: PackProgress = no_progress,
     begin: Begin = lambda _: None,
 ) -> Path:
     """Write a film of the whole run, GIF or MP4 by the ending of the name, ``seconds`` [s] long at ``rate`` pictures per second.
@@ -87,7 +93,7 @@ def film(
     gif = path.suffix.lower() == ".gif"
     rate = rate or (GIF_RATE if gif else VIDEO_RATE)
     start, end = (float(shown.picture.time[k]) for k in (0, -1))
-    seconds = seconds or (end - start) / pace_of(shown)
+    seconds = seconds or (end - start) / playback_speed(shown)
     count = max(2, round(seconds * rate))
     times = np.linspace(start, end, count, endpoint=False)
     ffmpeg = None if gif else find_ffmpeg()

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from mechcore.arrays import Integers, Real
 from mechcore.records import dataclass
 from mechviz.outputs.presentation import Presentation
-from mechviz.outputs.rerun.reader import evenly
+from mechviz.outputs.rerun.reader import even_indices
 
 Array = NDArray[Any]
 
@@ -37,7 +37,7 @@ class Pack:
         flat = np.asarray(values).ravel()
         return self._add("f32", np.where(np.abs(flat) <= LARGEST_FLOAT, flat, np.nan).astype(np.float32))
 
-    def places(self, values: Array) -> int:
+    def quantised(self, values: Array) -> int:
         """Finite or NaN values, quantised to 16 bits over their range: for drawing, not for readings."""
         flat = np.asarray(values, float).ravel()
         known = np.isfinite(flat)
@@ -106,7 +106,7 @@ MOST_FRAMES = 1000
 """Default number of frames of a page. The browser interpolates between them."""
 
 
-def quiet(done: int, total: int) -> None:
+def no_progress(done: int, total: int) -> None:
     """Report no progress."""
 
 
@@ -124,7 +124,7 @@ def find_frames(shown: Presentation, most: int, keep: float | None = None) -> Ch
     """At most ``most`` frames, evenly spaced over the run, including the first and the last; in addition the frames around the time
     ``keep`` [s]."""
     time, last = shown.picture.time, len(shown.picture.time) - 1
-    rows = np.clip(np.searchsorted(shown.chosen, evenly(shown.total, most)), 0, last)
+    rows = np.clip(np.searchsorted(shown.chosen, even_indices(shown.total, most)), 0, last)
     if keep is not None:
         k = int(np.searchsorted(time, keep - 1e-9))  # times in a recording are whole nanoseconds
         rows = np.append(rows, np.clip([k - 1, k, k + 1], 0, last))

@@ -12,7 +12,7 @@ import numpy as np
 
 from mechcore.arrays import Real
 from mechcore.records import dataclass
-from mechviz.outputs.page.pack import MOST_FRAMES, ChosenFrames, Pack, PackProgress, find_frames, quiet
+from mechviz.outputs.page.pack import MOST_FRAMES, ChosenFrames, Pack, PackProgress, find_frames, no_progress
 from mechviz.outputs.page.shapes import hex_of, pack_bodies, pack_drawables, pack_drawing, pack_links, spring_boxes
 from mechviz.outputs.presentation import Presentation
 from mechviz.outputs.rerun.blueprint import LONGEST_SHOW, SECONDS_A_CYCLE, SHORTEST_SHOW
@@ -183,10 +183,15 @@ PAGE_SCRIPTS = ("decode.js", "camera.js", "stage.js", "export.js", "plots.js", "
 
 
 def make_page(
-    shown: Presentation, *, most: int = MOST_FRAMES, keep: float | None = None, plots: bool = True, progress: PackProgress = quiet
+    shown: Presentation,
+    *,
+    most: int = MOST_FRAMES,
+    keep: float | None = None,
+    plots: bool = True,
+    progress: PackProgress = no_progress,
 ) -> tuple[str, ChosenFrames]:
     """The HTML of a page with at most ``most`` frames of a run, in addition those around the time ``keep`` [s]; and the frames."""
-    text, frames = show_text(shown, most=most, keep=keep, plots=plots, progress=progress)
+    text, frames = page_data(shown, most=most, keep=keep, plots=plots, progress=progress)
     pieces = {
         "title": escape(shown.title),
         "style": _read("style.css"),
@@ -228,8 +233,13 @@ GROUP_LABELS = {
 """Groups that can be shown and hidden, in addition to the families of arrows."""
 
 
-def show_text(
-    shown: Presentation, *, most: int = MOST_FRAMES, keep: float | None = None, plots: bool = True, progress: PackProgress = quiet
+def page_data(
+    shown: Presentation,
+    *,
+    most: int = MOST_FRAMES,
+    keep: float | None = None,
+    plots: bool = True,
+    progress: PackProgress = no_progress,
 ) -> tuple[str, ChosenFrames]:
     """The packed data of a page, and its frames: at most ``most``, in addition those around the time ``keep`` [s].
 
@@ -254,7 +264,7 @@ def show_text(
         "time": pack.floats(frames.time),
         "time_decimals": time_decimals(frames.time),
         "axes": _axes(catalogue, frames, pack),
-        "pace": pace_of(shown),
+        "pace": playback_speed(shown),
         "opening": catalogue.opening_frame_among(frames.rows),
         "bounds": picture.bounds.tolist(),
         "core": _core(picture).tolist(),
@@ -306,7 +316,7 @@ def _axes(catalogue: Catalogue, frames: ChosenFrames, pack: Pack) -> list[dict[s
     return axes
 
 
-def pace_of(shown: Presentation) -> float:
+def playback_speed(shown: Presentation) -> float:
     """Playback speed: seconds of the run per second on the screen."""
     time = shown.picture.time
     span = float(time[-1] - time[0])

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from mechcore.arrays import Complex, Flags, Real, Single
-from mechviz.outputs.page.pack import ChosenFrames, Pack, PackProgress, quiet
+from mechviz.outputs.page.pack import ChosenFrames, Pack, PackProgress, no_progress
 from mechviz.outputs.rerun.nodes import FORCE_RADIUS, MOTION_FAMILIES, MOTION_RADIUS, arc_strips, sweep_of
 from mechviz.picture.arrows import visible
 from mechviz.picture.constructions import Drawing
@@ -23,7 +23,7 @@ MOST_CARRIED = 36  # approximate number of poses of a link at which the box arou
 def pack_links(picture: Picture, frames: ChosenFrames, pack: Pack) -> list[PageShape]:
     """Links with their poses (frames, 3: x, y [m], angle [rad]) and their solids; ``spin``: displacement [m] and quaternion
     (frames, 7) of a solid in its link's frame, if it turns about an axis in the plane of motion."""
-    solids = {body.parent: body for body in picture.of(Body, "solids")}
+    solids = {body.parent: body for body in picture.nodes_of(Body, "solids")}
     shapes = []
     for name, poses in picture.poses.items():
         pose = poses[frames.rows]
@@ -42,13 +42,13 @@ def pack_bodies(picture: Picture, frames: ChosenFrames, pack: Pack) -> list[Page
     """Solids other than those of the links, in the same form: springs, with ``stretch``, the scale along their axes (frames,),
     marks on rollers and belts, and sheets of paper. ``group``: name of the group that shows and hides them."""
     shapes = []
-    for body in picture.of(Body, "springs", "sheet", *MARK_KINDS):
+    for body in picture.nodes_of(Body, "springs", "sheet", *MARK_KINDS):
         poses = body.poses
         if poses is None:
             still = {"pose": pack.floats(np.zeros((1, 3))), "moves": False, "mesh": _mesh(body.mesh, pack)}
             shapes.append({"name": body.owner[1], "group": body.group, **still})
             continue
-        at, turns = (a[frames.rows].astype(float) for a in (poses.places, poses.turns))
+        at, turns = (a[frames.rows].astype(float) for a in (poses.places, poses.quaternions))
         pose = np.column_stack([at[:, :2], np.unwrap(2.0 * np.arctan2(turns[:, 2], turns[:, 3]))])
         height = float(at[:, 2].mean())
         more: PageShape = {}
@@ -68,7 +68,7 @@ def pack_bodies(picture: Picture, frames: ChosenFrames, pack: Pack) -> list[Page
 
 
 def pack_drawables(
-    picture: Picture, frames: ChosenFrames, pack: Pack, progress: PackProgress = quiet
+    picture: Picture, frames: ChosenFrames, pack: Pack, progress: PackProgress = no_progress
 ) -> list[tuple[PageShape, Real | None]]:
     """Arrows, strips and points with the box (2, 2) [m] around each; ``group``: name of the group that shows and hides them;
     ``link``: number of the link to which they are fixed."""
@@ -91,7 +91,7 @@ def pack_drawables(
 
 def pack_drawing(drawing: Drawing, size: float, frames: ChosenFrames, pack: Pack) -> PageShape:
     """A construction beside the mechanism, as parts in the form of drawables."""
-    arrows, lines = ([i for i in drawing.strokes if i.plain is plain] for plain in (False, True))
+    arrows, lines = ([i for i in drawing.arrows if i.headless is plain] for plain in (False, True))
     parts: list[PageShape] = []
     if drawing.curves:
         strips = [_plane(z)[None].astype(np.float32) for _, z in drawing.curves]
@@ -102,15 +102,15 @@ def pack_drawing(drawing: Drawing, size: float, frames: ChosenFrames, pack: Pack
         start, vector = (np.stack([getattr(i, k) for i in strokes], axis=1)[frames.rows] for k in ("start", "vector"))
         words = [i.label for i in strokes]
         colors = [i.color for i in strokes]
-        radii = [(0.003 if i.fine or i.plain else 0.0055) * size for i in strokes]
+        radii = [(0.003 if i.thin or i.headless else 0.0055) * size for i in strokes]
         if strokes is arrows:
             parts.append(_arrows(_plane(start), _plane(vector), colors, radii, words, pack)[0])
         else:
             both = np.stack([start, start + vector], axis=2)  # (F, n, 2)
             parts.append(_strips([_plane(both[:, k]) for k in range(len(lines))], colors, radii, words, None, frames, pack)[0])
-    if drawing.marks:
-        at = np.stack([m.at for m in drawing.marks], axis=1)[frames.rows]
-        parts.append(_points(_plane(at), [(240, 240, 240)], [0.009 * size], [m.label for m in drawing.marks], pack)[0])
+    if drawing.points:
+        at = np.stack([m.position for m in drawing.points], axis=1)[frames.rows]
+        parts.append(_points(_plane(at), [(240, 240, 240)], [0.009 * size], [m.label for m in drawing.points], pack)[0])
     return {"title": drawing.title.partition(":")[0], "caption": drawing.title, "parts": parts}
 
 
@@ -119,7 +119,7 @@ def _drawable(node: Node, picture: Picture, frames: ChosenFrames, pack: Pack) ->
     rows, size = frames.rows, picture.size
     match node:
         case Lines():
-            there = None if node.shown is None else node.shown[rows]
+            there = None if node.visible is None else node.visible[rows]
             strips = [strip[rows] if node.moves else strip for strip in node.strips]
             return _strips(strips, node.colors, node.radii, node.labels, there, frames, pack)
         case Points():
@@ -153,13 +153,13 @@ def _strips(
     look = _look(len(strips), colors, radii, labels)
     if len(strips[0]) == 1 and len(frames.rows) > 1:
         points = np.concatenate([strip[0] for strip in strips]).astype(float)
-        shape = {"kind": "still strips", "lengths": [strip.shape[1] for strip in strips], "points": pack.places(points[:, :2])}
+        shape = {"kind": "still strips", "lengths": [strip.shape[1] for strip in strips], "points": pack.quantised(points[:, :2])}
         return {**shape, "z": _height(points), **look}, points[:, :2]
     length = max(strip.shape[1] for strip in strips)
     every = np.stack([np.concatenate([s, *([s[:, -1:]] * (length - s.shape[1]))], axis=1) for s in strips], axis=1).astype(float)
     if there is not None:
         every[~there] = np.nan
-    shape = {"kind": "strips", "count": len(strips), "length": length, "points": pack.places(every[..., :2])}
+    shape = {"kind": "strips", "count": len(strips), "length": length, "points": pack.quantised(every[..., :2])}
     return {**shape, "z": _height(every), **look}, every[..., :2]
 
 
@@ -173,8 +173,8 @@ def _arrows(
         "kind": "arrows",
         "count": count,
         "z": _height(origins),
-        "origins": pack.places(starts),
-        "vectors": pack.places(vectors),
+        "origins": pack.quantised(starts),
+        "vectors": pack.quantised(vectors),
     }
     return {**shape, **_look(count, colors, radii, labels)}, np.concatenate([starts, starts + vectors])
 
@@ -184,7 +184,7 @@ def _points(
 ) -> tuple[PageShape, Real]:
     """The drawable of points (F, n, 3), or (1, n, 3) at rest, and their positions."""
     count, flat = places.shape[1], np.asarray(places, float)[..., :2]
-    shape = {"kind": "points", "count": count, "moves": len(places) > 1, "z": _height(places), "points": pack.places(flat)}
+    shape = {"kind": "points", "count": count, "moves": len(places) > 1, "z": _height(places), "points": pack.quantised(flat)}
     return {**shape, **_look(count, colors, radii, labels)}, flat
 
 
@@ -197,7 +197,7 @@ def _look(count: int, colors: Sequence[Color], radii: Sequence[float], labels: S
 def _mesh(mesh: Mesh, pack: Pack, height: float = 0.0) -> PageShape:
     palette, number = np.unique(mesh.colors, axis=0, return_inverse=True)
     return {
-        "vertices": pack.places(mesh.vertices + np.array([0.0, 0.0, height])),
+        "vertices": pack.quantised(mesh.vertices + np.array([0.0, 0.0, height])),
         "normals": pack.directions(mesh.normals),
         "faces": pack.indices(mesh.faces),
         "colors": pack.octets(number),
@@ -208,7 +208,7 @@ def _mesh(mesh: Mesh, pack: Pack, height: float = 0.0) -> PageShape:
 def _spin(poses: PoseTrack, frames: ChosenFrames) -> Real:
     """Displacements [m] and quaternions (frames, 7); successive quaternions have a positive scalar product, so that the page can
     interpolate linearly."""
-    shifts, turns = (a[frames.rows].astype(float) for a in (poses.places, poses.turns))
+    shifts, turns = (a[frames.rows].astype(float) for a in (poses.places, poses.quaternions))
     turns[1:] *= np.cumprod(np.where(np.einsum("fi,fi->f", turns[1:], turns[:-1]) < 0.0, -1.0, 1.0))[:, None]
     return np.column_stack([shifts, turns])
 
@@ -241,7 +241,7 @@ def _box(points: Real) -> Real | None:
 
 def spring_boxes(picture: Picture) -> Iterator[Real]:
     """Boxes (2, 2) [m] around the springs over the run."""
-    return (body.reach() for body in picture.of(Body, "springs"))
+    return (body.bounds() for body in picture.nodes_of(Body, "springs"))
 
 
 def hex_of(color: Iterable[int]) -> str:

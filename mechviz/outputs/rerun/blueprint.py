@@ -15,15 +15,15 @@ from mechcore.motion.events import Event
 from mechviz.outputs.drawings import OVERLAY_GROUPS
 from mechviz.outputs.rerun.entities import entity
 from mechviz.outputs.rerun.plots import (
-    Output,
-    cam_outputs,
-    effort_outputs,
-    free_outputs,
-    health_outputs,
-    main_outputs,
+    PlotView,
+    cam_plots,
+    effort_plots,
+    free_plots,
+    health_plots,
+    main_plots,
     mark_path,
-    reaction_outputs,
-    study_outputs,
+    reaction_plots,
+    study_plots,
 )
 from mechviz.picture.fixtures import looks_of
 from mechviz.picture.overlays import HIDDEN_DIAGRAMS, SECTION_DIAGRAMS
@@ -188,12 +188,12 @@ def eye_on(bounds: Real) -> tuple[Real, Real]:
     return middle + away * direction / np.linalg.norm(direction), middle
 
 
-def _stacks(run: Run) -> list[list[Output]]:
+def _stacks(run: Run) -> list[list[PlotView]]:
     """The plots beside the mechanism; plots of one stack become tabs."""
-    stacks = [[output] for output in (*study_outputs(run), *effort_outputs(run), *free_outputs(run))]
-    stacks += [cam_outputs(run)]
-    stacks.append(reaction_outputs(run))
-    motion = main_outputs(run)
+    stacks = [[output] for output in (*study_plots(run), *effort_plots(run), *free_plots(run))]
+    stacks += [cam_plots(run)]
+    stacks.append(reaction_plots(run))
+    motion = main_plots(run)
     stacks += [[output] for output in motion] if run.forces is None else [motion]
     return [stack for stack in stacks if stack]
 
@@ -238,7 +238,7 @@ def _axis_values(run: Run) -> Real:
     return run.motion.time if axis is None else run.motion.coordinate(axis)[:, 0]
 
 
-def _plot(output: Output, times: Real | None = None, marked: tuple[float, float] | None = None) -> Any:
+def _plot(output: PlotView, times: Real | None = None, marked: tuple[float, float] | None = None) -> Any:
     """A plot over the whole run (rerun's default is a window around the cursor). ``marked``: the range of its vertical axis, if it
     has lines at events."""
     import rerun as rr
@@ -328,15 +328,15 @@ def _below(run: Run, events: Sequence[Event]) -> Any:
         no_time = rrb.encodings.TimelineColumn("time", visible=False)  # the text contains the time
         columns = rrb.TextLogColumns(timeline_columns=[no_time], text_log_columns=["LogLevel", "Body"])
         views.append(rrb.TextLogView(origin="/events", name="Events", columns=columns))
-    views += [_plot(output) for output in health_outputs(run)]
+    views += [_plot(output) for output in health_plots(run)]
     if run.forces is not None and run.simulation is None:
-        views.append(_plot(Output("Energy [J]", ((entity("data", "energy"), ()),))))
+        views.append(_plot(PlotView("Energy [J]", ((entity("data", "energy"), ()),))))
     rubbing = run.forces is not None and run.forces.friction is not None
     if rubbing or (run.simulation is not None and (run.simulation.stops or run.simulation.separable_cams)):
         name = "States" if run.simulation is not None else "Friction: states"
         views.insert(1 if events else 0, rrb.StateTimelineView(origin="/state", name=name))
     if run.forces is not None and run.forces.friction is not None:
         losses = tuple((entity("data", "joints", p, "friction_loss"), ()) for p in run.forces.friction.joints)
-        views.insert(1 if events else 0, _plot(Output("Friction losses [W]", losses)))
+        views.insert(1 if events else 0, _plot(PlotView("Friction losses [W]", losses)))
     views.append(rrb.TextDocumentView(origin="/notes", name="Notes"))
     return rrb.Tabs(*views, active_tab=0 if events else len(views) - 1)  # plots of health are close to zero: the notes tell more

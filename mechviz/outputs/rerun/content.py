@@ -18,7 +18,7 @@ from mechviz.accuracy.fit import target_lines
 from mechviz.outputs.drawings import Diagram, diagram_shapes, diagram_streams, polygon_shapes, polygon_streams, polygon_views
 from mechviz.outputs.rerun.blueprint import BACKGROUND_COLOR
 from mechviz.outputs.rerun.entities import Static, Stream, entity, link_streams, magnification, table_streams, view_statics
-from mechviz.outputs.rerun.nodes import legend_shapes, listed, picture_statics, picture_streams
+from mechviz.outputs.rerun.nodes import legend_shapes, nodes_json, picture_statics, picture_streams
 from mechviz.outputs.rerun.plots import lane_styles, plot_streams, plot_styles
 from mechviz.picture.constructions import Drawing
 from mechviz.picture.nodes import Picture
@@ -213,7 +213,7 @@ def _properties(run: Run, picture: Picture, wall_seconds: float, *, complete: bo
         "size": picture.size,
         "bounds": json.dumps(picture.bounds.tolist()),
         "top": picture.top,
-        "picture": listed(picture),
+        "picture": nodes_json(picture),
         "quantities": _listed_quantities(run.catalogue),
         "model": model_json(run),
         "effects": pa.array(list(run.plan.effects), pa.string()),
@@ -235,11 +235,11 @@ def _properties(run: Run, picture: Picture, wall_seconds: float, *, complete: bo
 
 def _listed_quantities(catalogue: Catalogue) -> str:
     """The catalogue as JSON: key, label, unit, curves and entity of every quantity."""
-    listed = [
+    entries = [
         {"key": q.key, "label": q.label, "unit": q.unit, "curves": list(q.curves), "entity": entity(*q.path)}
         for q in catalogue.quantities
     ]
-    return json.dumps(listed, ensure_ascii=False)
+    return json.dumps(entries, ensure_ascii=False)
 
 
 def _stated(run: Run) -> dict[str, Any]:

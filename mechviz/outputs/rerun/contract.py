@@ -300,8 +300,8 @@ def needed_tables(model: RecordedModel, forces: bool) -> set[str]:
 
 def missing_tables(recording: Recording) -> list[str]:
     """The tables that a recording must have but lacks."""
-    needed = needed_tables(recording.said.model, recording.has("data", "energy"))
-    return sorted(path for path in needed | {q.entity for q in recording.said.quantities} if not recording.has(path))
+    needed = needed_tables(recording.parsed_properties.model, recording.has("data", "energy"))
+    return sorted(path for path in needed | {q.entity for q in recording.parsed_properties.quantities} if not recording.has(path))
 
 
 def _needed(model: RecordedModel, forces: bool) -> Iterator[tuple[str, ...]]:
@@ -320,11 +320,11 @@ def _needed(model: RecordedModel, forces: bool) -> Iterator[tuple[str, ...]]:
 
 def faults_of(recording: Recording) -> Iterator[str]:
     """Faults of the entities of a recording with valid properties."""
-    said, has = recording.said, set(recording.entities)
+    properties, has = recording.parsed_properties, set(recording.entities)
     yield from (f"{path} is missing" for path in missing_tables(recording))
-    yield from (f"{node.entity} is missing" for node in said.picture or () if node.kind == "body" and node.entity not in has)
-    poses = {entity("data", "links", link, "pose") for link in said.model.links}
-    time = recording.times(entity("data", "links", said.model.frame, "pose"))
+    yield from (f"{node.entity} is missing" for node in properties.picture or () if node.kind == "body" and node.entity not in has)
+    poses = {entity("data", "links", link, "pose") for link in properties.model.links}
+    time = recording.times(entity("data", "links", properties.model.frame, "pose"))
     if np.any(np.diff(time) <= 0):
         yield "the times of the frames do not increase"
     for path in recording.entities:

@@ -22,7 +22,7 @@ ARC_POINTS = 24
 LEGEND_ROOM = 0.2  # height, in sizes of the mechanism, for the legend below solids and arrows
 
 
-def seen(item: Vector | Moment, scales: Scales, size: float) -> bool:
+def is_visible(item: Vector | Moment, scales: Scales, size: float) -> bool:
     """Whether an arrow or arc is drawn in any frame."""
     if isinstance(item, Vector):
         return bool(visible(item.value, scales.per_metre(item.family), size).any())
@@ -78,7 +78,7 @@ FORCE_RADIUS, MOTION_RADIUS = 0.0055, 0.004  # radii of arrows of forces and of 
 EVERY_FRAME = ("solids", "joints", "roller", "belt")  # groups that move with their links
 
 
-def listed(picture: Picture) -> str:
+def nodes_json(picture: Picture) -> str:
     """The nodes as JSON: what a reader needs in addition to their entities."""
     return json.dumps([_entry(node) for node in picture.nodes], ensure_ascii=False)
 
@@ -95,7 +95,7 @@ def _entry(node: Node) -> dict[str, Any]:
     if isinstance(node, Body | Points | Lines):
         entry["parent"] = node.parent
     if isinstance(node, Arrow | MomentArc):
-        entry["beside"] = node.aside if isinstance(node, Arrow) else node.radius
+        entry["beside"] = node.offset if isinstance(node, Arrow) else node.radius
     return entry
 
 
@@ -138,17 +138,19 @@ def _placed(node: Body, frames: slice) -> Any:
     poses = node.poses
     assert poses is not None
     scales = {} if poses.scales is None else {"scale": poses.scales[frames]}
-    return archetype_columns(rr.Transform3D.from_fields(translation=poses.places[frames], quaternion=poses.turns[frames], **scales))
+    return archetype_columns(
+        rr.Transform3D.from_fields(translation=poses.places[frames], quaternion=poses.quaternions[frames], **scales)
+    )
 
 
 def _bent(node: Lines, frames: slice) -> Any:
     import rerun as rr
 
-    if node.shown is None:
+    if node.visible is None:
         return archetype_columns(
             rr.LineStrips3D.from_fields(strips=line_strips([s[frames] for s in node.strips])), len(node.strips)
         )
-    there = node.shown[frames]
+    there = node.visible[frames]
     return archetype_columns(
         rr.LineStrips3D.from_fields(strips=line_strips([s[frames][there] for s in node.strips])), len(node.strips) * there
     )
@@ -256,9 +258,9 @@ def legend_shapes(picture: Picture, around: Real, units: Units) -> Iterator[Stat
     values.
     """
     scales, size = picture.scales, picture.size
-    vectors, moments = [a.vector for a in picture.of(Arrow)], [a.moment for a in picture.of(MomentArc)]
-    pointing = {v.family for v in vectors if seen(v, scales, size)}
-    shown = pointing | {m.family for m in moments if seen(m, scales, size)}
+    vectors, moments = [a.vector for a in picture.nodes_of(Arrow)], [a.moment for a in picture.nodes_of(MomentArc)]
+    pointing = {v.family for v in vectors if is_visible(v, scales, size)}
+    shown = pointing | {m.family for m in moments if is_visible(m, scales, size)}
     for view in ("forces", "motion"):
         drawn = [v for v in vectors if (v.family in MOTION_FAMILIES) == (view == "motion")]
         low, high = extent(drawn, scales, picture.bounds, size)[:, :2]

@@ -48,7 +48,7 @@ MOST_REACTIONS = 6  # joints in one plot
 
 
 @dataclass(frozen=True, eq=False)
-class Output:
+class PlotView:
     """A plot: name of its view, its entities with flags of the series shown of each (empty: all), and the curves ``values`` (F,
     n)."""
 
@@ -60,34 +60,34 @@ class Output:
 
 
 @dataclass(frozen=True, eq=False)
-class Gathered:
+class SeriesGroup:
     """Series that share a plot, in display units. They form an entity of their own, so that its legend names nothing else; or, if
-    the display units are SI units, ``data`` are the entities, as in `Output`, that contain the same series."""
+    the display units are SI units, ``data`` are the entities, as in `PlotView`, that contain the same series."""
 
     path: tuple[str, ...]
     view: str  # name of the view
     names: tuple[str, ...]  # of the series
     values: Real  # (F, n)
     data: tuple[tuple[str, tuple[bool, ...]], ...] = ()
-    single: bool = False  # as in `Output`
-    least: float = 0.0  # as in `Output`
+    single: bool = False  # as in `PlotView`
+    least: float = 0.0  # as in `PlotView`
 
     @property
-    def output(self) -> Output:
+    def plot(self) -> PlotView:
         shown = self.data or ((entity(*self.path), ()),)
-        return Output(self.view, shown, self.values, self.single and bool(self.data), self.least)
+        return PlotView(self.view, shown, self.values, self.single and bool(self.data), self.least)
 
 
-def main_outputs(run: Run) -> list[Output]:
+def main_plots(run: Run) -> list[PlotView]:
     """Plots of position, velocity and acceleration of the output: sliders at the frame, otherwise traced points, otherwise rotating
     joints at the frame."""
     names, points = _moved(run)
     if names:
-        return [gathered.output for gathered in _of_joints(run, names)]
-    return [gathered.output for gathered in _of_points(run, points)]
+        return [series.plot for series in _of_joints(run, names)]
+    return [series.plot for series in _of_points(run, points)]
 
 
-def _of_points(run: Run, points: list[tuple[str, str]]) -> list[Gathered]:
+def _of_points(run: Run, points: list[tuple[str, str]]) -> list[SeriesGroup]:
     """Positions, velocities and accelerations of points."""
     gathered = []
     for k, (kind, letter, si) in enumerate((("position", "", "m"), ("velocity", "v", "m/s"), ("acceleration", "a", "m/s^2"))):
@@ -96,16 +96,18 @@ def _of_points(run: Run, points: list[tuple[str, str]]) -> list[Gathered]:
             names = tuple(f"{point_name(*p)}.{letter}{axis} [{unit}]" for p in points for axis in "xy")
             values = factor * np.column_stack([run.motion.point(*p, k) for p in points])
             data = tuple((entity("data", "points", point_name(*p), kind), (True, True)) for p in points)
-            gathered.append(Gathered(("plots", kind), f"Point {kind} [{unit}]", names, values, data if k and factor == 1.0 else ()))
+            gathered.append(
+                SeriesGroup(("plots", kind), f"Point {kind} [{unit}]", names, values, data if k and factor == 1.0 else ())
+            )
     return gathered
 
 
-def study_outputs(run: Run) -> list[Output]:
+def study_plots(run: Run) -> list[PlotView]:
     """Plots of studies of a scene: reduced masses and moments of inertia, shaking moments."""
-    return [gathered.output for gathered in (*_reduced(run), *_shaking(run))]
+    return [series.plot for series in (*_reduced(run), *_shaking(run))]
 
 
-def _reduced(run: Run) -> list[Gathered]:
+def _reduced(run: Run) -> list[SeriesGroup]:
     """Reduced masses and moments of inertia."""
     gathered = []
     for name, r in run.studies.reduced.items():
@@ -113,11 +115,11 @@ def _reduced(run: Run) -> list[Gathered]:
         unit, factor = run.scene.units.display_unit(si)
         data = ((entity("data", "reduced", name), (True, False, False, False)),) if factor == 1.0 else ()
         view, values = f"{what} [{unit}], {name}", factor * r.mass[:, None]
-        gathered.append(Gathered(("plots", "reduced", name), view, (f"{name} [{unit}]",), values, data))
+        gathered.append(SeriesGroup(("plots", "reduced", name), view, (f"{name} [{unit}]",), values, data))
     return gathered
 
 
-def _shaking(run: Run) -> list[Gathered]:
+def _shaking(run: Run) -> list[SeriesGroup]:
     """The shaking moment, without and with counterweights."""
     before, after = run.studies.shaking, run.studies.balanced
     if before is None:
@@ -127,15 +129,15 @@ def _shaking(run: Run) -> list[Gathered]:
     data = ((entity("data", "shaking"), (False, False, True)),) if after is None and factor == 1.0 else ()
     names = (f"shaking moment [{unit}]", f"with counterweights [{unit}]")[: len(both)]
     values = factor * np.column_stack([s.moment for s in both])
-    return [Gathered(("plots", "shaking moment"), f"Shaking moment [{unit}]", names, values, data)]
+    return [SeriesGroup(("plots", "shaking moment"), f"Shaking moment [{unit}]", names, values, data)]
 
 
-def cam_outputs(run: Run) -> list[Output]:
+def cam_plots(run: Run) -> list[PlotView]:
     """Plots of lift, pressure angle, contact force and Hertz pressure of the cams, and of graphical accelerations."""
-    return [gathered.output for gathered in (*_of_cams(run), *_drawn_laws(run))]
+    return [series.plot for series in (*_of_cams(run), *_drawn_laws(run))]
 
 
-def _drawn_laws(run: Run) -> list[Gathered]:
+def _drawn_laws(run: Run) -> list[SeriesGroup]:
     """Accelerations of the lift from the graphical construction, together with the exact ones."""
     gathered = []
     rated = {p.name: p for p in run.motion.mechanism.joints if isinstance(p, CamJoint) and p.name in _cams(run)}
@@ -146,7 +148,7 @@ def _drawn_laws(run: Run) -> list[Gathered]:
         data = (both, (entity("data", "cams", name, "lift"), (False, False, True))) if factor == 1.0 else ()
         values = factor * np.column_stack([drawn.values[:, 2], exact.values[:, 2]])
         view = f"Acceleration of the lift, drawn and exact, {name}"
-        gathered.append(Gathered(("plots", "drawn", name), view, (f"drawn [{unit}]", f"exact [{unit}]"), values, data))
+        gathered.append(SeriesGroup(("plots", "drawn", name), view, (f"drawn [{unit}]", f"exact [{unit}]"), values, data))
     return gathered
 
 
@@ -155,7 +157,7 @@ def _cams(run: Run) -> list[str]:
     return [r.name for r in run.motion.model.relations if r.kind == "cam"][:MOST_OUTPUTS]
 
 
-def _of_cams(run: Run) -> list[Gathered]:
+def _of_cams(run: Run) -> list[SeriesGroup]:
     """Lift, pressure angle, contact force and Hertz pressure of the cams."""
     gathered, force = [], () if run.forces is None else (("contact", 2, "Contact force"),)
     for table, column, title in (("lift", 0, "Lift"), ("contact", 3, "Pressure angle"), *force, ("stress", 0, "Hertz pressure")):
@@ -170,7 +172,7 @@ def _of_cams(run: Run) -> list[Gathered]:
             as_they_are = title == "Contact force" and all(factor == 1.0 for _, (_, factor) in curves.values())
             data = tuple((entity("data", "cams", n, table), tuple(i == column for i in range(6))) for n in curves)
             single = as_they_are and len(curves) == 1
-            gathered.append(Gathered(("plots", title.lower()), view, series, values, data if as_they_are else (), single))
+            gathered.append(SeriesGroup(("plots", title.lower()), view, series, values, data if as_they_are else (), single))
     return gathered
 
 
@@ -186,7 +188,7 @@ def _moved(run: Run) -> tuple[list[JointInfo], list[tuple[str, str]]]:
     return [], points
 
 
-def _of_joints(run: Run, joints: list[JointInfo]) -> list[Gathered]:
+def _of_joints(run: Run, joints: list[JointInfo]) -> list[SeriesGroup]:
     sliding = joints[0].unit == "m"
     motions = [run.motion.coordinate(j.name) for j in joints]
     angles = [values[np.isfinite(values[:, 0]), 0] for values in motions]
@@ -198,16 +200,18 @@ def _of_joints(run: Run, joints: list[JointInfo]) -> list[Gathered]:
         own = len(joints) == 1 and factor == 1.0  # the data themselves are plotted
         data = ((entity("data", "joints", joints[0].name, "motion"), tuple(i == k for i in range(3))),) if own else ()
         values = factor * np.column_stack([motion[:, k] for motion in motions])
-        gathered.append(Gathered(("plots", kind), f"{noun} {kind} [{u}]", tuple(f"{j.name} [{u}]" for j in joints), values, data))
+        gathered.append(
+            SeriesGroup(("plots", kind), f"{noun} {kind} [{u}]", tuple(f"{j.name} [{u}]" for j in joints), values, data)
+        )
     return gathered
 
 
-def effort_outputs(run: Run) -> list[Output]:
+def effort_plots(run: Run) -> list[PlotView]:
     """Driving torques and driving forces, in separate plots."""
-    return [gathered.output for gathered in _efforts(run)]
+    return [series.plot for series in _efforts(run)]
 
 
-def _efforts(run: Run) -> list[Gathered]:
+def _efforts(run: Run) -> list[SeriesGroup]:
     forces = run.forces
     if forces is None:
         return []
@@ -221,21 +225,21 @@ def _efforts(run: Run) -> list[Gathered]:
             data = ((entity("data", "drive", joints[0]), (False, False, False, True, False)),) if own else ()
             series = tuple(f"{p} [{u}]" for p in joints)
             least = factor * rounding_of_efforts(run, unit)
-            efforts.append(Gathered(("plots", path), f"{name} [{u}]", series, values, data, least=least))
+            efforts.append(SeriesGroup(("plots", path), f"{name} [{u}]", series, values, data, least=least))
     return efforts
 
 
-def free_outputs(run: Run) -> list[Output]:
+def free_plots(run: Run) -> list[PlotView]:
     """Plots of a motion under forces: speeds of the free coordinates, angular and linear separately, gaps of joints with clearance,
     and the energy."""
     if run.simulation is None or run.forces is None:
         return []
-    speeds = [gathered.output for gathered in _speeds(run)]
-    gaps = [gathered.output for gathered in _gaps(run)]
-    return [*speeds, *gaps, Output("Energy [J]", ((entity("data", "energy"), ()),), run.forces.energy)]
+    speeds = [series.plot for series in _speeds(run)]
+    gaps = [series.plot for series in _gaps(run)]
+    return [*speeds, *gaps, PlotView("Energy [J]", ((entity("data", "energy"), ()),), run.forces.energy)]
 
 
-def _speeds(run: Run) -> list[Gathered]:
+def _speeds(run: Run) -> list[SeriesGroup]:
     if run.simulation is None:
         return []
     speeds = []
@@ -248,11 +252,11 @@ def _speeds(run: Run) -> list[Gathered]:
             rates = factor * np.column_stack([run.motion.coordinate(p)[:, 1] for p in some])
             own = len(some) == 1 and factor == 1.0
             data = ((entity("data", "joints", some[0], "motion"), (False, True, False)),) if own else ()
-            speeds.append(Gathered(("plots", path), f"Speed [{u}]", tuple(f"{p} [{u}]" for p in some), rates, data))
+            speeds.append(SeriesGroup(("plots", path), f"Speed [{u}]", tuple(f"{p} [{u}]" for p in some), rates, data))
     return speeds
 
 
-def _gaps(run: Run) -> list[Gathered]:
+def _gaps(run: Run) -> list[SeriesGroup]:
     """Gaps between journal and bearing of joints with clearance."""
     journals = journals_of(run.scene.mechanism)
     if not journals:
@@ -260,10 +264,10 @@ def _gaps(run: Run) -> list[Gathered]:
     apart = [j.radial - np.hypot(*(run.motion.coordinate(s)[:, 0] for s in j.slides)) for j in journals.values()]
     unit, factor = run.scene.units.display_unit("m")
     names = tuple(f"{p} [{unit}]" for p in journals)
-    return [Gathered(("plots", "gap"), f"Gap in the bearing [{unit}]", names, factor * np.column_stack(apart))]
+    return [SeriesGroup(("plots", "gap"), f"Gap in the bearing [{unit}]", names, factor * np.column_stack(apart))]
 
 
-def reaction_outputs(run: Run) -> list[Output]:
+def reaction_plots(run: Run) -> list[PlotView]:
     """Plots of the magnitudes of the joint reactions, at most `MOST_REACTIONS` in a plot."""
     names = [j.name for j in joints_of(run.motion)]
     if run.forces is None or not names:
@@ -271,7 +275,7 @@ def reaction_outputs(run: Run) -> list[Output]:
     sizes, (unit, _) = _reactions(run), run.scene.units.display_unit("N")
     parts = [range(k, min(k + MOST_REACTIONS, len(names))) for k in range(0, len(names), MOST_REACTIONS)]
     return [
-        Output(
+        PlotView(
             f"Joint reactions, magnitude [{unit}]"
             if len(parts) == 1
             else f"Reactions {names[part[0]]} … {names[part[-1]]} [{unit}]",
@@ -288,23 +292,23 @@ def _reactions(run: Run) -> Real:
     return factor * np.column_stack([np.hypot(*run.forces.reaction(j.name)[:, :2].T) for j in joints_of(run.motion)])
 
 
-def health_outputs(run: Run) -> list[Output]:
+def health_plots(run: Run) -> list[PlotView]:
     """Plots of closure errors and the other quantities that show whether a run can be trusted."""
-    outputs = [_closures(run).output, Output("Health: condition [1]", ((entity("health", "condition"), ()),))]
+    outputs = [_closures(run).plot, PlotView("Health: condition [1]", ((entity("health", "condition"), ()),))]
     if run.forces is not None:
-        outputs.append(Output("Health: power balance [1]", ((entity("health", "power_balance"), ()),)))
+        outputs.append(PlotView("Health: power balance [1]", ((entity("health", "power_balance"), ()),)))
     if run.simulation is not None:
-        outputs.append(Output("Health: energy drift [1]", ((entity("health", "energy_drift"), ()),)))
+        outputs.append(PlotView("Health: energy drift [1]", ((entity("health", "energy_drift"), ()),)))
     return outputs
 
 
-def _closures(run: Run) -> Gathered:
-    display = {name: run.scene.units.display_unit(si, small=True) for name, si in HEALTH_UNITS.items()}
-    units, factors = zip(*display.values(), strict=True)
+def _closures(run: Run) -> SeriesGroup:
+    reads = {name: run.scene.units.display_unit(si, small=True) for name, si in HEALTH_UNITS.items()}
+    units, factors = zip(*reads.values(), strict=True)
     values = np.column_stack([run.numbers.tables["health", name].values for name in HEALTH_UNITS]) * factors
     data = tuple((entity("health", name), ()) for name in HEALTH_UNITS) if set(factors) == {1.0} else ()
     names = tuple(f"{name.replace('_', ' ')} [{unit}]" for name, unit in zip(HEALTH_UNITS, units, strict=True))
-    return Gathered(("plots", "closure"), f"Health: closure [{', '.join(units)}]", names, values, data)
+    return SeriesGroup(("plots", "closure"), f"Health: closure [{', '.join(units)}]", names, values, data)
 
 
 def plot_streams(run: Run, every: int) -> Iterator[Stream]:
@@ -316,15 +320,15 @@ def plot_streams(run: Run, every: int) -> Iterator[Stream]:
 
         return Stream(path, columns, every)
 
-    for gathered in _gathered(run):
-        yield stream(entity(*gathered.path), np.ascontiguousarray(gathered.values[::every]))
-    for output in reaction_outputs(run):
+    for series in _gathered(run):
+        yield stream(entity(*series.path), np.ascontiguousarray(series.values[::every]))
+    for output in reaction_plots(run):
         assert output.values is not None
         peaks = np.maximum.reduceat(output.values, np.arange(0, len(output.values), every), axis=0)
         yield stream(output.entities[0][0], peaks)
 
 
-def _gathered(run: Run) -> list[Gathered]:
+def _gathered(run: Run) -> list[SeriesGroup]:
     joints, points = _moved(run)
     moved = _of_joints(run, joints) if joints else _of_points(run, points)
     cams = (*_of_cams(run), *_drawn_laws(run))
@@ -349,11 +353,11 @@ def plot_styles(run: Run, all_tables: list[ItemTable]) -> Iterator[Static]:
         first = known.get(kind, -1 if kind[1:2] == ("drive",) else 0)  # so that efforts are green like their arrows
         known[kind] = first + len(table.columns)
         yield Static(entity(*table.path), style([h.replace("^2", "²") for h in table.headers()], first))
-    for gathered in _gathered(run):
-        effort = gathered.path[-1] in ("torque", "force")  # green first, like the arrows
-        yield Static(entity(*gathered.path), style(list(gathered.names), 2 if effort else 0))
+    for series in _gathered(run):
+        effort = series.path[-1] in ("torque", "force")  # green first, like the arrows
+        yield Static(entity(*series.path), style(list(series.names), 2 if effort else 0))
     names = [f"{j.name} [{run.scene.units.display_unit('N')[0]}]" for j in joints_of(run.motion)]
-    for output in reaction_outputs(run):
+    for output in reaction_plots(run):
         assert output.values is not None
         count = output.values.shape[1]
         yield Static(output.entities[0][0], style(names[:count], 0))

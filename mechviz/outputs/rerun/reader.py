@@ -23,7 +23,7 @@ from mechviz.scene.folder import SceneFolder
 from mechviz.scene.scene import Scene, loads
 
 
-def evenly(total: int, most: int) -> Integers:
+def even_indices(total: int, most: int) -> Integers:
     """Indices of at most ``most`` of ``total`` frames, evenly spaced, including the first and the last."""
     return np.unique(np.round(np.linspace(0, total - 1, min(total, most))).astype(np.int64))
 
@@ -91,7 +91,7 @@ class Recording:
     [ns] are then the times of all frames, otherwise None.
     """
 
-    said: Properties  # the checked properties, with JSON parsed
+    parsed_properties: Properties  # checked, with JSON texts parsed
 
     def __init__(self, path: Path | str, *, most: int | None = None):
         self.path = Path(path)
@@ -109,12 +109,12 @@ class Recording:
                 raise RecordingError(f"'{path}' holds no frames: it was interrupted before the first were whole.", RECORD_AGAIN)
             what = f"of the application '{application}'" if application else "of another program"
             raise RecordingError(f"'{path}' is a rerun recording {what}, not of mechviz.", "Give a file that mechviz recorded.")
-        said, faults = read_properties(self.properties)
-        if said is not None:
-            self.said = said
+        properties, faults = read_properties(self.properties)
+        if properties is not None:
+            self.parsed_properties = properties
             if self._damage is not None:
                 self._leave_out_damaged()
-            if self._damage is not None or not said.complete:
+            if self._damage is not None or not properties.complete:
                 self._cut(_last_whole_time({path: self.times(path) for path in self._moving}))
                 if missing := missing_tables(self):
                     if self._damage is not None:
@@ -134,7 +134,7 @@ class Recording:
         check_readable(self.path)
         if most is not None:
             self.frame_times = _times_of_frames(self._chunks(), most, lambda: self._damage)
-        times = None if self.frame_times is None else self.frame_times[evenly(len(self.frame_times), most or 1)]
+        times = None if self.frame_times is None else self.frame_times[even_indices(len(self.frame_times), most or 1)]
         for batch in self._chunks():
             moving, name = "time" in batch.schema.names, entity_of(batch)
             known = (self._moving if moving else self._static).setdefault(name, [])
@@ -155,10 +155,11 @@ class Recording:
     def note(self) -> str:
         """A sentence on the missing part of the recording; empty if it is complete."""
         if self._damage is not None:
-            frames = len(self.times("data", "links", self.said.model.frame, "pose"))
-            here = "" if frames == self.said.frames else f" Only the first {frames} of {self.said.frames} frames are here."
+            frames = len(self.times("data", "links", self.parsed_properties.model.frame, "pose"))
+            total = self.parsed_properties.frames
+            here = "" if frames == total else f" Only the first {frames} of {total} frames are here."
             return f"{self._damage.message}{here}{self._missing}"
-        return "" if self.said.complete else "It was interrupted: the frames up to then are here."
+        return "" if self.parsed_properties.complete else "It was interrupted: the frames up to then are here."
 
     def _nothing_left(self, missing: list[str]) -> RecordingError:
         assert self._damage is not None
@@ -168,13 +169,14 @@ class Recording:
         return RecordingError(why, self._damage.remedy)
 
     def _leave_out_damaged(self) -> None:
-        lost = _spare(self.said, self.has("data", "energy"), self._damage)
+        lost = _spare(self.parsed_properties, self.has("data", "energy"), self._damage)
         for path in lost:
             self._moving.pop(path, None)
             self._static.pop(path, None)
-        picture = self.said.picture and tuple(node for node in self.said.picture if node.entity not in lost)
-        quantities = tuple(entry for entry in self.said.quantities if entry.entity not in lost)
-        self.said = self.said.model_copy(update={"picture": picture, "quantities": quantities})
+        properties = self.parsed_properties
+        picture = properties.picture and tuple(node for node in properties.picture if node.entity not in lost)
+        quantities = tuple(entry for entry in properties.quantities if entry.entity not in lost)
+        self.parsed_properties = properties.model_copy(update={"picture": picture, "quantities": quantities})
         if lost:
             more = f" and {len(lost) - MOST_REPORTED} others" if len(lost) > MOST_REPORTED else ""
             self._missing = f" Missing: {', '.join(sorted(lost)[:MOST_REPORTED])}{more}."
@@ -227,8 +229,8 @@ class Recording:
         """The scene that made the recording, with the files to which it refers. Raises `SceneError`, `RecordingError`."""
         if not self.scene_text:
             raise RecordingError(f"'{self.path}' does not hold its scene.{' ' * bool(self.note)}{self.note}", RECORD_AGAIN)
-        folder = SceneFolder(self.path.resolve().parent, dict(self.said.files), foreign=True)
-        return loads(self.scene_text, plain_name(self.said.scene or self.path.stem), folder)
+        folder = SceneFolder(self.path.resolve().parent, dict(self.parsed_properties.files), foreign=True)
+        return loads(self.scene_text, plain_name(self.parsed_properties.scene or self.path.stem), folder)
 
     @property
     def notes(self) -> str:
@@ -269,7 +271,7 @@ class Recording:
             return self.scalars(*path)[1] if self.has(*path) else None
 
         time = np.asarray(1e-9 * self.rows(*parts, component="Scalars:scalars").time, float)
-        return interpolate_table(parts, time, values, np.atleast_1d(times), self.said.interpolation)
+        return interpolate_table(parts, time, values, np.atleast_1d(times), self.parsed_properties.interpolation)
 
     def rows(self, *parts: str, component: str) -> ComponentRows:
         """All rows of a component such as ``Transform3D:translation``; raises KeyError if there are none."""
@@ -316,22 +318,22 @@ def _times_of_frames(chunks: Iterator[Any], most: int, damage: Callable[[], Dama
             batches.append(batch)
         elif "time" in batch.schema.names and name.startswith(TABLE_PATHS):
             counted.setdefault(name, []).append(ticks(batch["time"]))
-    said, _ = read_properties(_plain_properties(batches))
-    if said is None or said.frames <= most:
+    properties, _ = read_properties(_plain_properties(batches))
+    if properties is None or properties.frames <= most:
         return None
     times = {name: np.sort(np.concatenate(parts)) for name, parts in counted.items()}
-    frames = times.get(entity("data", "links", said.model.frame, "pose"), np.zeros(0, np.int64))
+    frames = times.get(entity("data", "links", properties.model.frame, "pose"), np.zeros(0, np.int64))
     fault = damage()
-    if fault is not None or not said.complete:
-        spare = _spare(said, entity("data", "energy") in times, fault)
+    if fault is not None or not properties.complete:
+        spare = _spare(properties, entity("data", "energy") in times, fault)
         frames = frames[frames <= _last_whole_time({name: own for name, own in times.items() if name not in spare})]
     return frames if len(frames) > most else None
 
 
-def _spare(said: Properties, forces: bool, damage: DamageError | None) -> set[str]:
+def _spare(properties: Properties, forces: bool, damage: DamageError | None) -> set[str]:
     """Damaged entities that can be left out: those without which nothing can be shown are not among them."""
     lost: set[str] = (damage.lost if damage is not None else None) or set()
-    return lost - needed_tables(said.model, forces) - {PROPERTIES_PATH}
+    return lost - needed_tables(properties.model, forces) - {PROPERTIES_PATH}
 
 
 def _last_whole_time(times: dict[str, Integers]) -> int:

@@ -32,8 +32,8 @@ TABLE_ROOTS = ("data", "health", "polygons")
 
 def recorded_numbers(recording: Recording) -> Numbers:
     """The numbers of a recording, complete or interrupted."""
-    said = recording.said
-    model = said.model
+    properties = recording.parsed_properties
+    model = properties.model
     ticks, _ = recording.scalars("data", "links", model.frame, "pose")
     time = np.asarray(1e-9 * ticks.astype(float), float)
     tables = {t.path: t for path in recording.entities if (t := _table(recording, path)) is not None}
@@ -52,10 +52,10 @@ def recorded_numbers(recording: Recording) -> Numbers:
         loads={name: LoadInfo(load.kind, load.links, load.points) for name, load in model.loads.items()},
         traced=tuple(traced),
         tables=tables,
-        units=said.units,
-        cycle=said.cycle or float(np.ptp(time)) or 1.0,
-        length_scale=said.length_scale or said.tolerance / TOLERANCE,
-        tolerance=said.tolerance,
+        units=properties.units,
+        cycle=properties.cycle or float(np.ptp(time)) or 1.0,
+        length_scale=properties.length_scale or properties.tolerance / TOLERANCE,
+        tolerance=properties.tolerance,
     )
 
 
@@ -83,20 +83,22 @@ EXTENT_FRAMES = 48  # number of poses at which the extent of the mechanism is ev
 
 def picture_in(recording: Recording, numbers: Numbers) -> Picture:
     """The picture of a recording."""
-    said = recording.said
+    properties = recording.parsed_properties
     reader = _Reader(recording, numbers)
-    entries = [*_guessed(recording)] if said.picture is None else said.picture
+    entries = [*_guessed(recording)] if properties.picture is None else properties.picture
     nodes = [node for entry in entries if (node := reader.node(entry)) is not None]
-    bounds = _bounds(nodes, numbers) if said.bounds is None else np.array(said.bounds)
-    size = said.size or float(np.ptp(bounds[:, :2], axis=0).max()) or 1.0
-    scales = Scales(said.newtons_per_metre, said.newton_metres_per_metre, said.mps_per_metre, said.mps2_per_metre)
+    bounds = _bounds(nodes, numbers) if properties.bounds is None else np.array(properties.bounds)
+    size = properties.size or float(np.ptp(bounds[:, :2], axis=0).max()) or 1.0
+    scales = Scales(
+        properties.newtons_per_metre, properties.newton_metres_per_metre, properties.mps_per_metre, properties.mps2_per_metre
+    )
     circles = [n.owner[1] for n in nodes if n.entity[:2] == ("vectors", "friction") and n.entity[-1] == "circle"]
     beside = {e.key: e.beside for e in entries if e.beside is not None}
     arrows = with_scales(numbers, size, scales, circles).nodes({e.key: e.height for e in entries}, float(bounds[1, 2]), beside)
     order = {entry.key: k for k, entry in enumerate(entries)}
     nodes = sorted([*nodes, *arrows], key=lambda node: order.get(node.key, len(order)))
-    top = float(bounds[1, 2] + 0.01 * size) if said.top is None else said.top
-    return Picture(numbers.time, numbers.frame, numbers.poses, tuple(nodes), scales, size, bounds, top, marks=said.marks)
+    top = float(bounds[1, 2] + 0.01 * size) if properties.top is None else properties.top
+    return Picture(numbers.time, numbers.frame, numbers.poses, tuple(nodes), scales, size, bounds, top, marks=properties.marks)
 
 
 def _guessed(recording: Recording) -> Iterator[NodePart]:
@@ -190,8 +192,8 @@ class _Reader:
         return Mesh(vertices.astype(np.float32), faces.astype(np.uint32), normals.astype(np.float32), colors)
 
     def _poses(self, path: str) -> PoseTrack | None:
-        places, turns, scales = (self._columns(path, f"Transform3D:{name}", n) for name, n in _TRANSFORM_PARTS)
-        return None if places is None or turns is None else PoseTrack(places, turns, scales)
+        places, quaternions, scales = (self._columns(path, f"Transform3D:{name}", n) for name, n in _TRANSFORM_PARTS)
+        return None if places is None or quaternions is None else PoseTrack(places, quaternions, scales)
 
     def _columns(self, path: str, component: str, width: int) -> Single | None:
         """Values (F, width) of a component at the frames: those of the last row at or before each frame."""
@@ -229,7 +231,7 @@ class _Reader:
         if rows is None:
             return None
         there, strips = rows
-        return Lines(strips=tuple(strips), shown=None if there.all() else there, **look)
+        return Lines(strips=tuple(strips), visible=None if there.all() else there, **look)
 
     def _points(self, path: str, common: dict[str, Any], parent: str) -> Points | None:
         colors, radii, labels = self._look(path, "Points3D")
@@ -302,14 +304,12 @@ class RecordedDrawings:
                 continue
             title, unit, per_metre, least, whole = (value[0] for value in known.values() if value is not None)
             name = "/".join(parts_of(path)[1:])
-            strokes = (*self._arrows(path), *self._lines(f"{path}/rays"))
-            lost = (
-                np.all([(i.start == 0) & (i.vector == 0) for i in strokes], axis=0) if strokes else np.zeros(len(self.ticks), bool)
-            )
+            arrows = (*self._arrows(path), *self._lines(f"{path}/rays"))
+            lost = np.all([(i.start == 0) & (i.vector == 0) for i in arrows], axis=0) if arrows else np.zeros(len(self.ticks), bool)
             at = self._points(f"{path}/points")
-            marks = [NamedPoint(label, np.where(lost, np.nan, z)) for label, z in at]
+            points = [NamedPoint(label, np.where(lost, np.nan, z)) for label, z in at]
             drawings[name] = Drawing(
-                name, str(title), strokes, tuple(marks), float(per_metre), str(unit), least=float(least), whole=bool(whole)
+                name, str(title), arrows, tuple(points), float(per_metre), str(unit), least=float(least), whole=bool(whole)
             )
         return drawings
 
@@ -378,7 +378,7 @@ class RecordedDrawings:
             return ()
         z, along = _complex(starts), _complex(vectors)
         looks = zip(*self._looks(path, "Arrows3D", z.shape[1]), strict=True)
-        return tuple(DrawnArrow(label, color, z[:, k], along[:, k], fine=fine) for k, (label, color, fine) in enumerate(looks))
+        return tuple(DrawnArrow(label, color, z[:, k], along[:, k], thin=thin) for k, (label, color, thin) in enumerate(looks))
 
     def _lines(self, path: str) -> tuple[DrawnArrow, ...]:
         """Strips as plain lines, one for each segment; the first of a strip has the label."""
@@ -390,15 +390,15 @@ class RecordedDrawings:
         if not count or not (rows.lengths == count).all():
             return ()
         row_of = _rows_at(rows.time, self.ticks)
-        strokes = []
+        arrows = []
         for k, (label, color, _) in enumerate(zip(*self._looks(path, "LineStrips3D", count), strict=True)):
             strips: list[Any] = list(rows.values[k::count])
             if len({len(strip) for strip in strips}) != 1:
                 continue
             z = np.stack([_complex(np.asarray(strip, float)) for strip in strips])[row_of]
             for part in range(z.shape[1] - 1):
-                strokes.append(DrawnArrow(label if not part else "", color, z[:, part], z[:, part + 1] - z[:, part], plain=True))
-        return tuple(strokes)
+                arrows.append(DrawnArrow(label if not part else "", color, z[:, part], z[:, part + 1] - z[:, part], headless=True))
+        return tuple(arrows)
 
     def _points(self, path: str) -> list[tuple[str, Complex]]:
         positions = self._rows(path, "Points3D:positions")

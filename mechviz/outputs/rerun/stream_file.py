@@ -16,7 +16,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from mechviz.files import OutputError, check_target, put_in_place, reason, try_lock
+from mechviz.files import OutputError, check_target, output_error, put_in_place, try_lock
 from mechviz.outputs.rerun.entities import APPLICATION_ID, RecordingError
 from mechviz.outputs.rerun.rerun_adapter import send_blueprint
 
@@ -317,4 +317,4 @@ def _left_behind(path: Path, temporary: Path, frames: int) -> str:
 
 
 def _cannot_write(path: Path, error: OSError) -> RecordingError:
-    return RecordingError.of(reason(error, path))
+    return RecordingError.of(output_error(error, path))

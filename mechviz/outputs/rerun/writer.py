@@ -163,8 +163,8 @@ def write_recording(
         streams = [s if thin == 1 else replace(s, every=s.every * thin) for s in find_streams(content)]
     with stage("blueprint"):
         scales = picture.scales
-        motion = [a.vector for a in picture.of(Arrow, "velocity", "acceleration")]
-        forces = [a.vector for a in picture.of(Arrow, *FORCE_FAMILIES)]
+        motion = [a.vector for a in picture.nodes_of(Arrow, "velocity", "acceleration")]
+        forces = [a.vector for a in picture.nodes_of(Arrow, *FORCE_FAMILIES)]
         bounds = {
             "forces": extent(forces, scales, picture.bounds, solids.size),
             "motion": extent(motion, scales, picture.bounds, solids.size),

@@ -51,7 +51,7 @@ class Viewer:
     Raises `ViewerError` if the port cannot be used or the recording cannot be shown.
 
     ``growing``: the run is the beginning of one that is still being computed; `grow` adds frames, `finish` takes the complete run.
-    ``beside``: other designs by name, drawn pale behind it, their curves beside its own. ``study``: designs to choose from.
+    ``compared``: other designs by name, drawn pale behind it, their curves beside its own. ``study``: designs to choose from.
     """
 
     def __init__(
@@ -61,7 +61,7 @@ class Viewer:
         folder: Path | None = None,
         *,
         growing: bool = False,
-        beside: Mapping[str, Run | Recording] | None = None,
+        compared: Mapping[str, Run | Recording] | None = None,
         study: StoredStudy | None = None,
     ):
         self._session: EditSession | None = None
@@ -72,7 +72,7 @@ class Viewer:
         view_model = view_model_of_recording(shown) if isinstance(shown, Recording) else None
         self._beside = {
             name: view_model_of_recording(other) if isinstance(other, Recording) else view_model_of_run(other, build(other))
-            for name, other in (beside or {}).items()
+            for name, other in (compared or {}).items()
         }
         self.server, self.guard = start_server(port, "mechviz")
         self.changes = ControlChanges()
@@ -101,7 +101,7 @@ class Viewer:
 
         def solve() -> None:
             try:
-                run = run_scene(recording.scene(), frames=min(recording.said.frames - 1, MOST_FRAMES))
+                run = run_scene(recording.scene(), frames=min(recording.parsed_properties.frames - 1, MOST_FRAMES))
                 self._exchange(run, f"The scene of {recording.path.name}, solved anew.")
             except Exception as error:
                 report(self.server, "Opening the scene", error)
@@ -268,14 +268,14 @@ def serve(
     port: int = 8080,
     open_browser: bool = False,
     folder: Path | None = None,
-    beside: Mapping[str, Run | Recording] | None = None,
+    compared: Mapping[str, Run | Recording] | None = None,
     study: StoredStudy | None = None,
 ) -> None:
     """Serve a run or a recording until Ctrl-C or SIGTERM; the arguments are those of `Viewer`, and ``open_browser`` opens a page.
 
     Raises `ViewerError` if the port cannot be used or the recording cannot be shown.
     """
-    with _until_stopped() as stopped, Viewer(shown, port, folder, beside=beside, study=study) as viewer:
+    with _until_stopped() as stopped, Viewer(shown, port, folder, compared=compared, study=study) as viewer:
         print(f"{viewer.inspector.view_model.title}: {viewer.url}", flush=True)
         print("Open this address in a browser on this machine. Ctrl-C stops the viewer.", flush=True)
         if open_browser:
@@ -297,7 +297,7 @@ def serve_while(
         computing = stack.enter_context(Computing(solve, scene))
         viewer: Viewer | None = None
         while computing.wait() and not stopped.is_set():
-            run = computing.news()
+            run = computing.latest_run()
             if run is None:
                 continue
             begun = time.perf_counter()

@@ -188,7 +188,7 @@ SIZE_SCRIPT = """
 """
 
 
-def tell_size(server: viser.ViserServer, uuid: str) -> None:
+def report_size(server: viser.ViserServer, uuid: str) -> None:
     """Let every browser, present and future, write the size of its picture [px] into a text control, as ``600x500``."""
     run_script(server, SIZE_SCRIPT.replace("UUID", json.dumps(uuid)), "size")
 

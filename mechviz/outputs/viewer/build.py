@@ -49,16 +49,16 @@ class Built:
     bodies: Mapping[str, LinkSolid]
     poses: Mapping[str, Real]  # of the run for which they were built
     cams: Mapping[str, tuple[str, Any]]  # by joint, see `cam_profiles`
-    drawn: tuple[Any, ...]  # see `drawn_in`
+    solid_inputs: tuple[Any, ...]  # see `solid_inputs`
 
     def fits(self, run: Run) -> bool:
         """Whether the solids hold for a run too: same geometry, accuracy and poses; masses and load values may differ."""
-        if self.accuracy != run.accuracy or not alike(self.drawn, drawn_in(run)):
+        if self.accuracy != run.accuracy or not deep_equal(self.solid_inputs, solid_inputs(run)):
             return False
         return all(np.array_equal(pose, run.motion.pose(name)) for name, pose in self.poses.items())
 
 
-def drawn_in(run: Run) -> tuple[Any, ...]:
+def solid_inputs(run: Run) -> tuple[Any, ...]:
     """What determines the solids apart from the poses: the links with their looks and the points where forces act, to which their
     shapes extend, and the springs, struts and stops, which have seats, brackets and anvils."""
     mechanism = run.motion.mechanism
@@ -75,7 +75,7 @@ def build(run: Run) -> Built:
     """The solids of a run."""
     motion, solids = run.motion, solids_of(run)
     bodies = bodies_of(solid_nodes(run, solids, find_fixtures(run, solids, find_coils(run, solids))))
-    return Built(motion.mechanism, run.accuracy, solids, bodies, run.numbers.poses, cam_profiles(motion), drawn_in(run))
+    return Built(motion.mechanism, run.accuracy, solids, bodies, run.numbers.poses, cam_profiles(motion), solid_inputs(run))
 
 
 def bodies_of(nodes: Iterable[BodyNode]) -> dict[str, LinkSolid]:
@@ -111,7 +111,7 @@ def view_model_of_run(run: Run, built: Built, before: ViewModel | None = None) -
             raise ValueError(f"the pose of link {name} is not finite in all frames")
     arrows = arrows_of(run, solids.size)
     if before is not None:
-        arrows = replace(arrows, scales=_kept(before.scales, arrows.scales))
+        arrows = replace(arrows, scales=_kept_scales(before.scales, arrows.scales))
     return ViewModel(
         title=run.scene.title,
         learning_goal=run.scene.learning_goal,
@@ -144,7 +144,7 @@ def centrodes_of(run: Run) -> dict[str, RollingCentrodes]:
     return rolling
 
 
-def _kept(old: Scales, new: Scales) -> Scales:
+def _kept_scales(old: Scales, new: Scales) -> Scales:
     """The old scales where they still fit (`KEPT_SCALE`), otherwise the new ones."""
     low, high = KEPT_SCALE
     names = ("newtons_per_metre", "newton_metres_per_metre", "mps_per_metre", "mps2_per_metre")
@@ -152,7 +152,7 @@ def _kept(old: Scales, new: Scales) -> Scales:
     return replace(new, **kept)
 
 
-def alike(a: Any, b: Any) -> bool:
+def deep_equal(a: Any, b: Any) -> bool:
     """Whether a and b are of one type and equal in all their parts; objects other than arrays, dataclasses, mappings, lists and
     tuples are compared by ``==``."""
     if a is b:
@@ -162,11 +162,11 @@ def alike(a: Any, b: Any) -> bool:
     if isinstance(a, np.ndarray):
         return np.array_equal(a, b)
     if is_dataclass(a):
-        return all(alike(getattr(a, f.name), getattr(b, f.name)) for f in fields(a))
+        return all(deep_equal(getattr(a, f.name), getattr(b, f.name)) for f in fields(a))
     if isinstance(a, Mapping):
-        return a.keys() == b.keys() and all(alike(value, b[key]) for key, value in a.items())
+        return a.keys() == b.keys() and all(deep_equal(value, b[key]) for key, value in a.items())
     if isinstance(a, list | tuple):
-        return len(a) == len(b) and all(map(alike, a, b))
+        return len(a) == len(b) and all(map(deep_equal, a, b))
     return bool(a == b)
 
 
@@ -180,7 +180,7 @@ def view_model_of_recording(recording: Recording) -> ViewModel:
         title=shown.title,
         learning_goal=shown.learning_goal,
         picture=shown.picture,
-        bodies=bodies_of(shown.picture.of(BodyNode, "solids")),
+        bodies=bodies_of(shown.picture.nodes_of(BodyNode, "solids")),
         catalogue=shown.catalogue,
         events=shown.events,
         # without title and learning goal, with headings one level lower
@@ -195,7 +195,7 @@ def centrodes_in(picture: Picture, numbers: Numbers) -> dict[str, RollingCentrod
     """Centrodes of the links for which the picture shows them, computed from the recorded poses and velocities (instant centre)."""
     rolling = {}
     places = {name: xy for name in numbers.joints if (xy := numbers.values("data", "joints", name, "position")) is not None}
-    for _, link in (node.owner for node in picture.of(Lines, "polodes")):
+    for _, link in (node.owner for node in picture.nodes_of(Lines, "polodes")):
         rate = numbers.values("data", "links", link, "velocity")
         if rate is None:
             continue

@@ -108,7 +108,7 @@ class Computing:
             self._changed.wait_for(lambda: self._over or self.running.sent > self._shown, LOOK_INTERVAL)
             return not self._over
 
-    def news(self) -> Run | None:
+    def latest_run(self) -> Run | None:
         """The run of all frames so far; None if there are no new ones."""
         if self.running.sent == self._shown:
             return None

@@ -13,7 +13,7 @@ from typing import Any
 import viser
 
 from mechviz.outputs.viewer import words
-from mechviz.outputs.viewer.browser import lay_out, open_tab, tell_size
+from mechviz.outputs.viewer.browser import lay_out, open_tab, report_size
 from mechviz.outputs.viewer.panels.accuracy import AccuracyTab
 from mechviz.outputs.viewer.panels.controls import Controls
 from mechviz.outputs.viewer.panels.designs import Optimiser, StudyChart
@@ -46,7 +46,7 @@ LEFT_WIDTH, RIGHT_WIDTH = 300, 370  # [px]
 class Inspector:
     """The panels: editing and switches on the left, plots on the right, the timeline below.
 
-    ``session`` is None if nothing can be edited (a recording that is played). ``beside``: other designs by name, for comparison;
+    ``session`` is None if nothing can be edited (a recording that is played). ``compared``: other designs by name, for comparison;
     ``study``: designs of the scene to choose from. ``draw(frame, playing)`` brings everything to a frame, ``present(view_model)``
     shows another run.
     """
@@ -62,7 +62,7 @@ class Inspector:
         playback: BrowserPlayback,
         note: str = "",
         edit: Any = None,
-        beside: Mapping[str, ViewModel] | None = None,
+        compared: Mapping[str, ViewModel] | None = None,
         study: StoredStudy | None = None,
     ):
         self._server, self._player, self._session = server, player, session
@@ -81,7 +81,7 @@ class Inspector:
 
         gui.main_panel.dock_left()
         gui.main_panel.set_width(LEFT_WIDTH)
-        self._designs = {**({OPENED_DESIGN: session.opened} if session is not None else {}), **(beside or {})}
+        self._designs = {**({OPENED_DESIGN: session.opened} if session is not None else {}), **(compared or {})}
         clicked = self._guarded("Looking closer", self._clicked_link), self._guarded("Looking closer", self._clicked_joints)
         self.scene = Scene3D(server, view_model, *clicked, self._designs)
         self._note = words.hint(note) if note else ""
@@ -112,12 +112,12 @@ class Inspector:
             self.accuracy = AccuracyTab(server, tabs.add_tab("Accuracy"), session, callback)
         view = tabs.add_tab("View", viser.Icon.EYE)
         with view:
-            for name in beside or {}:
+            for name in compared or {}:
                 self._offer_comparison(f"Compare with {name}", name, callback)
         self.switches = Switches(server, view, self.scene, player, drawn, self._changed, self._darken)
         with self.switches.arrows:
             self.values = gui.add_checkbox("Values beside arrows", False, hint="at the ends of all arrows that are drawn")
-        self.values.on_update(callback("Writing values beside arrows", lambda _: self.hover.beside(bool(self.values.value))))
+        self.values.on_update(callback("Writing values beside arrows", lambda _: self.hover.show_values(bool(self.values.value))))
         if session is None:
             with tabs.add_tab("About", viser.Icon.INFO_CIRCLE):
                 gui.add_html(view_model.notes)
@@ -126,7 +126,7 @@ class Inspector:
         with view:
             self.screen = gui.add_text("Size of the picture", "", visible=False)
         self.screen.on_update(callback("Fitting the drawings", self._fit))
-        tell_size(server, uuid_of(self.screen))
+        report_size(server, uuid_of(self.screen))
         right = gui.add_panel()
         self.plots = Plots(server, right.add_tab("Plots", viser.Icon.CHART_LINE), view_model, callback)
         self.detail = DetailPanel(server, right.add_tab(DETAIL_TAB, viser.Icon.ZOOM_IN), view_model, drawn, self._picked)
@@ -149,13 +149,13 @@ class Inspector:
         self.timeline = Timeline(server, view_model, player, callback)
         self.hover = HoverNames(server, view_model, self.scene.arrows)
         self.plots.changed = self._changed
-        server.on_client_connect(self._greet)
+        server.on_client_connect(self._on_connect)
         server.on_client_disconnect(playback.forget)
         server.on_client_disconnect(self.diagrams.forget)
         for client in server.get_clients().values():  # browsers that have shown something else so far
-            self.scene.cameras.follow(client)
-            self.scene.cameras.look(client, "front")
-        if beside:
+            self.scene.cameras.start_fitting(client)
+            self.scene.cameras.set_preset(client, "front")
+        if compared:
             self._draw_compared()
         self._explain()
 
@@ -177,7 +177,7 @@ class Inspector:
         """Show another run of the same scene. The picture changes in one step and is sent first; plots and numbers follow, or come
         with the next run if that is already waiting."""
         with self._lock:
-            self.playback.hold(True)
+            self.playback.play_on_server(True)
             self._player.retime(view_model.time)
             frame = min(self._player.frame, view_model.frames - 1)
             with self._server.atomic():
@@ -191,7 +191,7 @@ class Inspector:
             if view_model.exact:
                 self.scene.refit()
             send_now(self._server, SENDING_PATIENCE)
-            hurried = self._session is not None and self._session.overtaken and view_model.frames == self._plotted.frames
+            hurried = self._session is not None and self._session.is_superseded and view_model.frames == self._plotted.frames
             if not hurried or time.perf_counter() - self._drew > PLOT_INTERVAL:
                 with self._server.atomic():
                     self._plot(view_model, frame)
@@ -199,7 +199,7 @@ class Inspector:
                         self._follow(view_model, frame)
                     self._explain()
                 self._server.flush()
-            if self._player.aside:
+            if self._player.is_remote:
                 self._player.refresh()
 
     def _plot(self, view_model: ViewModel, frame: int) -> None:
@@ -281,7 +281,7 @@ class Inspector:
             for tab in (self.synthesis, self.optimiser):
                 if tab is not None:
                     tab.update(self.view_model)
-            self.playback.hold(False)
+            self.playback.play_on_server(False)
         self._server.flush()
         if self._player.playing:
             self._player.refresh()
@@ -300,7 +300,7 @@ class Inspector:
         self.scene.cameras.close()
 
     # -- inside -------------------------------------------------------------------------------------------------------
-    async def _greet(self, client: viser.ClientHandle) -> None:
+    async def _on_connect(self, client: viser.ClientHandle) -> None:
         if not self._closed:
             self.playback.send_to(client, self._player.clock)
 
@@ -348,7 +348,7 @@ class Inspector:
 
     def _offer_comparison(self, words: str, name: str, callback: Callback) -> None:
         """Add a checkbox that draws another design behind the mechanism, and its curves beside those of the mechanism."""
-        self.compare[name] = self._server.gui.add_checkbox(words, name != OPENED_DESIGN)  # those ``beside`` are on at first
+        self.compare[name] = self._server.gui.add_checkbox(words, name != OPENED_DESIGN)  # those ``compared`` are on at first
         self.compare[name].on_update(callback("Comparing", lambda _: self._compare()))
 
     def _compare(self) -> None:

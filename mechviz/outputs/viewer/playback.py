@@ -33,7 +33,7 @@ class SentPoses:
 
     name: str
     places: NDArray[Any]
-    turns: NDArray[Any] | None
+    quaternions: NDArray[Any] | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,7 +92,7 @@ class Tracks:
     @property
     def bytes(self) -> int:
         """Approximate size of the data that are sent."""
-        n = sum(t.places.size + (t.turns.size if t.turns is not None else 0) for t in self.poses)
+        n = sum(t.places.size + (t.quaternions.size if t.quaternions is not None else 0) for t in self.poses)
         n += sum(t.values.size for t in self.points) + sum(t.values.size for t in self.numbers)
         return 4 * (n + sum(t.y.size + t.x.size for t in self.plots))
 
@@ -103,7 +103,9 @@ class Tracks:
                 "time": base64_of(self.time, np.float64),
                 "slider": self.slider,
                 "seen": self.seen,
-                "poses": [[t.name, base64_of(t.places), None if t.turns is None else base64_of(t.turns)] for t in self.poses],
+                "poses": [
+                    [t.name, base64_of(t.places), None if t.quaternions is None else base64_of(t.quaternions)] for t in self.poses
+                ],
                 "points": [
                     [
                         t.name,
@@ -133,7 +135,7 @@ class _Sent:
 class BrowserPlayback:
     """Lets all browsers of a server play on their own.
 
-    ``make()`` returns the tracks, None if only the server can play them; it is called when playing begins after ``change``.
+    ``make_tracks()`` returns the tracks, None if only the server can play them; it is called when playing begins after ``change``.
     ``begin`` starts at a time of the run and returns whether the browsers can play; ``end`` stops them at a frame.
     ``shown_remotely(frame)`` is called from time to time while they play, for what only the server can draw.
 
@@ -143,11 +145,11 @@ class BrowserPlayback:
     """
 
     server: viser.ViserServer
-    make: Callable[[], Tracks | None]
+    make_tracks: Callable[[], Tracks | None]
     shown_remotely: Callable[[int], None]
     _tracks: Tracks | None = None
     _stale: bool = True
-    _held: bool = False
+    _only_server: bool = False
     _text: str = ""
     _version: int = 0
     _sent: dict[int, _Sent] = field(default_factory=dict)
@@ -159,9 +161,9 @@ class BrowserPlayback:
         """Mark the tracks as outdated."""
         self._stale = True
 
-    def hold(self, held: bool) -> None:
-        """Let the server play while ``held``, because the motion changes all the time."""
-        self._held = held
+    def play_on_server(self, on: bool) -> None:
+        """Let the server play while ``on``, because the motion changes all the time."""
+        self._only_server = on
         self._stale = True
 
     def show_remotely(self, frame: int) -> None:
@@ -170,14 +172,14 @@ class BrowserPlayback:
     def _refresh(self) -> None:
         if self._stale:
             self._stale = False
-            tracks = self.make()
+            tracks = self.make_tracks()
             self._tracks = tracks if tracks is not None and tracks.bytes <= LARGEST_MOTION else None
             self._text, self._version = "", self._version + 1
 
     def begin(self, clock: float, rate: float, loop: bool) -> bool:
         """Play from ``clock`` [s] of the run at ``rate`` [s of the run per s]."""
         with self._lock:
-            if self._held:
+            if self._only_server:
                 return False
             self._refresh()
             if self._tracks is None:
@@ -306,7 +308,7 @@ class Curves:
         return x, *np.ascontiguousarray(y.T), cursor
 
 
-def at_places(values: Real, places: Real, wanted: Real) -> Real:
+def interpolated(values: Real, places: Real, wanted: Real) -> Real:
     """Curves (F, k) over monotonic ``places`` (F,), interpolated linearly at ``wanted`` (G,) -> (G, k); NaN beyond the ends."""
     order = slice(None) if places[-1] >= places[0] else slice(None, None, -1)
     columns = [np.interp(wanted, places[order], column[order], left=np.nan, right=np.nan) for column in values.T]

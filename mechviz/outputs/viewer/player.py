@@ -92,7 +92,7 @@ class Player:
             return self._clock
 
     @property
-    def aside(self) -> bool:
+    def is_remote(self) -> bool:
         """Whether the browsers play on their own."""
         return self._aside
 

@@ -17,7 +17,7 @@ from mechcore.records import dataclass
 from mechcore.spec.mechanism import EFFECTS
 from mechviz.editor.history import Draft, History
 from mechviz.editor.parameters import Parameter, find_parameters
-from mechviz.editor.worker import Latest, assembles, reachable
+from mechviz.editor.worker import LatestRequestWorker, assembles, feasible_range
 from mechviz.outputs.viewer.build import Built, build, view_model_of_run
 from mechviz.outputs.viewer.view_model import ViewModel
 from mechviz.runs import Run, run_scene
@@ -32,15 +32,15 @@ TIMING_REPEATS = 5
 @dataclass(frozen=True)
 class Status:
     """Result of the last change. ``fault``: why it could not be built, empty if it could; ``key``: of the changed value;
-    ``value``: the number refused; ``reach``: the range in which it can be moved, in its unit, if known; ``seconds``: solution time;
-    ``swings``: the drives that oscillate over their reachable range."""
+    ``value``: the number refused; ``feasible_range``: where it can be moved, in its unit, if known; ``seconds``: solution time;
+    ``oscillating_drives``: those that oscillate over their reachable range."""
 
     fault: str = ""
     key: str = ""
     value: float = float("nan")
-    reach: tuple[float, float] | None = None
+    feasible_range: tuple[float, float] | None = None
     seconds: float = 0.0
-    swings: tuple[str, ...] = ()
+    oscillating_drives: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -99,13 +99,13 @@ class EditSession:
         self.source = run.scene  # as opened, with the text of its file
         self._accuracy = None if run.accuracy == run.scene.accuracy else run.accuracy  # overrides that of the scene
         self.opened = self.view_model = view_model_of_run(run, self._built)
-        self.status = Status(swings=oscillating_drives(run.scene))
+        self.status = Status(oscillating_drives=oscillating_drives(run.scene))
         self._patient = False
-        self._builder: Latest[Run] = Latest(self._build, failed, quiet=0.0)
-        self._worker: Latest[None] = Latest(self._work, failed, self._settle)
+        self._builder: LatestRequestWorker[Run] = LatestRequestWorker(self._build, failed, idle_time=0.0)
+        self._worker: LatestRequestWorker[None] = LatestRequestWorker(self._work, failed, self._settle)
 
     # -- requests, from any thread ------------------------------------------------------------------------------------
-    def move(self, parameter: Parameter, value: float) -> None:
+    def set_value(self, parameter: Parameter, value: float) -> None:
         """Set a value of the scene."""
         self._ask(parameter.key, _Value(parameter, value))
 
@@ -132,14 +132,14 @@ class EditSession:
         self._patient = asked
         self._builder.submit(self.run)
 
-    def wait(self, timeout: float = 600.0, *, rested: bool = False) -> bool:
-        """Wait until all changes so far are shown, ``rested``: with the solids of the last one; False after ``timeout`` [s]."""
-        return self._worker.wait(timeout, rested=rested) and (not rested or self._builder.wait(timeout))
+    def wait(self, timeout: float = 600.0, *, until_idle: bool = False) -> bool:
+        """Wait until all changes so far are shown, ``until_idle``: with the solids of the last one; False after ``timeout`` [s]."""
+        return self._worker.wait(timeout, until_idle=until_idle) and (not until_idle or self._builder.wait(timeout))
 
     @property
-    def overtaken(self) -> bool:
+    def is_superseded(self) -> bool:
         """Whether a newer change waits for the one being solved."""
-        return self._worker.overtaken
+        return self._worker.is_superseded
 
     def is_pending(self, key: str) -> bool:
         """Whether a requested change of this value is neither shown nor refused yet."""
@@ -207,11 +207,11 @@ class EditSession:
             if changed:
                 history.change(draft, "+".join(changed))
             self.history = history
-            self._report_to(Status(key=key, seconds=time.perf_counter() - start, swings=oscillating_drives(run.scene)))
+            self._report_to(Status(key=key, seconds=time.perf_counter() - start, oscillating_drives=oscillating_drives(run.scene)))
         except (MechanismError, ValueError) as error:
             self._report_to(Status(_words(error), key, moved.value if moved else float("nan")))
             if moved is not None and len(pending) == 1:
-                self._find_reach(moved, _words(error))
+                self._find_range(moved, _words(error))
         except Exception as error:
             self._report_to(Status(f"{type(error).__name__}: {error}", key))
             raise
@@ -230,7 +230,7 @@ class EditSession:
             except MechanismError:
                 raise error from None
 
-    def _find_reach(self, moved: _Value, fault: str) -> None:
+    def _find_range(self, moved: _Value, fault: str) -> None:
         """Report the range in which a value can be moved, unless a newer change waits."""
         p, present = moved.parameter, self.history.present
 
@@ -243,7 +243,7 @@ class EditSession:
 
         good = next((q.value for q in self.parameters if q.key == p.key), p.value)
         low, high = (min(max(v, p.hard_low), p.hard_high) for v in (min(p.low, moved.value, good), max(p.high, moved.value, good)))
-        reach = reachable(good, low, high, holds, lambda: self._worker.overtaken)
+        reach = feasible_range(good, low, high, holds, lambda: self._worker.is_superseded)
         if reach is not None:
             self._report_to(Status(fault, p.key, moved.value, reach))
 
@@ -264,7 +264,7 @@ class EditSession:
                 self._built = built
                 self.view_model = view_model_of_run(self.run, built, self.view_model)
                 self._present(self.view_model)
-            if not self._worker.overtaken:  # otherwise it rests later
+            if not self._worker.is_superseded:  # otherwise it rests later
                 self._settled()  # the events and all else that comes with the solids
         draft = self.history.present
         if run is self.run:
@@ -282,11 +282,11 @@ class EditSession:
         named = set(run.scene.effects)
         shares = []
         items = [(e, e in named, draft.with_effect(e, e not in named)) for e in EFFECTS]
-        items += [(name, name not in draft.idle, draft.with_load(name, name in draft.idle)) for name in loads]
+        items += [(name, name not in draft.disabled_loads, draft.with_load(name, name in draft.disabled_loads)) for name in loads]
         here = _peak(run)
         before = _cost(run.scene) if quick else float("nan")
         for name, on, other in items:
-            if self._builder.overtaken or self._worker.overtaken:
+            if self._builder.is_superseded or self._worker.is_superseded:
                 return None
             peak = seconds = float("nan")
             why = ""

@@ -141,13 +141,13 @@ class ViewModel:
     @cached_property
     def paths(self) -> Mapping[str, Real]:
         """Positions (F, 3) [m] of traced points by name, of those whose path has a position for every frame."""
-        drawn = {node.owner[1]: np.asarray(node.strips[0][0], float) for node in self.picture.of(Lines, "paths")}
+        drawn = {node.owner[1]: np.asarray(node.strips[0][0], float) for node in self.picture.nodes_of(Lines, "paths")}
         return {name: places for name, places in drawn.items() if len(places) == self.frames}
 
     @cached_property
     def joints(self) -> Mapping[str, Real]:
         """Positions (F, 3) [m] of joints by name."""
-        return {node.owner[1]: np.asarray(node.places[:, 0], float) for node in self.picture.of(Points, "joints")}
+        return {node.owner[1]: np.asarray(node.places[:, 0], float) for node in self.picture.nodes_of(Points, "joints")}
 
     @property
     def frames(self) -> int:

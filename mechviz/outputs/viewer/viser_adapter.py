@@ -40,7 +40,7 @@ LEAST_SWEPT = 2000  # messages to all browsers: removed nodes are swept out when
 MESSAGES_IN_ONE_PIECE = 4096  # poses of one frame must arrive together; viser's own limit is 128
 LEAST_MOVE = 1e-10  # [m, or in components of a quaternion]: smaller changes are round-off, and invisible
 
-Posed = tuple[viser.SceneNodeHandle, NDArray[Any], NDArray[Any] | None]
+NodePose = tuple[viser.SceneNodeHandle, NDArray[Any], NDArray[Any] | None]
 """A node, its position (3,) [m] and its orientation (4,) as a quaternion w, x, y, z, None if it does not rotate."""
 MessageTarget: TypeAlias = "viser.ViserServer | viser.ClientHandle"
 """All browsers, present and future, or one."""
@@ -358,7 +358,7 @@ def send_now(server: viser.ViserServer, timeout: float) -> bool:
     return buffer_of(server).wait(timeout)
 
 
-def send_poses(server: viser.ViserServer, poses: Iterable[Posed]) -> int:
+def send_poses(server: viser.ViserServer, poses: Iterable[NodePose]) -> int:
     """Send the poses of nodes of the server's scene to all browsers; return the number of messages."""
     states = [(node._impl, position, turn) for node, position, turn in poses]
     turning = [(state, turn) for state, _, turn in states if turn is not None]

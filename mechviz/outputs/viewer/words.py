@@ -36,14 +36,14 @@ FAMILY_COLORS = {name: _colors_by_theme(family.color, family.on_dark) for name, 
 LEGEND_ARROW = 0.2  # of the mechanism's size: approximate length of the arrow whose value the legend states
 
 
-def number(value: float) -> str:
+def format_number(value: float) -> str:
     """A value for reading: five significant digits, a true minus."""
     if not np.isfinite(value):
         return "not finite"
     return f"{value:.5g}".replace("-", "−", 1) if value < 0 else f"{value:.5g}"
 
 
-def after(unit: str) -> str:
+def unit_suffix(unit: str) -> str:
     """A unit as written after a value: empty for the unit 1, degrees without a space, other units after a space."""
     return {"1": "", "°": "°"}.get(unit, f" {unit}")
 
@@ -81,7 +81,7 @@ def legend(
         if some and per_metre != 1.0:
             for times in sorted({enlarged(family) for family in some}):
                 whose = "" if len({enlarged(f) for f in some}) == 1 else _names(f for f in families if enlarged(f) == times)
-                rows.append(f"<div>{scale(units, si, per_metre / times, size)}{whose}</div>")
+                rows.append(f"<div>{scale_line(units, si, per_metre / times, size)}{whose}</div>")
     rows.append(f'<div style="opacity:0.75">Grid: {units.text(grid_cell(size, units), "m")}</div>')
     return _block("".join(rows), "font-size:0.78em;line-height:1.35")
 
@@ -100,7 +100,7 @@ def legend_line(
     ]
     forces = [f for f in families if f in FORCE_FAMILIES]
     if forces and scales.newtons_per_metre != 1.0:
-        text = scale(units, "N", scales.newtons_per_metre / factor(forces[0]), size)
+        text = scale_line(units, "N", scales.newtons_per_metre / factor(forces[0]), size)
         parts.append(f'<span style="opacity:0.7;white-space:nowrap">{text}</span>')
     return _block("".join(parts), "display:flex;flex-wrap:wrap;gap:0.1em 1.1em;font-size:0.78em;line-height:1.4")
 
@@ -120,19 +120,19 @@ def plan_list(run: Run) -> str:
     seconds = sum(stage.seconds for stage in run.stages)
     style = 'style="margin:0.15em 0 0.5em;padding-left:1.2em"'
     return _block(
-        f"<b>Computed</b> for {run.motion.frames} frames in {number(round(seconds * 1e3, 1))} ms<ul {style}>{done}</ul>"
+        f"<b>Computed</b> for {run.motion.frames} frames in {format_number(round(seconds * 1e3, 1))} ms<ul {style}>{done}</ul>"
         f"<b>Left out</b><ul {style}>{left or '<li>nothing</li>'}</ul>",
         "font-size:0.78em;line-height:1.35",
     )
 
 
-def editing(seconds: float, can_undo: bool, can_redo: bool, swings: Iterable[str] = ()) -> str:
+def edit_status(seconds: float, can_undo: bool, can_redo: bool, oscillating_drives: Iterable[str] = ()) -> str:
     """Status when the scene could be built: a hint before the first edit, the time of the last solution, and the drives that
-    oscillate over their reachable range (``swings``)."""
+    oscillate over their reachable range (``oscillating_drives``)."""
     text = "Drag a slider, or type a value: everything is computed anew while you drag." if not can_undo and not can_redo else ""
     if seconds > 0.0:
-        text = f'<span style="color:#0f8a5f">✓</span> solved in {number(round(seconds * 1e3))} ms{"" if not text else ". " + text}'
-    for joint in swings:
+        text = f'<span style="color:#0f8a5f">✓</span> solved in {format_number(round(seconds * 1e3))} ms{text and ". " + text}'
+    for joint in oscillating_drives:
         text += f"<div>Drive {escape(joint)} runs as far as it can go and back: <code>range = &quot;reachable&quot;</code></div>"
     return _block(f'<div role="status">{text or "As opened."}</div>', "font-size:0.8em;line-height:1.35;opacity:0.85")
 
@@ -152,7 +152,7 @@ def refusal_words(text: str, parameter: Parameter | None, value: float, reach: t
     )
 
 
-def contributions(items: Iterable[Contribution], effort: str, units: Units) -> str:
+def contribution_table(items: Iterable[Contribution], effort: str, units: Units) -> str:
     """A table: by how much each effect changes the peak of the ``effort`` (a drive torque, a drive force or a reaction), and its
     computing time; below it, why a contribution is not known."""
     items = list(items)
@@ -164,8 +164,8 @@ def contributions(items: Iterable[Contribution], effort: str, units: Units) -> s
         if known:
             change = factor * (item.peak_with - item.peak_without)
             sign = "+" if change > 0.0 else "−" if change < 0.0 else "±"
-            peak = f"{sign}{number(abs(float(f'{change:.3g}')))} {unit}"
-        cost = f"{number(float(f'{item.seconds * 1e3:.2g}'))} ms" if np.isfinite(item.seconds) else "—"
+            peak = f"{sign}{format_number(abs(float(f'{change:.3g}')))} {unit}"
+        cost = f"{format_number(float(f'{item.seconds * 1e3:.2g}'))} ms" if np.isfinite(item.seconds) else "—"
         style = "" if item.on else ' style="opacity:0.55"'
         now = "on" if item.on else "off"
         cells = f'<td>{escape(item.name)}</td><td>{now}</td><td>{peak}</td><td style="white-space:nowrap">{cost}</td>'
@@ -202,7 +202,7 @@ def hint(text: str) -> str:
     return _block(escape(text), "font-size:0.78em;line-height:1.35;opacity:0.7")
 
 
-def values(item: str, rows: Iterable[tuple[str, Iterable[str], Iterable[float], str]]) -> str:
+def value_table(item: str, rows: Iterable[tuple[str, Iterable[str], Iterable[float], str]]) -> str:
     """A table of the values of an item. Each row: what it is, the names of its components, their values, the unit."""
     lines = []
     count = itertools.count()
@@ -211,13 +211,13 @@ def values(item: str, rows: Iterable[tuple[str, Iterable[str], Iterable[float], 
         parts = [
             '<span style="white-space:nowrap">'
             + (f'<span style="opacity:0.65">{escape(name)}</span> ' if len(names) > 1 else "")  # a single component needs no name
-            + f'<span data-mv="closer:{next(count)}">{number(value)}</span></span>'
+            + f'<span data-mv="closer:{next(count)}">{format_number(value)}</span></span>'
             for name, value in zip(names, numbers, strict=True)
         ]
         lines.append(
             f'<tr><td style="opacity:0.75">{escape(what)}</td>'
             f'<td><div style="display:flex;gap:0.9em;flex-wrap:wrap">{"".join(parts)}'
-            f"<span>{escape(after(unit))}</span></div></td></tr>"
+            f"<span>{escape(unit_suffix(unit))}</span></div></td></tr>"
         )
     return _block(
         f'<b>{escape(item)}</b><table style="width:100%;border-collapse:collapse" cellpadding="2">{"".join(lines)}</table>',
@@ -240,19 +240,19 @@ def place_in_run(view_model: ViewModel, frame: int) -> str:
 
 
 def _position(drive: DriveCoordinate, frame: int) -> str:
-    return f"{drive.position[frame]:.{drive.decimals}f}{after(drive.unit)}".replace("-", "−", 1)
+    return f"{drive.position[frame]:.{drive.decimals}f}{unit_suffix(drive.unit)}".replace("-", "−", 1)
 
 
-def scale(units: Units, si: str, per_metre: float, size: float) -> str:
+def scale_line(units: Units, si: str, per_metre: float, size: float) -> str:
     """The scale of a drawing, as a round value and its drawn length, "Scale: 500 N = 41 mm"; ``per_metre`` [``si`` per m]."""
     unit, factor = units.display_unit(si)
     value = round_value(LEGEND_ARROW * size * per_metre * factor)
     long, metre = units.display_unit("m")
-    length = f"{number(float(f'{value / factor / per_metre * metre:.3g}'))} {long}"
+    length = f"{format_number(float(f'{value / factor / per_metre * metre:.3g}'))} {long}"
     for big, small in (("kN", "N"), ("km/s²", "m/s²")):
         if unit == small and value >= 1000.0:
-            return f"Scale: {number(value / 1000.0)} {big} = {length}"
-    return f"Scale: {number(value)}{after(unit)} = {length}"
+            return f"Scale: {format_number(value / 1000.0)} {big} = {length}"
+    return f"Scale: {format_number(value)}{unit_suffix(unit)} = {length}"
 
 
 def _swatch(color: str, thickness: float, words: str) -> str:

@@ -188,5 +188,5 @@ def test_a_torque_on_a_free_body_is_drawn_at_its_centre():
     moment = vectors_of(run)[1]["applied"]["spin"]
     np.testing.assert_allclose(moment.origin, run.motion.centre_of_mass("body"), atol=1e-12)
     picture = picture_of(run, solids_of(run))  # with the height of its arc
-    (inertia,) = (node.vector.origin for node in picture.of(Arrow, "inertia"))  # a couple alone: its force is what rounding left
+    (inertia,) = (node.vector.origin for node in picture.nodes_of(Arrow, "inertia"))  # a couple alone: its force is round-off
     np.testing.assert_allclose(inertia, run.motion.centre_of_mass("body"), atol=1e-12)

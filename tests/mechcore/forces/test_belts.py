@@ -14,7 +14,7 @@ from shapely import Point
 from mechviz.meshes.kinds.rims import BeltLoop
 from mechviz.outputs.exports.gltf import glb_bytes
 from mechviz.outputs.presentation import presentation_of
-from mechviz.outputs.rerun.plots import main_outputs
+from mechviz.outputs.rerun.plots import main_plots
 from mechviz.outputs.rerun.recorded import picture_in, recorded_numbers
 from mechviz.outputs.viewer.world.bodies import BodyNodes
 from mechviz.picture.build import picture_of
@@ -82,7 +82,7 @@ def test_marks_lie_on_the_belts_that_are_drawn():
 
 def test_recording_page_viewer_and_glb_show_the_same_marks():
     marks = list(find_belt_marks(drive().run, solids("belt-drive")))
-    read = list(picture_in(drive().recording, recorded_numbers(drive().recording)).of(Body, "belt"))
+    read = list(picture_in(drive().recording, recorded_numbers(drive().recording)).nodes_of(Body, "belt"))
     assert [(m.key, m.parent) for m in read] == [(f"belt.{m.name}", m.link) for m in marks]
     data = glb_bytes(presentation_of(drive().run))
     size = int.from_bytes(data[12:16], "little")
@@ -92,10 +92,10 @@ def test_recording_page_viewer_and_glb_show_the_same_marks():
     for mark, again in zip(marks, read, strict=True):
         size = np.abs(mark.places()).max()
         assert again.poses.places == pytest.approx(mark.places(), abs=1e-6 * size)
-        assert again.poses.turns == pytest.approx(mark.turns(), abs=1e-6)
+        assert again.poses.quaternions == pytest.approx(mark.quaternions(), abs=1e-6)
         number = names.index(mark.title)
         assert number in document["nodes"][names.index("frame")]["children"]
-        for path, values in (("translation", mark.places()), ("rotation", mark.turns())):
+        for path, values in (("translation", mark.places()), ("rotation", mark.quaternions())):
             (channel,) = [c for c in animation["channels"] if c["target"] == {"node": number, "path": path}]
             entry = document["accessors"][animation["samplers"][channel["sampler"]]["output"]]
             start = document["bufferViews"][entry["bufferView"]]["byteOffset"]
@@ -105,9 +105,9 @@ def test_recording_page_viewer_and_glb_show_the_same_marks():
 
 
 def test_pulleys_are_not_called_rockers():
-    names = [output.name for output in main_outputs(drive().run)]
+    names = [output.name for output in main_plots(drive().run)]
     assert names == ["Output angle [°]", "Output velocity [rad/s]", "Output acceleration [rad/s²]"]
-    assert main_outputs(made("kinetostatic-four-bar").run)[0].name == "Rocker angle [°]"
+    assert main_plots(made("kinetostatic-four-bar").run)[0].name == "Rocker angle [°]"
 
 
 def test_marks_that_look_as_before_keep_their_nodes():
@@ -123,14 +123,14 @@ def test_marks_that_look_as_before_keep_their_nodes():
 
     server = SimpleNamespace(scene=SimpleNamespace(add_mesh_simple=add_mesh_simple))
     picture = picture_of(drive().run, solids("belt-drive"))
-    marks = tuple(picture.of(Body, "belt"))
+    marks = tuple(picture.nodes_of(Body, "belt"))
     nodes = BodyNodes(server, shown(marks))
     assert len(made_nodes) == 2 * BELT_MARKS and not gone
     moved = tuple(replace(m, poses=replace(m.poses, places=m.poses.places + np.float32(0.01))) for m in marks)
     nodes.update(shown(moved))
     assert len(made_nodes) == 2 * BELT_MARKS and not gone
     for (_, place, turn), mark in zip(nodes.poses(7), moved, strict=True):
-        assert place == pytest.approx(mark.poses.places[7]) and turn == pytest.approx(np.roll(mark.poses.turns[7], 1))
+        assert place == pytest.approx(mark.poses.places[7]) and turn == pytest.approx(np.roll(mark.poses.quaternions[7], 1))
     nodes.update(shown(replace(m, mesh=replace(m.mesh, vertices=1.1 * m.mesh.vertices)) for m in moved))
     assert len(made_nodes) == 4 * BELT_MARKS and len(gone) == 2 * BELT_MARKS
     nodes.cut(-1.0)

@@ -250,14 +250,14 @@ def test_crossing_grashof_with_a_slider_swings():
     )
     try:
         frame = next(p for p in session.parameters if p.label == "crank A–B")
-        session.move(frame, 60.0)
-        assert session.wait() and told[-1].fault == "" and told[-1].swings == ("A",)
+        session.set_value(frame, 60.0)
+        assert session.wait() and told[-1].fault == "" and told[-1].oscillating_drives == ("A",)
         assert isinstance(session.run.scene.mechanism.drives[0].law, Oscillation)
         assert 'range = "reachable"' in session.run.scene.to_toml()
-        session.move(frame, 21.0)
-        assert session.wait() and told[-1].swings == ()
+        session.set_value(frame, 21.0)
+        assert session.wait() and told[-1].oscillating_drives == ()
         assert isinstance(session.run.scene.mechanism.drives[0].law, ConstantSpeed)
-        session.move(frame, 600.0)  # cannot be put together at all
+        session.set_value(frame, 600.0)  # cannot be put together at all
         assert session.wait() and "miss each other" in told[-1].fault
         session.undo()
         assert session.wait() and told[-1].fault == "" and "reachable" not in session.run.scene.to_toml()

@@ -303,7 +303,7 @@ def test_picking_a_point_in_the_viewer_applies_it(monkeypatch):
         assert viewer.session.wait()
         assert viewer.run.accuracy.interpolation == 3
         tab.wanted.value = "1e-6"
-        tab._want("1e-6")
+        tab._set_target("1e-6")
         assert viewer.session.wait()
         assert (
             viewer.run.scene.accuracy.target == 1e-6

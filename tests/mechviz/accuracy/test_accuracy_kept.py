@@ -197,7 +197,7 @@ def test_numbers_between_frames_use_the_recorded_rates():
 def test_a_recording_is_read_by_the_interpolation_of_its_scene(words, order, tmp_path):
     run = run_scene(load("crank-rocker").changed({("accuracy",): {"interpolation": words}}), frames=24)
     recording = Recording(write_recording(run, tmp_path / "a.rrd").path)
-    assert recording.said.interpolation == order
+    assert recording.parsed_properties.interpolation == order
     path, t = ("data", "links", "rocker", "pose"), random_times(run, 1)
     read = interpolate_table(path, run.motion.time, lambda path: run.numbers.values(*path), t, order)
     assert np.abs(recording.at(t, *path) - read).max() < 1e-8

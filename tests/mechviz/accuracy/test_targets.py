@@ -9,7 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 from mechviz.commands.main import app
-from mechviz.files import OutputError, reason
+from mechviz.files import OutputError, output_error
 from mechviz.scene.scene import dump, load
 
 COMMANDS = {
@@ -50,7 +50,7 @@ def test_what_cannot_be_written_there_is_refused_before_anything_is_computed(tmp
 
 
 def test_full_disks_are_not_the_fault_of_what_was_asked():
-    assert [reason(OSError(number, "full"), Path("x")).code for number in (28, 122, 27, 13)] == [1, 1, 1, 2]
+    assert [output_error(OSError(number, "full"), Path("x")).code for number in (28, 122, 27, 13)] == [1, 1, 1, 2]
     assert OutputError("no").code == 2
 
 

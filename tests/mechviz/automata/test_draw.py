@@ -14,8 +14,8 @@ from mechcore.errors import MechanismError
 from mechcore.forces.cam_rating import placed_cams
 from mechviz.automata.pen_linkages import CrossSlides
 from mechviz.automata.pen_motion import plan_motion, plotter_scene
-from mechviz.automata.strokes import joined_strokes, on_sheet, ordered_strokes, svg_strokes, text_strokes
-from mechviz.automata.writer import design_writer
+from mechviz.automata.strokes import fit_to_sheet, joined_strokes, ordered_strokes, svg_strokes, text_strokes
+from mechviz.automata.writer import design_drawing_machine
 from mechviz.files import OutputError
 from mechviz.meshes.solids import build_solids
 from mechviz.outputs.exports.cam_profiles import _chain, cam_outlines
@@ -43,12 +43,12 @@ def motion():
 
 @pytest.fixture(scope="module")
 def writer():
-    return design_writer([HOOK, RING], ERROR, title="Hook and ring")
+    return design_drawing_machine([HOOK, RING], ERROR, title="Hook and ring")
 
 
 @pytest.fixture(scope="module")
 def slides():
-    return design_writer([HOOK, RING], ERROR, title="Hook and ring", linkage=CrossSlides)
+    return design_drawing_machine([HOOK, RING], ERROR, title="Hook and ring", linkage=CrossSlides)
 
 
 def fine(motion, count=8000):
@@ -142,7 +142,7 @@ def test_its_cams_keep_to_the_pressure_angle_and_are_not_undercut(writer):
     run = run_scene(writer.scene)
     cams = placed_cams(run.motion)
     assert [cam.name for cam in cams] == ["X", "Y", "Z"]
-    for cam, stated, sharp in zip(cams, writer.pressure_angles, writer.sharpest, strict=True):
+    for cam, stated, sharp in zip(cams, writer.pressure_angles, writer.least_radii, strict=True):
         cam_at = cam.cam.at(np.linspace(0.0, 2.0 * np.pi, 7001))
         largest = np.degrees(np.abs(cam_at.pressure_angle).max())
         assert largest == pytest.approx(np.degrees(stated), abs=0.1) and largest < 40.1
@@ -201,7 +201,7 @@ def test_strokes_of_an_svg(tmp_path):
     assert np.abs(np.diff(ring)).sum() == pytest.approx(2.0 * np.pi * 20.0, rel=1e-3)
     assert np.abs(ring - (50.0 - 40.0j)).max() == pytest.approx(20.0) and np.allclose(line, [10.0, 30.0])
     assert np.allclose(hook, [20.0 - 10.0j, 40.0 - 10.0j, 40.0 - 30.0j])  # y upwards
-    sheet = on_sheet([ring, line, hook], 0.1)
+    sheet = fit_to_sheet([ring, line, hook], 0.1)
     every = np.concatenate(sheet)
     assert np.ptp(every.imag) == pytest.approx(0.1) or np.ptp(every.real) == pytest.approx(0.1)
 

@@ -10,7 +10,7 @@ from sections import section
 import mechviz
 from mechcore.errors import MechanismError
 from mechviz.outputs.page.pack import unpack
-from mechviz.outputs.page.page import show_text
+from mechviz.outputs.page.page import page_data
 from mechviz.outputs.presentation import presentation_in, presentation_of
 from mechviz.outputs.rerun.reader import Recording
 from mechviz.outputs.rerun.writer import write_recording
@@ -73,11 +73,11 @@ def test_a_link_is_drawn_in_its_colour_and_a_show_opens_without_marks(tmp_path):
     run = run_scene(scene, frames=12)
     write_recording(run, tmp_path / "a.rrd")
     for shown in (presentation_of(run), presentation_in(Recording(tmp_path / "a.rrd"))):
-        (coupler,) = (node for node in shown.picture.of(Body, "solids") if node.owner == ("link", "coupler"))
+        (coupler,) = (node for node in shown.picture.nodes_of(Body, "solids") if node.owner == ("link", "coupler"))
         seen = {tuple(color) for color in coupler.mesh.colors.tolist()}
         assert (0xD9, 0x53, 0x4F) in seen and (86, 160, 140) not in seen, "its own instead of that of its place"
         assert not shown.picture.marks
-        packed, _ = show_text(shown, plots=False)
+        packed, _ = page_data(shown, plots=False)
         groups = {group["name"]: group["shown"] for group in unpack(packed)[0]["groups"]}
         assert not (groups["names"] or groups["velocity"]) and groups["paths"]
     for colour in ("red", "#12345", 7):
@@ -90,7 +90,7 @@ def test_edges_of_a_figure_are_bevelled_whatever_its_corners():
     needle = [[-20, -20], [120, -20], [200, -8.4], [200, -8], [120, -8], [120, 20], [62, 20], [58, -5], [54, 20], [-20, 20]]
     solids = solids_of(run_scene(four_bar(False, needle), frames=36))
     bevel, mesh = 0.12 * 0.75 * 0.033 * solids.size, solids.links["coupler"].mesh
-    (whole, low, high), *_ = solids.heights.flat("coupler")
+    (whole, low, high), *_ = solids.heights.flat_outlines("coupler")
     middle, face = (section(mesh, z) for z in (0.5 * (low + high), high - 1e-3 * bevel))
     assert middle.area - face.area == pytest.approx(bevel * whole.exterior.length, rel=0.15)
     assert middle.bounds[2] > 0.170, "little of the needle is cut off"

@@ -15,7 +15,7 @@ from mechcore.errors import MechanismError
 from mechviz.files import OutputError
 from mechviz.meshes.kit import kit_of, laid_out
 from mechviz.outputs.exports.solids import export_kit, export_stl
-from mechviz.picture.build import looked_at
+from mechviz.picture.build import collision_poses
 from mechviz.runs import run_scene
 from mechviz.scene.scene import load
 
@@ -30,7 +30,7 @@ def bird():
 
 @pytest.fixture(scope="module")
 def parts(bird):
-    return kit_of(bird.motion.mechanism, looked_at(bird), THICK, PLAY, WASHER)
+    return kit_of(bird.motion.mechanism, collision_poses(bird), THICK, PLAY, WASHER)
 
 
 def test_holes_are_pins_with_the_clearance(parts):
@@ -86,7 +86,7 @@ def test_parts_lie_apart(parts):
 @pytest.mark.parametrize(("scene", "turning"), [("waving-figure", ("crank", "shaft")), ("theatre", ("mill", "sails"))])
 def test_what_is_welded_on_a_shaft_turns_with_it(scene, turning):
     run = run_scene(load(scene))
-    kit = kit_of(run.motion.mechanism, looked_at(run), THICK, PLAY, WASHER)
+    kit = kit_of(run.motion.mechanism, collision_poses(run), THICK, PLAY, WASHER)
     shafts = [part.outline.exterior.length for part in kit if part.name.startswith("shaft") and part.kind == "pin"]
     for name in turning:
         plate = next(part for part in kit if part.name == name)
@@ -141,7 +141,7 @@ def test_where_not_all_files_can_be_written_none_is(write, bird, tmp_path):
 def test_rollers_turn_on_pins_of_their_own():
     """In the lever the pin is fast, the roller beside it turns on it; the cheeks of a fork hold one."""
     run = run_scene(load("waving-figure"))
-    kit = kit_of(run.motion.mechanism, looked_at(run), THICK, PLAY, WASHER)
+    kit = kit_of(run.motion.mechanism, collision_poses(run), THICK, PLAY, WASHER)
     pin = 0.5 * 0.6 * 8.0  # mm, of rollers with a radius of 8 mm
     lever = [r for p in kit if p.name.startswith("lever") for x, y, r in p.circles if (round(x), round(y)) == (90, 0)]
     fork = [r for p in kit if p.name.startswith("head") for *_, r in p.circles]
@@ -156,7 +156,7 @@ def test_rollers_turn_on_pins_of_their_own():
 
 def test_a_clearance_that_breaks_a_plate_is_refused():
     run = run_scene(load("crank-rocker"), frames=4)
-    mechanism, poses = run.motion.mechanism, looked_at(run)
+    mechanism, poses = run.motion.mechanism, collision_poses(run)
     with pytest.raises(MechanismError, match=r"hole '[A-E]' of '\w+' breaks out of its plate.*Give less than [\d.]+ mm") as refused:
         kit_of(mechanism, poses, THICK, 30.0, WASHER)
     most = float(refused.value.faults[0].remedy.split()[-2])

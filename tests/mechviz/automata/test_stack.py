@@ -48,7 +48,7 @@ def stack(count, **copy):
 
 
 def test_copied_followers_do_the_same_a_phase_earlier():
-    """Turned by its phase a cam lifts as the first one does a phase later: three lifts are one curve, shifted by frames."""
+    """RoundFeature by its phase a cam lifts as the first one does a phase later: three lifts are one curve, shifted by frames."""
     motion = run_scene(stack(2, of=["lifter"], phase=40)).motion
     lift = [motion.point(name, "T")[:-1, 1] for name in ("lifter", "lifter 2", "lifter 3")]
     for k, late in enumerate(lift):
@@ -114,7 +114,7 @@ def test_what_leads_a_walk_is_recorded_and_not_drawn():
     )
     run = run_scene(walking_scene(toy, walk_of(toy, [("wheel", "F"), ("wheel", "G")], 1e-9), "walk"), frames=12)
     picture = picture_of(run, solids_of(run))
-    drawn, kept = ({node.parent for node in picture.of(Body, group)} for group in ("solids", "undrawn"))
+    drawn, kept = ({node.parent for node in picture.nodes_of(Body, group)} for group in ("solids", "undrawn"))
     assert drawn == {"wheel", "frame", "lawn"} and kept == {"ground", "cart"}
     view = make_blueprint(run, {"motion": np.asarray(picture.bounds)}, []).root_container.contents[0].contents[0]
     assert {f"- /mechanism/links/{link}/mesh" for link in kept} <= set(view.contents)

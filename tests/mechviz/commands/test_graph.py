@@ -99,11 +99,11 @@ def test_a_scene_that_asks_for_it_shows_it_everywhere(tmp_path):
     scene = gallery_scene("contour-lever").changed({("polygons",): ["graph"]})
     run = run_scene(scene, frames=6)
     drawing = drawings_of(run, 0.3)["graph"]
-    assert [m.label for m in drawing.marks] == [
+    assert [m.label for m in drawing.points] == [
         "0 frame", "1 crank", "2 block", "3 lever", "4 coupler", "5 slider", "I", "II",
     ]  # fmt: skip
-    assert {i.label for i in drawing.strokes} == {j.name for j in run.motion.mechanism.joints}
+    assert {i.label for i in drawing.arrows} == {j.name for j in run.motion.mechanism.joints}
     assert 0.2 < np.ptp(drawing.bounds, axis=0).max() < 0.31
     write_recording(run, tmp_path / "a.rrd")
     recorded = view_model_of_recording(Recording(tmp_path / "a.rrd")).drawings()["graph"]
-    assert [m.label for m in recorded.marks] == [m.label for m in drawing.marks]
+    assert [m.label for m in recorded.points] == [m.label for m in drawing.points]

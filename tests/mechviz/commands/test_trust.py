@@ -105,7 +105,7 @@ def test_the_viewer_says_why_a_run_cannot_be_trusted():
         assert viewer.session.wait()
         assert "Not to be trusted: the powers supplied and absorbed do not balance" in viewer.timeline.strip.content
         viewer.session.change("centre", lambda draft: draft.with_value(("links", "crank", "centre"), [15, 0]))
-        assert viewer.session.wait(rested=True)
+        assert viewer.session.wait(until_idle=True)
         assert "Not to be trusted" not in viewer.timeline.strip.content, viewer.session.status
 
 

@@ -87,7 +87,7 @@ def of_presentation(shown: Presentation) -> Iterator[str]:
     yield shown.notes
     yield from (f"{event.item}: {event.text}" for event in shown.events)
     yield from (drawing.title for drawing in shown.drawings().values())
-    yield from (label for node in shown.picture.of(Points) for label in node.labels)
+    yield from (label for node in shown.picture.nodes_of(Points) for label in node.labels)
     header = content(make_page(shown)[0])[0]
     yield from (f"[{text}]" if re.fullmatch(r"\S{1,3}|N m", text) else text for text in strings(header))
 
@@ -177,11 +177,11 @@ def factor(unit: str) -> float:
 @pytest.mark.parametrize("system", SYSTEMS)
 def test_a_recording_holds_its_units_and_data_in_si_units(system):
     read, usual = Recording(recorded("cam-roller", system)), run_scene(load("cam-roller"), frames=FRAMES)
-    assert read.said.units == solved("cam-roller", system).scene.units
+    assert read.parsed_properties.units == solved("cam-roller", system).scene.units
     _, lifts = read.scalars("data", "cams", "K", "lift")
     np.testing.assert_allclose(lifts, usual.numbers.tables["data", "cams", "K", "lift"].values, rtol=1e-9, atol=1e-12)
     rows = read.rows("plots", "lift", component="Scalars:scalars")
-    unit, times = read.said.units.display_unit("m")
+    unit, times = read.parsed_properties.units.display_unit("m")
     assert read.static("plots", "lift", component="SeriesLines:names") == [f"K [{unit}]"]
     np.testing.assert_allclose(rows.values.reshape(-1), times * lifts[:, 0], rtol=1e-12, atol=1e-12)
 
@@ -214,6 +214,6 @@ def test_scenes_of_the_gallery_state_degrees():
 
 
 def test_scales_of_arrows_and_times_of_small_and_quick_mechanisms_are_legible():
-    assert words.scale(MILLIMETRES, "N", 100.0, 3e-4) == "Scale: 0.005 N = 0.05 mm"
-    assert words.scale(MILLIMETRES, "N", 1e3, 0.3) == "Scale: 50 N = 50 mm"
+    assert words.scale_line(MILLIMETRES, "N", 100.0, 3e-4) == "Scale: 0.005 N = 0.05 mm"
+    assert words.scale_line(MILLIMETRES, "N", 1e3, 0.3) == "Scale: 50 N = 50 mm"
     assert [time_decimals(np.linspace(0.0, end, 101)) for end in (0.0, 1.0, 0.01, 3e-6)] == [4, 4, 4, 8]

@@ -65,7 +65,7 @@ def test_arrays_come_back_as_exactly_as_they_are_stored(values, absent):
     holes = values.copy()
     holes[: len(absent)][np.array(absent[: len(values)], bool)] = np.nan
     whole = np.round(values).astype(int)
-    pack.floats(values), pack.places(holes), pack.indices(whole)
+    pack.floats(values), pack.quantised(holes), pack.indices(whole)
     _, arrays = unpack(pack.text({}))
     assert np.array_equal(arrays[0], values.astype(np.float32))
     step = np.ptp(values) / 65534 if len(values) else 0.0

@@ -59,14 +59,14 @@ def test_springs_reach_from_point_to_point_in_recordings_pages_and_the_viewer(na
     np.testing.assert_allclose(end, b, atol=4.0 * small)
     np.testing.assert_allclose(np.asarray(at.values)[:, :2], a, atol=small)
     np.testing.assert_array_equal(np.asarray(scale.values)[:, 1:], 1.0)
-    (coil,) = picture_in(m.recording, recorded_numbers(m.recording)).of(Body, "springs")
+    (coil,) = picture_in(m.recording, recorded_numbers(m.recording)).nodes_of(Body, "springs")
     assert coil.owner == ("load", load)
     np.testing.assert_array_equal(coil.poses.scales, scale.values)
     header, arrays = content(make_page(m.shown)[0])
     (body,) = [x for x in header["bodies"] if x["group"] == "springs"]
     np.testing.assert_allclose(arrays[body["stretch"]], coil.poses.scales[:, 0], rtol=1e-6)
     assert any(g["name"] == "springs" for g in header["groups"])
-    drawn, own = np.array(header["drawn"])[:, :2], coil.reach()
+    drawn, own = np.array(header["drawn"])[:, :2], coil.bounds()
     assert np.all(drawn[0] <= own[0] + small) and np.all(drawn[1] >= own[1] - small), "all of the spring is in the picture"
 
 
@@ -95,7 +95,7 @@ def test_a_spring_lies_around_its_stem_where_nothing_is_in_the_way():
     (coil,) = find_coils(run, solids)
     stem = next(p for k, p in zip(solids.links["follower"].kinds, solids.links["follower"].parts, strict=True) if k == "plate")
     assert coil.height == pytest.approx(stem.bounds[:, 2].mean(), abs=1e-9)
-    low, high = coil.reach()
+    low, high = coil.bounds()
     assert high[1] == pytest.approx(0.175, abs=0.01) and low[0] == pytest.approx(-high[0])
     assert find_coils(run, solids, {"return_spring": (0.25, 1.5)})[0].height == 0.25
     valve = run_scene(mechviz.load("valve-train"), frames=24)

@@ -49,7 +49,7 @@ def test_no_link_runs_into_what_stands_on_the_ground(name):
     standing = [(outline(mesh), mesh.vertices[:, 2]) for mesh in picture.fixtures[frame]]
     assert standing
     for link, poses in picture.poses.items():
-        for shape, low, high in solids.heights.flat(link) if link != frame else ():
+        for shape, low, high in solids.heights.flat_outlines(link) if link != frame else ():
             for fixed, z in standing:
                 if low < z.max() and high > z.min():
                     ring = np.asarray(shape.exterior.coords)
@@ -107,7 +107,7 @@ def test_a_hammer_rests_on_its_anvil():
     """At the angle of its stop the lever touches the anvil, and one degree further it would be inside."""
     run, solids, picture = shown("trip-hammer")
     (anvil,) = (outline(mesh) for mesh in standing(run, picture))
-    lever = shapely.union_all([shape for shape, _, _ in solids.heights.flat("hammer")])
+    lever = shapely.union_all([shape for shape, _, _ in solids.heights.flat_outlines("hammer")])
 
     def turned(degrees: float) -> shapely.Polygon:
         return shapely.affinity.rotate(lever, degrees, origin=(0.0, 0.0))

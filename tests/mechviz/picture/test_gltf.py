@@ -120,7 +120,7 @@ def test_nodes_form_a_tree_with_a_node_for_every_link(made):
 def test_meshes_are_the_solids(made):
     """Solids with what is fixed to them, such as seats of springs."""
     run, solids, glb = made
-    bodies = {body.parent: body.mesh for body in picture_of(run, solids).of(Body, "solids")}
+    bodies = {body.parent: body.mesh for body in picture_of(run, solids).nodes_of(Body, "solids")}
     for node in glb["nodes"]:
         if node["name"] not in bodies:
             continue
@@ -257,7 +257,7 @@ def test_shapes_of_marks_look_outwards():
     run = run_scene(mechviz.load("tailgate"), frames=6)
     seen = 0
     for mark in find_marks(presentation_of(run)):
-        for shape in filter(None, [mark.shape, *(below.shape for below in mark.below)]):
+        for shape in filter(None, [mark.shape, *(child.shape for child in mark.children)]):
             corner = shape.vertices[shape.faces]
             normal = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
             area = np.linalg.norm(normal, axis=1)

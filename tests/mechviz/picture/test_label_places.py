@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import mechviz
-from mechviz.outputs.viewer.world.labels import LabelPlaces, corners, half_sizes
+from mechviz.outputs.viewer.world.labels import LabelPlacer, corners, half_sizes
 from mechviz.outputs.viewer.world.marks import joint_groups
 from mechviz.picture.constructions import drawings_of
 from mechviz.runs import run_scene
@@ -32,11 +32,11 @@ def test_labels_of_small_plans_do_not_hide_each_other(name):
     assert drawings
     plain = left = 0
     for drawing in drawings.values():
-        named = [i for i in drawing.strokes if i.label]
-        halves = half_sizes([i.label for i in named], PIXEL), half_sizes([m.label for m in drawing.marks], PIXEL)
-        stand = LabelPlaces(*halves, 3.0 * PIXEL)
+        named = [i for i in drawing.arrows if i.label]
+        halves = half_sizes([i.label for i in named], PIXEL), half_sizes([m.label for m in drawing.points], PIXEL)
+        stand = LabelPlacer(*halves, 3.0 * PIXEL)
         starts, vectors = (np.array([getattr(i, key) for i in named]) for key in ("start", "vector"))
-        marks = np.array([m.at for m in drawing.marks])
+        marks = np.array([m.position for m in drawing.points])
         for f in range(run.motion.frames):
             shown = np.where(np.abs(vectors[:, f]) >= 0.035, starts[:, f], np.nan)
             sides, points = stand(shown, vectors[:, f], marks[:, f])
@@ -50,7 +50,7 @@ def test_labels_of_small_plans_do_not_hide_each_other(name):
 
 
 def test_a_label_stays_where_it_is_while_the_place_is_free():
-    stand = LabelPlaces(half_sizes(["v_B"], PIXEL), half_sizes(["b"], PIXEL), 0.01)
+    stand = LabelPlacer(half_sizes(["v_B"], PIXEL), half_sizes(["b"], PIXEL), 0.01)
     vector = np.array([1.0 + 0.0j])
     first, _ = stand(np.zeros(1, complex), vector, vector)
     for turn in np.linspace(0.0, 0.5, 20):
@@ -60,7 +60,7 @@ def test_a_label_stays_where_it_is_while_the_place_is_free():
 
 def test_between_two_lines_a_label_stands_nearer_to_its_own():
     starts, vectors = np.zeros(2, complex), np.array([1.0 + 1.0j, 1.2 + 0.9j])
-    stand = LabelPlaces(half_sizes(["a_T", "a_D"], PIXEL), np.zeros((0, 2)), 0.01)
+    stand = LabelPlacer(half_sizes(["a_T", "a_D"], PIXEL), np.zeros((0, 2)), 0.01)
     sides, _ = stand(starts, vectors, np.zeros(0, complex))
     for own, other in ((0, 1), (1, 0)):
         distance = [abs(np.imag(np.conj(v / abs(v)) * sides[own])) for v in (vectors[own], vectors[other])]
@@ -68,7 +68,7 @@ def test_between_two_lines_a_label_stands_nearer_to_its_own():
 
 
 def test_nothing_finite_nothing_placed():
-    stand = LabelPlaces(half_sizes(["a"], PIXEL), half_sizes(["b"], PIXEL), 0.01)
+    stand = LabelPlacer(half_sizes(["a"], PIXEL), half_sizes(["b"], PIXEL), 0.01)
     sides, points = stand(np.array([np.nan + 0j]), np.array([1.0 + 0j]), np.array([np.nan + 0j]))
     assert np.isnan(sides).all() and np.isnan(points).all()
 

@@ -12,7 +12,7 @@ from page_content import content
 
 from mechviz.outputs.page.page import make_page
 from mechviz.outputs.presentation import presentation_of
-from mechviz.outputs.rerun.nodes import listed
+from mechviz.outputs.rerun.nodes import nodes_json
 from mechviz.outputs.rerun.recorded import picture_in, recorded_numbers
 from mechviz.outputs.viewer.build import build, view_model_of_recording, view_model_of_run
 from mechviz.picture.build import picture_of, solids_of
@@ -50,7 +50,7 @@ def alike(a: Any, b: Any, where: str) -> None:
 def test_recordings_name_kinds_of_nodes_as_ever() -> None:
     """Readers of other programs know them, whatever the classes of the program are called."""
     run = run_scene(load("andrews-squeezer"), frames=4)
-    kinds = {node["key"]: node["kind"] for node in json.loads(listed(picture_of(run, solids_of(run))))}
+    kinds = {node["key"]: node["kind"] for node in json.loads(nodes_json(picture_of(run, solids_of(run))))}
     some = {"link.K1": "body", "path.K3.D": "lines", "joint.O": "points", "reaction.O": "arrow", "applied.motor.moment": "arc"}
     assert some.items() <= kinds.items() and set(kinds.values()) == set(some.values())
     assert ArrowSet.KIND == "arrowset"

@@ -59,7 +59,7 @@ def test_linkers_only_where_loads_are_computed():
     result = list(find_strut_glyphs(run_scene(mechviz.load("door-closer"), frames=12), 0.4))
     assert {x.kind for x in result} == {"torsion spring", "damper"}
     run = run_scene(mechviz.load("door-closer"), frames=12)
-    (damper,) = (x for x in picture_of(run, solids_of(run)).of(Lines) if x.key == "spring.damper")
+    (damper,) = (x for x in picture_of(run, solids_of(run)).nodes_of(Lines) if x.key == "spring.damper")
     lines = segments(damper, 3)
     assert lines.shape == (6 + 3, 2, 3) and np.all(lines[:, :, 2] == np.float32(damper.height))
 

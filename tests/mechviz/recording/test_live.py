@@ -141,14 +141,14 @@ def test_the_viewer_shows_a_motion_from_its_first_frames_on():
         return run_scene(scene, observe=held)
 
     with Computing(solve, scene) as computing:
-        while computing.wait() and (run := computing.news()) is None:
+        while computing.wait() and (run := computing.latest_run()) is None:
             pass
         assert run is not None and run.motion.frames < scene.frames
         with Viewer(run, port=0, growing=True) as viewer:
             viewer.grow(run, computing.duration)
             first = viewer.inspector.view_model
             assert viewer.frame == first.frames - 1 == run.motion.frames - 1
-            assert all(len(a.vector.value) == first.frames for a in first.picture.of(Arrow, "reaction"))  # forces, too
+            assert all(len(a.vector.value) == first.frames for a in first.picture.nodes_of(Arrow, "reaction"))  # forces, too
             assert reached.wait(PATIENCE)
             later = computing.running.so_far()
             viewer.grow(later, computing.duration)
@@ -179,7 +179,7 @@ def test_a_motion_that_ends_early_is_kept_on_show(scene):
         return run_scene(scene, observe=broken)
 
     with Computing(solve, scene) as computing:
-        while computing.wait() and (run := computing.news()) is None:
+        while computing.wait() and (run := computing.latest_run()) is None:
             pass
         asked.set()
         while computing.wait():

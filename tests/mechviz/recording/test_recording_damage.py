@@ -106,7 +106,7 @@ def test_our_own_recordings_of_far_values_are_whole(tmp_path, link, keys, value)
     """Forces of a heavy link passed the limit of places, and the outline about a far point did: both were called damaged."""
     scene = gallery_scene("kinetostatic-four-bar").changed({("links", link, *keys): value})
     writer.write_recording(run_scene(scene, frames=8), tmp_path / "a.rrd")
-    assert Recording(tmp_path / "a.rrd").said.complete
+    assert Recording(tmp_path / "a.rrd").parsed_properties.complete
 
 
 def test_a_friction_circle_of_many_light_years_is_refused(tmp_path):
@@ -158,7 +158,7 @@ def test_a_part_that_is_cut_anywhere_is_read_up_to_its_last_whole_block(tmp_path
             continue
         for most in (None, 20):
             recording = Recording(cut, most=most)
-            assert not recording.said.complete
+            assert not recording.parsed_properties.complete
             assert len({len(recording.times(path)) for path in recording.entities if path.startswith("/data/links")} - {0}) == 1
     assert frames == sorted(frames) and set(frames) == {0, 40, 80} and frames[-1] == 80
 

@@ -145,7 +145,7 @@ def test_a_hard_link_in_the_place_of_the_unfinished_file_keeps_its_content(tmp_p
     victim.write_bytes(b"dear")
     os.link(victim, tmp_path / "a.part.rrd")
     write_recording(crank_rocker(), tmp_path / "a.rrd")
-    assert victim.read_bytes() == b"dear" and Recording(tmp_path / "a.rrd").said.complete
+    assert victim.read_bytes() == b"dear" and Recording(tmp_path / "a.rrd").parsed_properties.complete
 
 
 def test_two_runs_do_not_write_the_same_unfinished_file(tmp_path):

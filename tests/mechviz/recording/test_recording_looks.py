@@ -127,7 +127,7 @@ def test_a_drive_with_zones_opens_on_its_angle_and_others_on_time():
 def test_the_legend_has_every_family_that_is_drawn_and_its_arrows_are_to_scale(bar):
     content = content_of(bar)
     statics = {s.path: s.archetype for s in find_statics(content)}
-    drawn = {arrow.group for arrow in content.picture.of(Arrow)}
+    drawn = {arrow.group for arrow in content.picture.nodes_of(Arrow)}
     for family in drawn:
         view = "motion" if family in ("velocity", "acceleration") else "forces"
         arrow = statics[f"/legend/{view}/{family}"]

@@ -16,7 +16,7 @@ import mechviz
 from mechviz.commands.main import COMMANDS, app
 from mechviz.editor.history import Draft
 from mechviz.editor.parameters import find_parameters
-from mechviz.editor.saving import kept_text
+from mechviz.editor.saving import updated_text
 from mechviz.outputs.rerun.reader import Recording
 from mechviz.scene.expressions import Amount, parse_expression
 from mechviz.scene.faults import SceneError
@@ -144,7 +144,7 @@ def test_another_value_reaches_all_that_follows_from_it_and_nothing_else(scene):
 def test_saving_keeps_expressions_and_comments(scene):
     assert mechviz.loads(scene.to_toml()) == scene
     changed = scene.changed({("parameters", "r", "value"): "42 mm", ("links", "crank", "mass"): "n * 0.5 kg"})
-    assert kept_text(scene, changed) == TEXT.replace('"30 mm"', '"42 mm"').replace("n * 0.4 kg", "n * 0.5 kg")
+    assert updated_text(scene, changed) == TEXT.replace('"30 mm"', '"42 mm"').replace("n * 0.4 kg", "n * 0.5 kg")
     plain = scene.changed({("links", "rod", "points", "C", 0): 100.0})
     assert plain.with_parameters({"r": "40 mm"}).mechanism.links[2].points["C"] == (0.1, 0.0)  # no expression stands there any more
 

@@ -12,7 +12,7 @@ import pytest
 from mechviz import scene
 from mechviz.editor.history import Draft
 from mechviz.editor.parameters import find_parameters
-from mechviz.editor.saving import kept_text, patched
+from mechviz.editor.saving import patched, updated_text
 from mechviz.scene.folder import GALLERY_FOLDER
 from mechviz.scene.reading.text import toml_text
 from mechviz.scene.scene import loads
@@ -151,18 +151,18 @@ def test_an_edited_scene_keeps_the_comments_of_its_file():
     stiff = next(p for p in find_parameters(opened) if p.key == "loads.return_spring.stiffness")
     draft = draft.with_value(stiff.path, stiff.written(3.5)).with_effect("gravity", False)
     edited = draft.scene()
-    text = kept_text(opened, edited)
+    text = updated_text(opened, edited)
     assert text is not None and loads(text, folder=GALLERY_FOLDER) == edited != opened
     assert 'tolerance = "0.004 mm"    # root mean square, the scatter of the machine' in text
     assert 'stiffness = "3.5 N/mm"' in text and 'effects = ["inertia"]' in text
     old, new = opened.text.splitlines(), text.splitlines()
     assert len(old) == len(new) and sum(a != b for a, b in zip(old, new, strict=True)) == 2
-    assert kept_text(edited, opened) is not None, "a scene that comes from no file has a text too"
-    assert kept_text(opened, opened) == opened.text
+    assert updated_text(edited, opened) is not None, "a scene that comes from no file has a text too"
+    assert updated_text(opened, opened) == opened.text
 
 
 def test_a_scene_that_says_joints_keeps_saying_so():
     text = scene.load("crank-rocker").text.replace("[joints]", "[pairs]  # as in older files")
     opened = loads(text, "crank-rocker", GALLERY_FOLDER)
-    kept = kept_text(opened, opened.changed({("joints", "A", "drive", "speed"): "30 rpm"}))
+    kept = updated_text(opened, opened.changed({("joints", "A", "drive", "speed"): "30 rpm"}))
     assert kept == text.replace("60 rpm", "30 rpm")

@@ -110,7 +110,7 @@ def test_diagrams_stand_on_their_links_and_go_with_them():
     solids = solids_of(run)
     picture = picture_of(run, solids)
     for group in ("bending_moment", "shear_force", "normal_force"):
-        assert {node.owner[1] for node in picture.of(Lines, group)} == {"rod", "crank"}
+        assert {node.owner[1] for node in picture.nodes_of(Lines, group)} == {"rod", "crank"}
     outline = picture.by_key["section.rod.bending_moment"].strips[0][..., :2]
     ends = run.motion.point("rod", "B"), run.motion.point("rod", "C")
     assert outline[:, 0] == pytest.approx(ends[0], abs=1e-6) and outline[:, -1] == pytest.approx(ends[1], abs=1e-6)
@@ -124,7 +124,7 @@ def test_diagrams_stand_on_their_links_and_go_with_them():
         assert np.sign(aside[k]) == -np.sign(computed.moment[k])
         tallest = max(tallest, float(np.abs(aside).max()))
     assert tallest == pytest.approx(0.16 * solids.size, rel=1e-3)
-    dots = list(picture.of(Points, "bending_moment"))
+    dots = list(picture.nodes_of(Points, "bending_moment"))
     assert [dot.labels[0].startswith("|M| ≤ ") for dot in dots] == [True, True]
 
 

@@ -18,7 +18,7 @@ from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
 from mechcore.reduction.bodies import SOLIDS
 from mechviz.commands.main import app
 from mechviz.meshes.solids import build_solids
-from mechviz.outputs.rerun.plots import study_outputs
+from mechviz.outputs.rerun.plots import study_plots
 from mechviz.outputs.rerun.reader import Recording
 from mechviz.outputs.rerun.writer import write_recording
 from mechviz.picture.constructions import drawings_of
@@ -308,13 +308,13 @@ def test_the_polar_plot_has_room_for_the_whole_curve():
     run = run_scene(mechviz.load("shaking-four-bar"))
     drawing = drawings_of(run, 0.5)["shaking"]
     low, high = drawing.bounds
-    tips = drawing.strokes[0].vector
+    tips = drawing.arrows[0].vector
     assert (low <= [tips.real.min(), tips.imag.min()]).all() and (high >= [tips.real.max(), tips.imag.max()]).all()
 
 
 def test_shaking_moments_share_a_plot_with_names_of_their_own():
     run = run_scene(mechviz.load("shaking-four-bar"), frames=12)
-    (output,) = [o for o in study_outputs(run) if o.name.startswith("Shaking")]
+    (output,) = [o for o in study_plots(run) if o.name.startswith("Shaking")]
     assert output.entities == (("/plots/shaking\\ moment", ()),)
     assert np.array_equal(output.values, np.column_stack([run.studies.shaking.moment, run.studies.balanced.moment]))
 
@@ -324,7 +324,7 @@ def test_drawings_are_to_scale():
     drawings = drawings_of(run, 0.3)
     assert set(drawings) == {"velocity", "acceleration", "force", "funicular/forces", "shaking"}
     velocity = drawings["velocity"]
-    v = next(i for i in velocity.strokes if i.label == "v_B")
+    v = next(i for i in velocity.arrows if i.label == "v_B")
     assert np.abs(v.vector) * velocity.per_metre == pytest.approx(np.full(37, 2.0))
     assert f"{velocity.per_metre:.4g}" in velocity.title
     for d in drawings.values():

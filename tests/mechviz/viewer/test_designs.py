@@ -103,7 +103,7 @@ def test_designs_and_bands_are_asked_for_in_the_page(viewer, browser, monkeypatc
     viewer.inspector.study.design.value = 0  # other tests choose one
     assert viewer.session.wait()
     viewer.session.reset()
-    assert viewer.session.wait(rested=True)
+    assert viewer.session.wait(until_idle=True)
     page = open_viewer(browser, viewer, SIZE, [link_path(viewer.run.motion.mechanism.links[1].name)])
     chart, search, plots = viewer.inspector.study, viewer.inspector.optimiser, viewer.plots
 
@@ -145,7 +145,7 @@ def test_designs_and_bands_are_asked_for_in_the_page(viewer, browser, monkeypatc
 def test_two_designs_lie_over_each_other_in_the_page(browser):
     """`view A B`: the second stands pale behind the first from the start, its curve beside; a box takes both away."""
     longer = run_scene(load("parametric-press").with_parameters({"stroke": "110 mm"}), frames=24)
-    with Viewer(run_scene(load("parametric-press"), frames=24), port=0, beside={"longer": longer}) as shown:
+    with Viewer(run_scene(load("parametric-press"), frames=24), port=0, compared={"longer": longer}) as shown:
         shown.pause()
         shown.set_frame(6)
         page = open_viewer(browser, shown, SIZE, [link_path("ram")])

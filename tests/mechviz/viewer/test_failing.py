@@ -22,7 +22,7 @@ CRANK = "links.crank.points.B[0]"
 @pytest.fixture()
 def viewer() -> Iterator[Viewer]:
     with Viewer(run_scene(scene.load("crank-rocker"), frames=48), port=0) as shown:
-        assert shown.session.wait(rested=True)
+        assert shown.session.wait(until_idle=True)
         yield shown
 
 
@@ -95,7 +95,7 @@ def test_an_edit_of_which_the_drawing_fails_is_undone(viewer, browser, monkeypat
     monkeypatch.setattr(SolidNodes, "update", fail)
     send(browser, update(slider, 1.1 * before))
     until(lambda: "no such solids" in caplog.text, "the failure is told")
-    assert viewer.session.wait(rested=True)
+    assert viewer.session.wait(until_idle=True)
     assert viewer.run is shown and viewer.inspector.view_model.run is shown and not viewer.session.history.can_undo
     assert "no such solids" in viewer.session.status.fault
     until(lambda: slider.value == before, "the slider goes back")
@@ -104,7 +104,7 @@ def test_an_edit_of_which_the_drawing_fails_is_undone(viewer, browser, monkeypat
     monkeypatch.undo()
     send(browser, update(slider, 0.9 * before))
     until(lambda: viewer.run is not shown, "the next edit is solved")
-    assert viewer.session.wait(rested=True) and not viewer.session.status.fault and viewer.session.history.can_undo
+    assert viewer.session.wait(until_idle=True) and not viewer.session.status.fault and viewer.session.history.can_undo
     answered(viewer, browser)
     viewer.set_frame(7)
     angle = viewer.run.motion.pose("rocker")[7, 2]

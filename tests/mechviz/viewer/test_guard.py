@@ -49,7 +49,7 @@ UPDATES = ({"max": 5.0}, {"removed": True}, {"value": 7, "max": 9}, {}, [], None
 @pytest.fixture(scope="module")
 def viewer() -> Iterator[Viewer]:
     with Viewer(run_scene(scene.load("crank-rocker"), frames=48), port=0) as shown:
-        assert shown.session.wait(rested=True)
+        assert shown.session.wait(until_idle=True)
         yield shown
 
 
@@ -95,7 +95,7 @@ def test_a_typed_value_that_cannot_be_had_goes_back_and_its_refusal_stays(viewer
     before = slider.value, slider.max
     send(browser, update(slider, -3.0))
     until(lambda: "-3 mm is not possible" in controls.message.content, "the refusal")
-    assert viewer.session.wait(rested=True)
+    assert viewer.session.wait(until_idle=True)
     until(lambda: slider.value == before[0], "the last good value")
     assert "-3 mm is not possible" in controls.message.content and slider.min >= 0.0
     answered(viewer, browser)

@@ -23,13 +23,13 @@ from mechcore.motion.events import Event
 from mechviz import scene
 from mechviz.editor.history import Draft, History
 from mechviz.editor.parameters import find_choices, find_parameters
-from mechviz.editor.worker import Latest, assembles, reachable
+from mechviz.editor.worker import LatestRequestWorker, assembles, feasible_range
 from mechviz.outputs.drawings import Diagram as Chart
 from mechviz.outputs.rerun.reader import Recording
 from mechviz.outputs.rerun.writer import write_recording
 from mechviz.outputs.viewer import words
 from mechviz.outputs.viewer.app import Viewer
-from mechviz.outputs.viewer.build import Built, build, drawn_in, view_model_of_recording, view_model_of_run
+from mechviz.outputs.viewer.build import Built, build, solid_inputs, view_model_of_recording, view_model_of_run
 from mechviz.outputs.viewer.panels import charts
 from mechviz.outputs.viewer.panels.diagrams import diagram_svg, diagrams_of
 from mechviz.outputs.viewer.panels.saving import file_name
@@ -56,7 +56,7 @@ from recordings import gallery_scene
 def test_while_dragging_the_picture_is_sent_first_and_plots_follow_at_the_latest_when_it_rests(monkeypatch):
     with Viewer(run_scene(scene.load("crank-rocker"), frames=24), port=0) as viewer:
         inspector, session = viewer.inspector, viewer.session
-        assert session.wait(rested=True)
+        assert session.wait(until_idle=True)
         shows = [
             view_model_of_run(run_scene(scene.load("crank-rocker"), frames=24), session._built, session.view_model)
             for _ in range(4)
@@ -67,7 +67,7 @@ def test_while_dragging_the_picture_is_sent_first_and_plots_follow_at_the_latest
             monkeypatch.setattr(owner, name, lambda *a, _r=real, _n=name: (done.append(_n), _r(*a)))
         inspector.present(shows[0])
         assert done == ["show", "flush", "update", "flush"], "the picture is on its way before the plots are made"
-        monkeypatch.setattr(EditSession, "overtaken", property(lambda _: True))
+        monkeypatch.setattr(EditSession, "is_superseded", property(lambda _: True))
         monkeypatch.setattr("mechviz.outputs.viewer.inspector.PLOT_INTERVAL", 1e9)
         done.clear()
         for view_model in shows[1:]:
@@ -83,8 +83,8 @@ def test_the_view_fits_the_edited_mechanism_when_it_rests():
         key = next(key for key in viewer.inspector.controls.sliders if "crank.points.B" in key)
         parameter = next(p for p in viewer.session.parameters if p.key == key)
         for crank in (100.0, 60.0):
-            viewer.session.move(parameter, crank)
-            assert viewer.session.wait(rested=True)
+            viewer.session.set_value(parameter, crank)
+            assert viewer.session.wait(until_idle=True)
             anew = view_model_of_run(viewer.session.run, build(viewer.session.run))
             np.testing.assert_allclose(viewer.scene.current.bounds, anew.bounds, atol=1e-12)
             inside = [viewer.scene.bounds[0] <= anew.bounds[0] + 1e-12, viewer.scene.bounds[1] >= anew.bounds[1] - 1e-12]
@@ -95,16 +95,16 @@ def test_a_value_that_is_no_more_is_refused(session):
     """A slider may be moved after its point has gone by Undo in another browser."""
     kept = session.parameters[0]
     gone = replace(kept, path=("links", "crank", "points", "Q4", 0))
-    session.move(gone, kept.value)
+    session.set_value(gone, kept.value)
     assert session.wait() and session.status.fault == "Q4 is no longer in the scene: there is nothing to change."
-    session.move(kept, kept.value)
+    session.set_value(kept, kept.value)
     assert session.wait() and not session.status.fault
 
 
 def test_what_goes_well_is_said_now_and_then_and_once_more_when_it_rests(monkeypatch):
     with Viewer(run_scene(scene.load("crank-rocker"), frames=24), port=0) as viewer:
         controls = viewer.inspector.controls
-        assert viewer.session.wait(rested=True)
+        assert viewer.session.wait(until_idle=True)
         key = next(iter(controls.sliders))
         said = []
         for seconds in (0.011, 0.022, 0.033):
@@ -251,10 +251,10 @@ def test_effects_and_loads_are_switched_without_losing_their_values():
 
 # -- limits -----------------------------------------------------------------------------------------------------------
 def test_the_reachable_range_is_found_from_the_inside():
-    low, high = reachable(5.0, 0.0, 20.0, lambda v: 2.0 < v < 7.3)
+    low, high = feasible_range(5.0, 0.0, 20.0, lambda v: 2.0 < v < 7.3)
     assert 2.0 < low < 2.001 and 7.299 < high < 7.3
-    assert reachable(5.0, 0.0, 20.0, lambda v: True) == (0.0, 20.0)
-    assert reachable(5.0, 0.0, 20.0, lambda v: True, given_up=lambda: True) is None
+    assert feasible_range(5.0, 0.0, 20.0, lambda v: True) == (0.0, 20.0)
+    assert feasible_range(5.0, 0.0, 20.0, lambda v: True, given_up=lambda: True) is None
 
 
 def test_a_four_bar_assembles_exactly_as_far_as_grashof_says():
@@ -262,7 +262,7 @@ def test_a_four_bar_assembles_exactly_as_far_as_grashof_says():
     path = ("links", "crank", "points", "B", 0)
     # crank r, frame 0.28, coupler 0.3, rocker 0.25: it turns fully while the distance of the other ends, 0.28 - r to 0.28 + r,
     # stays between 0.3 - 0.25 and 0.3 + 0.25
-    _, high = reachable(0.1, 0.02, 0.25, lambda r: assembles(draft.with_value(path, r).scene()))
+    _, high = feasible_range(0.1, 0.02, 0.25, lambda r: assembles(draft.with_value(path, r).scene()))
     assert high == pytest.approx(0.23, abs=2e-5)
 
 
@@ -339,7 +339,7 @@ def test_the_newest_request_wins_and_the_last_one_is_always_done():
             raise ValueError("out of order")
 
     failures: list[Exception] = []
-    worker = Latest(work, failures.append)
+    worker = LatestRequestWorker(work, failures.append)
     try:
         worker.submit(0)
         assert begun.wait(PATIENCE)
@@ -388,7 +388,7 @@ def _value(session: EditSession, label: str):
 
 def test_an_edit_solves_the_whole_cycle_anew_and_undo_brings_it_back(session):
     before = session.run.forces.effort("A")
-    session.move(_value(session, "crank A–B"), 0.11)
+    session.set_value(_value(session, "crank A–B"), 0.11)
     assert session.wait()
     assert session.status.fault == "" and value_at(session.history.present.document, ("links", "crank", "points", "B"))[0] == 0.11
     direct = run_scene(Draft.of(scene.load("kinetostatic-four-bar")).with_value(("links", "crank", "points", "B", 0), 0.11).scene())
@@ -427,20 +427,20 @@ def test_steps_of_the_history_that_wait_are_all_done_in_their_order(session):
             session.undo()
     assert mass() == 1.1
     with at_work(session):  # a step back from a change that still waits
-        session.move(slider, 1.7)
-        session.move(slider, 1.8)
+        session.set_value(slider, 1.7)
+        session.set_value(slider, 1.8)
         session.undo()
     assert mass() == 1.1
     with at_work(session):  # a change of what the step leads to
         session.undo()
         session.undo()
-        session.move(slider, 1.6)
+        session.set_value(slider, 1.6)
     assert mass() == 1.6
     session.undo()
     assert session.wait() and mass() == 1.1
     with at_work(session):
         session.undo()
-        session.move(slider, 1.5)
+        session.set_value(slider, 1.5)
         session.undo()
         session.redo()
     assert mass() == 1.5
@@ -449,23 +449,23 @@ def test_steps_of_the_history_that_wait_are_all_done_in_their_order(session):
 def test_solids_are_built_anew_for_lengths_and_not_for_masses(session, monkeypatch):
     built = []
     monkeypatch.setattr("mechviz.outputs.viewer.session.build", lambda run: built.append(run) or build(run))
-    session.move(_value(session, "crank mass"), 1.3)
-    assert session.wait(rested=True) and not built
+    session.set_value(_value(session, "crank mass"), 1.3)
+    assert session.wait(until_idle=True) and not built
     assert session.screen.shows[-1].bodies["crank"] is session.opened.bodies["crank"]
-    session.move(_value(session, "crank A–B"), 0.11)
-    assert session.wait(rested=True) and len(built) == 1
+    session.set_value(_value(session, "crank A–B"), 0.11)
+    assert session.wait(until_idle=True) and len(built) == 1
     assert session.screen.shows[-1].bodies["crank"] is not session.opened.bodies["crank"]
 
 
 def test_what_cannot_be_assembled_leaves_the_last_good_mechanism_and_says_how_far(session):
     shown, run = len(session.screen.shows), session.run
-    session.move(_value(session, "crank A–B"), 0.9)
+    session.set_value(_value(session, "crank A–B"), 0.9)
     assert session.wait()
     assert "cannot be assembled" in session.status.fault and session.status.value == 0.9
-    low, high = session.status.reach
+    low, high = session.status.feasible_range
     assert low == pytest.approx(0.02) and high == pytest.approx(0.83, abs=1e-4)  # all the other lengths in line
     assert session.run is run and len(session.screen.shows) == shown and not session.history.can_undo
-    session.move(_value(session, "crank A–B"), 0.12)
+    session.set_value(_value(session, "crank A–B"), 0.12)
     assert session.wait() and session.status.fault == ""
 
 
@@ -473,11 +473,11 @@ def test_what_cannot_be_assembled_leaves_the_last_good_mechanism_and_says_how_fa
 @pytest.mark.parametrize("typed", [99999.0, -3.0, 1e300])
 def test_a_typed_value_beyond_all_limits_is_refused_as_it_was_typed(session, typed):
     length, run = _value(session, "crank A–B"), session.run
-    session.move(length, typed)
+    session.set_value(length, typed)
     assert session.wait()
     assert "Here it can be" in session.status.fault and session.status.value == typed
     assert session.run is run
-    low, high = session.status.reach
+    low, high = session.status.feasible_range
     assert length.hard_low <= low <= 0.02 and length.value < high < 0.831
 
 
@@ -488,10 +488,10 @@ def test_an_undercut_cam_is_refused_with_the_range_of_its_base_circle():
     )
     try:
         base = _value(made, "K base")
-        made.move(base, 8.0)
+        made.set_value(base, 8.0)
         assert made.wait()
         assert "undercut" in made.status.fault
-        low, high = made.status.reach
+        low, high = made.status.feasible_range
         assert low == pytest.approx(10.664, abs=0.01), "the least base circle of the theory"
         assert high == base.high
     finally:
@@ -511,7 +511,7 @@ def test_each_effect_is_weighed_by_the_peak_without_it(session):
     assert computed["inertia"].peak_without == pytest.approx(np.abs(without.forces.effort("A")).max())
     assert np.isnan(computed["friction"].seconds)
     assert computed["friction"].why.startswith("no joint has any friction that could act.")  # the scene does not name it
-    assert "friction: no joint has any friction" in words.contributions(session.screen.found[-1], "drive torque", MILLIMETRES)
+    assert "friction: no joint has any friction" in words.contribution_table(session.screen.found[-1], "drive torque", MILLIMETRES)
 
 
 def test_of_a_motion_without_drives_effects_are_weighed_by_the_largest_reaction():
@@ -519,14 +519,14 @@ def test_of_a_motion_without_drives_effects_are_weighed_by_the_largest_reaction(
     run = run_scene(scene.load("pendulum-near-the-top"), frames=20)
     made = EditSession(run, lambda _: None, lambda _: None, computed.append, lambda: None, lambda _: None)
     made.find_contributions(asked=True)
-    assert made.wait(rested=True)
+    assert made.wait(until_idle=True)
     made.close()
     gravity = next(c for c in computed[-1] if c.name == "gravity")
     largest = max(np.hypot(*run.forces.reaction(joint.name)[:, :2].T).max() for joint in run.motion.mechanism.joints)
     assert gravity.peak_with == pytest.approx(largest) and gravity.peak_without == pytest.approx(0.0, abs=1e-9)
-    assert f"+{largest:.3g} N<" in words.contributions(computed[-1], "reaction", MILLIMETRES)
+    assert f"+{largest:.3g} N<" in words.contribution_table(computed[-1], "reaction", MILLIMETRES)
     unasked = [Contribution("inertia", True, 1.0, np.nan, np.nan)]
-    assert "press the button" in words.contributions(unasked, "reaction", MILLIMETRES)
+    assert "press the button" in words.contribution_table(unasked, "reaction", MILLIMETRES)
 
 
 # -- recordings -------------------------------------------------------------------------------------------------------
@@ -559,11 +559,11 @@ def test_diagrams_of_a_recording_are_those_of_its_run(name, overlays, tmp_path):
         assert (computed.title, computed.unit, computed.whole) == (drawing.title, drawing.unit, drawing.whole)
         assert computed.per_metre == pytest.approx(drawing.per_metre)
         np.testing.assert_allclose(computed.bounds, drawing.bounds, atol=1e-6 * solved.size)
-        for a, b in zip(computed.strokes, drawing.strokes, strict=True):
-            assert (a.label, a.color, a.plain, a.fine) == (b.label, b.color, b.plain, b.fine)
+        for a, b in zip(computed.arrows, drawing.arrows, strict=True):
+            assert (a.label, a.color, a.headless, a.thin) == (b.label, b.color, b.headless, b.thin)
             np.testing.assert_allclose(a.start, b.start, atol=1e-6 * solved.size)
             np.testing.assert_allclose(a.vector, b.vector, atol=1e-6 * solved.size)
-        assert [m.label for m in computed.marks] == [m.label for m in drawing.marks]
+        assert [m.label for m in computed.points] == [m.label for m in drawing.points]
     for computed, chart in zip(recorded.charts(), solved.charts(), strict=True):
         assert (computed.title, computed.x_title, computed.y_title, computed.equal) == (
             chart.title,
@@ -594,7 +594,7 @@ def test_solids_follow_the_settings_of_the_accuracy():
     """The viewer draws what a recording of the same run holds, and other settings ask for other solids."""
     plain, fine = (run_scene(scene.load("cam-roller"), frames=4, accuracy=a) for a in (None, Accuracy(chord=1e-5, profile=2160)))
     faces = {name: sum(len(p.faces) for p in body.pieces) for name, body in build(fine).bodies.items()}
-    assert faces == {body.parent: len(body.mesh.faces) for body in picture_of(fine, solids_of(fine)).of(BodyNode, "solids")}
+    assert faces == {body.parent: len(body.mesh.faces) for body in picture_of(fine, solids_of(fine)).nodes_of(BodyNode, "solids")}
     assert sum(faces.values()) > 1.5 * sum(len(solid.faces) for solid in solids_of(plain).links.values())
     first, same, finer = (run_scene(scene.load("crank-rocker"), frames=4, accuracy=Accuracy(chord=c)) for c in (1e-4, 1e-4, 1e-5))
     built = build(first)
@@ -627,7 +627,7 @@ def test_solids_are_built_anew_only_where_something_else_is_drawn(name, before, 
     old, new = (run_scene(s, frames=4) for s in (opened, edited))
     poses = {link.name: old.motion.pose(link.name) for link in old.motion.mechanism.links}
     nothing: Any = None  # solids are not looked at
-    assert Built(old.motion.mechanism, old.accuracy, nothing, {}, poses, {}, drawn_in(old)).fits(new) == fits
+    assert Built(old.motion.mechanism, old.accuracy, nothing, {}, poses, {}, solid_inputs(old)).fits(new) == fits
 
 
 def test_a_recording_is_played_without_computing_anything(tmp_path, monkeypatch):
@@ -706,7 +706,7 @@ def test_a_cam_follows_its_values_while_they_are_dragged():
 def test_a_pivot_that_is_dragged_away_and_back_ends_where_it_began(session, monkeypatch):
     """Though nothing of it has been drawn yet."""
     asked = []
-    monkeypatch.setattr(session, "move", lambda parameter, value: asked.append((parameter.key, value)))
+    monkeypatch.setattr(session, "set_value", lambda parameter, value: asked.append((parameter.key, value)))
     server = SimpleNamespace(scene=SimpleNamespace(add_transform_controls=lambda *_, **__: SimpleNamespace(on_update=callable)))
     pivots = Pivots(server, session, lambda _name, run: run)
     pivots.switch(True)
@@ -762,7 +762,7 @@ def test_labels_of_a_diagram_stand_apart_and_are_written_as_by_hand():
     diagram = diagrams_of(view_model_of_run(run, build(run)))["Acceleration polygon"]
     inks = dict(diagram.drawing.legend)
     assert list(inks) == ["absolute", "normal", "tangential"]
-    for stroke in diagram.drawing.strokes:
+    for stroke in diagram.drawing.arrows:
         kind = {"ⁿ": "normal", "ᵗ": "tangential"}.get(stroke.label[-1], "absolute")
         assert stroke.color == inks[kind], stroke.label
     for frame in (0, 12, 30):
@@ -820,7 +820,7 @@ def test_every_preset_sees_the_whole_box(name):
     half = np.tan(preset.fov / 2.0)
     assert (np.abs((corners - view.look_at) @ up / depth) < half).all()
     assert (np.abs((corners - view.look_at) @ right / depth) < 1.3 * half).all()
-    assert np.dot(away, preset.away) > 0.0
+    assert np.dot(away, preset.direction) > 0.0
 
 
 def test_a_stack_of_cams_is_looked_at_from_an_angle_at_first():

@@ -117,7 +117,7 @@ def as_opened(viewer, page) -> None:
     """Every test starts with the scene as opened, at a frame with large forces; solids are made anew when nothing moves any more,
     and the camera follows."""
     viewer.session.reset()
-    assert viewer.session.wait(rested=True)
+    assert viewer.session.wait(until_idle=True)
     viewer.set_frame(300)
     open_tab(page, "Edit")
     open_tab(page, "Plots")
@@ -256,7 +256,7 @@ def test_effects_are_switched_and_weighed(viewer, page):
     wanted = {"inertia": "1", "P": "1", "gravity": "0"}  # the plan follows at most a moment after the picture
     until(page, lambda: wanted.items() <= dict(boxes.evaluate_all(label_and_state)).items(), "the plan with inertia and the load")
     assert boxes.count() == 10
-    assert viewer.session.wait(rested=True)
+    assert viewer.session.wait(until_idle=True)
     viewer.inspector.effects.table.content = ""
     row = page.locator("tr", has_text="inertia").filter(has_text="N m").filter(has_text="ms")
     until(page, lambda: row.count() == 0, "no table")
@@ -427,7 +427,7 @@ def test_cameras_2d_and_dark(viewer, page):
     until(page, lambda: page.evaluate(FOV) == pytest.approx(18.0, abs=0.1), "in space again")
     for button, preset in (("Isometric", "isometric"), ("Top", "top"), ("Side", "side"), ("Behind", "behind"), ("Front", "front")):
         page.get_by_role("button", name=button, exact=True).click()
-        away = np.array(VIEW_PRESETS[preset].away) * [-1.0, 1.0, -1.0]  # viser turns the scene by half a turn about y
+        away = np.array(VIEW_PRESETS[preset].direction) * [-1.0, 1.0, -1.0]  # viser turns the scene by half a turn about y
         until(page, lambda a=away: np.allclose(page.evaluate(turned), -a / np.linalg.norm(a), atol=1e-3), f"from {button}")
     assert client.client_id in viewer.server.get_clients()
     bright = picture(page).mean()
@@ -464,7 +464,8 @@ def test_marks_lie_at_their_joints_and_the_mechanism_fills_the_picture(viewer, p
         for joint in ("A", "B", "D", "E"):
             at = [*viewer.run.motion.joint_position(joint)[viewer.frame], 0.0]
             at[2] = max(
-                _front(body, view_model.poses[body.parent][viewer.frame], at) for body in view_model.picture.of(Body, "solids")
+                _front(body, view_model.poses[body.parent][viewer.frame], at)
+                for body in view_model.picture.nodes_of(Body, "solids")
             )
 
             def miss(dot: str = f"/joints/{joint}/dot", at: list[float] = at) -> float:
@@ -502,7 +503,7 @@ def test_a_section_cuts_the_front_away(viewer, page):
     open_tab(page, "View")
     depth = "name => { let z = -1e9; window.__viserMutable.nodeRefFromName[name].traverse(o => { const p = o.geometry && "
     depth += "o.geometry.attributes.position; if (p) for (let k = 0; k < p.count; k++) z = Math.max(z, p.getZ(k)); }); return z; }"
-    assert viewer.session.wait(rested=True)  # the solids of this scene, not stretched ones of what an edit before it has made
+    assert viewer.session.wait(until_idle=True)  # the solids of this scene, not stretched ones of what an edit before it has made
     caught_up(viewer, page)
     before = max(page.evaluate(depth, node) for node in NODES)
     uuid = page.locator("label", has_text="Section").first.get_attribute("for")
@@ -681,7 +682,7 @@ def _look_at_a_cam(page: Any, viewer: Viewer) -> None:
     page.get_by_role("option", name="harmonic", exact=True).click()
     until(page, lambda: viewer.run.scene.document.joints["K"].profile.lift[0].law == "harmonic", "another law")
     until(page, lambda: page.get_by_role("alert").count() == 0, "all is well")
-    assert viewer.session.wait(rested=True)
+    assert viewer.session.wait(until_idle=True)
     whole = {piece.color for piece in viewer.inspector.view_model.bodies["cam"].pieces}
     (low, high), picture = viewer.inspector.view_model.bounds[:, 2], viewer.inspector.view_model.picture
     axis = next(node.height for node in picture.nodes if node.key == "spring.return_spring")
@@ -709,7 +710,7 @@ def test_a_recording_plays_and_its_scene_can_be_edited(viewer, browser, folder):
             opened.get_by_text("Kinetostatics of a four-bar").last.wait_for()
             open_tab(opened, "Plots")
             opened.get_by_role("button", name="Play", exact=True).click()
-            until(opened, lambda: shown.player.aside, "played by the browser")
+            until(opened, lambda: shown.player.is_remote, "played by the browser")
             opened.get_by_role("button", name="Pause", exact=True).click()
             until(opened, lambda: not shown.playing, "paused")
             opened.get_by_role("button", name="Edit this scene").click()

@@ -52,13 +52,13 @@ def test_a_text_typed_while_an_earlier_one_is_solved_is_not_lost(typed, fault, m
         statuses = arriving(monkeypatch, viewer, browser, text, typed)
         send(browser, update(text, first))
         until(lambda: len(statuses) == 2, "both")
-        assert viewer.session.wait(rested=True)
+        assert viewer.session.wait(until_idle=True)
         assert text.value == typed and fault in statuses[1].fault and bool(fault) is bool(statuses[1].fault)
         values = value_at(viewer.run.scene.document, LAW).position.values
         assert len(values) == 25 if fault else values == [0, 9, 15, 18, 19.5, 20, 20]
         assert fault in viewer.inspector.controls.message.content
         viewer.session.undo()
-        assert viewer.session.wait(rested=True)
+        assert viewer.session.wait(until_idle=True)
         assert viewer.inspector.controls.texts.popitem()[1].value != typed, "it follows again"
 
 
@@ -73,7 +73,7 @@ def test_a_slider_moved_while_another_change_is_solved_does_not_go_back(monkeypa
         (parameter,) = (p for p in viewer.session.parameters if p.key == key)
         assert parameter.value == pytest.approx(wanted, rel=1e-9)
         viewer.session.undo()
-        assert viewer.session.wait(rested=True)
+        assert viewer.session.wait(until_idle=True)
         assert slider.value == before, "it follows again"
 
 
@@ -105,12 +105,12 @@ def test_what_has_not_been_read_yet_does_not_go_back_when_an_earlier_change_is_s
         send(browser, update(box, wanted))
         until(lambda: box.value == wanted, "the browser's value")
         viewer.session.change("another", lambda draft: draft)
-        assert viewer.session.wait(rested=True)
+        assert viewer.session.wait(until_idle=True)
         followed.set()
         until(lambda: has(viewer.run), "what was asked for")
-        assert viewer.session.wait(rested=True) and box.value == wanted
+        assert viewer.session.wait(until_idle=True) and box.value == wanted
         viewer.session.undo()
-        assert viewer.session.wait(rested=True) and box.value != wanted, "it follows again"
+        assert viewer.session.wait(until_idle=True) and box.value != wanted, "it follows again"
 
 
 @pytest.mark.sample(2)
@@ -136,7 +136,7 @@ def test_what_is_in_work_does_not_go_back_when_the_solids_of_an_earlier_change_a
         assert box.value == wanted and not has(viewer.run)
         shown.set()
         until(lambda: has(viewer.run), "what was asked for")
-        assert viewer.session.wait(rested=True) and box.value == wanted
+        assert viewer.session.wait(until_idle=True) and box.value == wanted
 
 
 def test_at_rest_everything_is_that_of_the_last_change():
@@ -145,13 +145,13 @@ def test_at_rest_everything_is_that_of_the_last_change():
         session, inspector = viewer.session, viewer.inspector
         for key, value in (("links.piston.mass", 7.0), ("links.crank.points.B[0]", 50.0), ("joints.A.drive.speed", 300.0)):
             (parameter,) = (p for p in session.parameters if p.key == key)
-            session.move(parameter, value)
-            assert session.wait(rested=True)
+            session.set_value(parameter, value)
+            assert session.wait(until_idle=True)
             events = tuple(inspector.timeline._events_by_label.values())
             assert events == events_of(run_scene(session.run.scene)), "in the list"
             assert f"{events[-1].time:.4g} s: {events[-1].item}" in inspector.timeline.strip.content
             assert inspector._followed is inspector._plotted is session.view_model and session.view_model.exact
-            assert not inspector.playback._held, "browsers play by themselves again"
+            assert not inspector.playback._only_server, "browsers play by themselves again"
             assert inspector.controls.sliders[key].value == value
 
 
@@ -159,10 +159,10 @@ def test_what_is_no_longer_drawn_goes_away():
     with Viewer(run_scene(mechviz.load("crank-rocker"), frames=24), port=0) as viewer:
         session, links = viewer.session, viewer.scene.links
         session.change("looks", lambda draft: draft.with_value(("links", "crank", "looks"), "nothing"))
-        assert session.wait(rested=True) and not session.status.fault
+        assert session.wait(until_idle=True) and not session.status.fault
         assert not links._meshes["crank"] and links._meshes["rocker"]
         session.undo()
-        assert session.wait(rested=True) and links._meshes["crank"]
+        assert session.wait(until_idle=True) and links._meshes["crank"]
 
 
 def test_a_section_stays_at_its_part_of_the_depth():
@@ -172,8 +172,8 @@ def test_a_section_stays_at_its_part_of_the_depth():
         viewer.switches._cut()
         before = viewer.scene.links._height
         (frame,) = (p for p in session.parameters if p.key == "links.frame.points.D[0]")
-        session.move(frame, 300.0)
-        assert session.wait(rested=True)
+        session.set_value(frame, 300.0)
+        assert session.wait(until_idle=True)
         assert viewer.scene.links._height == pytest.approx(viewer.scene.current.bounds[:, 2].mean()) != before
 
 
@@ -182,9 +182,9 @@ def test_a_coordinate_that_is_moved_to_zero_keeps_its_slider():
         session, controls = viewer.session, viewer.inspector.controls
         for name, value in (("links.coupler.points.E[1]", 0.0), ("links.coupler.points.E[0]", -20.0)):
             (parameter,) = (p for p in session.parameters if p.key == name)
-            session.move(parameter, value)
+            session.set_value(parameter, value)
             session.change("effect gravity", lambda draft: draft.with_effect("gravity", "gravity" not in draft.document.effects))
-            assert session.wait(rested=True) and not session.status.fault
+            assert session.wait(until_idle=True) and not session.status.fault
             assert controls.sliders[name].value == value and controls.sliders[name].label == parameter.title
         assert session.run.scene.document.links["coupler"].points["E"] == (-20.0, 0.0)
 
@@ -195,10 +195,10 @@ def test_a_refused_slider_goes_back_also_where_another_change_follows_at_once():
         coupler, speed = "links.coupler.points.C[0]", "joints.A.drive.speed"
         known = {p.key: p for p in session.parameters}
         sliders[coupler].value = 500.0
-        session.move(known[coupler], 500.0)
+        session.set_value(known[coupler], 500.0)
         assert session.wait() and session.status.fault
-        session.move(known[speed], 70.0)
-        assert session.wait(rested=True) and not session.status.fault
+        session.set_value(known[speed], 70.0)
+        assert session.wait(until_idle=True) and not session.status.fault
         viewer.inspector.controls._edited._last[uuid_of(sliders[coupler])] = 500.0  # as after a browser's move
         viewer.inspector.settle()
         assert sliders[coupler].value == 180.0 and sliders[speed].value == 70.0
@@ -209,10 +209,10 @@ def test_an_axis_that_a_swinging_drive_does_not_have_is_offered_again():
         session, axes = viewer.session, viewer.plots._against
         (crank,) = (p for p in session.parameters if p.key == "links.crank.points.B[0]")
         before = axes.options
-        session.move(crank, 140.0)
-        assert session.wait(rested=True) and axes.options == ("time [s]",) and axes.value == "time [s]"
+        session.set_value(crank, 140.0)
+        assert session.wait(until_idle=True) and axes.options == ("time [s]",) and axes.value == "time [s]"
         session.undo()
-        assert session.wait(rested=True) and axes.options == before
+        assert session.wait(until_idle=True) and axes.options == before
         viewer.plots.choose_axis(before[0])
         assert axes.value == before[0] == viewer.plots._axis.title
 
@@ -234,7 +234,7 @@ def test_nothing_is_saved_while_a_change_is_solved(tmp_path, monkeypatch):
         go, begun, solve = threading.Event(), threading.Event(), session._solved
         monkeypatch.setattr(session, "_solved", lambda draft: (begun.set(), go.wait(PATIENCE), solve(draft))[-1])
         (crank,) = (p for p in session.parameters if p.key == "links.crank.points.B[0]")
-        session.move(crank, 50.0)
+        session.set_value(crank, 50.0)
         assert begun.wait(PATIENCE) and session.busy
         press()
         assert "still being solved" in made["warning"].content and not list(tmp_path.iterdir())

@@ -58,20 +58,20 @@ def test_positions_are_dragged_added_and_taken_away(solutions):
         tab.update(session.view_model)
         assert len(tab._nodes) == 3
         tab._dragged(1, dragged(0.032 + 0.02j, np.radians(25)))
-        assert session.wait(rested=True)
+        assert session.wait(until_idle=True)
         wanted = with_moved_pose(POSES, 1, 0.032 + 0.02j, np.radians(25))
         assert poses_in(session.run.scene).places == pytest.approx(wanted.places, abs=1e-12)
         assert poses_in(session.run.scene).angles == pytest.approx(wanted.angles, abs=1e-9)
         assert max(passes(session.run, wanted)) < 2e-3
         assert "1: " in tab.report.content
         tab.ask("one more", lengthened(tab.poses))
-        assert session.wait(rested=True)
+        assert session.wait(until_idle=True)
         assert len(tab.poses.places) == len(tab._nodes) == 4
         tab.ask("one fewer", shortened(tab.poses))
-        assert session.wait(rested=True)
+        assert session.wait(until_idle=True)
         assert len(tab.poses.places) == len(tab._nodes) == 3
         session.undo()
-        assert session.wait(rested=True)
+        assert session.wait(until_idle=True)
         assert len(tab.poses.places) == 4
 
 
@@ -103,11 +103,15 @@ def test_positions_are_shown_added_and_taken_away_in_the_page(browser, solutions
         page.wait_for_function(SEEN, arg="/positions/3")
         for name, count in (("Add a position", 4), ("Remove the last position", 3)):
             page.get_by_role("button", name=name).click()
-            until(page, lambda count=count: session.wait(rested=True) and len(tab.poses.places) == count, name)
+            until(page, lambda count=count: session.wait(until_idle=True) and len(tab.poses.places) == count, name)
         before = session.run.scene.document.links["crank"].points
         uuid = page.locator("label", has_text="Solution").first.get_attribute("for")
         page.locator(f'[id="{uuid}"] ~ div input').fill("2")
-        until(page, lambda: session.wait(rested=True) and session.run.scene.document.links["crank"].points != before, "another one")
+        until(
+            page,
+            lambda: session.wait(until_idle=True) and session.run.scene.document.links["crank"].points != before,
+            "another one",
+        )
         page.close()
 
 
@@ -117,7 +121,7 @@ def test_another_solution_is_another_linkage(solutions):
         before = session.run.scene.document.links["crank"].points
         tab.choice.value = 2
         tab.ask("solution", tab.poses)
-        assert session.wait(rested=True)
+        assert session.wait(until_idle=True)
         assert session.run.scene.document.links["crank"].points != before
         assert poses_in(session.run.scene).places == pytest.approx(POSES.places, abs=1e-12)
 
@@ -129,7 +133,7 @@ def test_any_four_bar_begins_with_its_own_positions():
         assert tab.poses.places == pytest.approx(x + 1j * y, abs=1e-12)
         wanted = with_moved_pose(tab.poses, 2, tab.poses.places[2] + 0.01, tab.poses.angles[2])
         tab.ask("number 3", wanted)
-        assert session.wait(rested=True)
+        assert session.wait(until_idle=True)
         assert poses_in(session.run.scene).places == pytest.approx(wanted.places, abs=1e-12)
         assert max(passes(session.run, wanted)) < 2e-3
     with Viewer(run_scene(mechviz.load("slider-crank-engine"), frames=12), port=0) as viewer:
@@ -173,7 +177,7 @@ def test_a_drawn_curve_is_followed_and_undone():
         tab.update(session.view_model)
         for event in stroke(np.array([0.3, -0.8, 1.5]), OVAL):
             tab._drawn(event)
-        assert session.wait(rested=True) and not session.status.fault
+        assert session.wait(until_idle=True) and not session.status.fault
         assert far_from_path(session.run, OVAL) < 1e-3  # an ellipse is nearly a coupler curve
         assert len(tab.wanted) == 20 and abs(tab.wanted[-1] - tab.wanted[0]) == 0.0
         assert far_from_path(session.run, tab.wanted) < 1e-3
@@ -181,14 +185,14 @@ def test_a_drawn_curve_is_followed_and_undone():
         first = session.run.scene.document.links["crank"].points
         tab.choice.value = 2
         tab._choose()
-        assert session.wait(rested=True)
+        assert session.wait(until_idle=True)
         assert session.run.scene.document.links["crank"].points != first
         assert far_from_path(session.run, OVAL) < 5e-3
         session.undo()
-        assert session.wait(rested=True)
+        assert session.wait(until_idle=True)
         assert session.run.scene.document.links["crank"].points in (first, link)
         session.undo()
-        assert session.wait(rested=True)
+        assert session.wait(until_idle=True)
         assert session.run.scene.to_toml() == before and not len(tab.wanted)
 
 
@@ -226,7 +230,7 @@ def test_a_curve_is_drawn_with_the_mouse(browser):
             next_frames(page, 2)
         assert page.evaluate(CAMERA) == looked  # the mouse has drawn, not turned the view
         page.mouse.up()
-        until(page, lambda: session.wait(rested=True) and len(tab.wanted), "a four-bar for the curve")
+        until(page, lambda: session.wait(until_idle=True) and len(tab.wanted), "a four-bar for the curve")
         drawn = tab.wanted
         extent = np.ptp(drawn.real), np.ptp(drawn.imag)
         assert extent[0] / extent[1] == pytest.approx(2.5, rel=0.1)  # as on the page
@@ -237,5 +241,9 @@ def test_a_curve_is_drawn_with_the_mouse(browser):
         first = session.run.scene.document.links["crank"].points
         uuid = page.locator("label", has_text="Four-bar").first.get_attribute("for")
         page.locator(f'[id="{uuid}"] ~ div input').fill("2")
-        until(page, lambda: session.wait(rested=True) and session.run.scene.document.links["crank"].points != first, "the next one")
+        until(
+            page,
+            lambda: session.wait(until_idle=True) and session.run.scene.document.links["crank"].points != first,
+            "the next one",
+        )
         page.close()

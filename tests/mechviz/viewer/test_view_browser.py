@@ -84,12 +84,12 @@ def test_mechanisms_fill_two_thirds_of_the_picture_and_nothing_is_cut_off(viewer
         page.set_viewport_size({"width": width, "height": height})
         for name in SCENES[k :: len(WINDOWS)]:
             box, core = arrows_box(name), np.asarray(solids(name).bounds, float)
-            viewer.scene.cameras.follow_bounds(box, core)
+            viewer.scene.cameras.set_bounds(box, core)
             _until_fitted(page, box, core, f"{name} in {window}")
             low, high = np.array(page.evaluate(BOX, _rim(name)))
             assert max(-low.min(), high.max()) < 1.0, (name, window)
             assert (high - low).max() > 2.0 * 2.0 / 3.0, (name, window)
-    viewer.scene.cameras.follow_bounds(viewer.scene.bounds, viewer.scene.current.bounds)
+    viewer.scene.cameras.set_bounds(viewer.scene.bounds, viewer.scene.current.bounds)
     page.set_viewport_size(PHONE)
     _settled(viewer, page)
 
@@ -127,7 +127,7 @@ def test_a_finger_turns_the_view_and_two_come_nearer(viewer, page):
     _fingers(page, *([(x - 20.0 - 12.0 * k, y), (x + 20.0 + 12.0 * k, y)] for k in range(8)))
     until(page, lambda: np.linalg.norm(page.evaluate(CAMERA)) < 0.8 * far, "nearer")
     client = next(iter(viewer.server.get_clients().values()))
-    viewer.scene.cameras.look(client, "front")
+    viewer.scene.cameras.set_preset(client, "front")
     until(page, lambda: float(np.dot(before, page.evaluate(TURN))) > 0.9999, "back at the front")
 
 

@@ -60,7 +60,7 @@ def test_a_page_that_begins_late_or_comes_back_is_fitted_nevertheless():
         reports(browser, firsts[0])
         arrives(browser, fit_view(boxes[0], CAMERA["image_width"] / CAMERA["image_height"], core=core))
         for box in boxes[1:]:
-            shown.scene.cameras.follow_bounds(box, core)
+            shown.scene.cameras.set_bounds(box, core)
             best = fit_view(box, CAMERA["image_width"] / CAMERA["image_height"], core=core)
             arrives(browser, best)
         for first in firsts:
@@ -90,10 +90,10 @@ def test_what_browsers_report_does_not_come_between_the_steps_of_moving_a_camera
         reports(browser, fit_view(shown.scene.bounds, USUAL_ASPECT, core=core))
         arrives(browser, fit_view(shown.scene.bounds, CAMERA["image_width"] / CAMERA["image_height"], core=core))
         box = core + 0.5 * shown.scene.size * np.array([[-1.0], [1.0]])
-        shown.scene.cameras.follow_bounds(box, core)
+        shown.scene.cameras.set_bounds(box, core)
         arrives(browser, fit_view(box, CAMERA["image_width"] / CAMERA["image_height"], core=core))
         (client,) = shown.server.get_clients().values()
-        shown.scene.cameras.look(client, "side")
+        shown.scene.cameras.set_preset(client, "side")
         arrives(browser, fit_view(box, CAMERA["image_width"] / CAMERA["image_height"], VIEW_PRESETS["side"], core))
         of_viser: list[int] = []
         told = threading.Event()

@@ -220,8 +220,8 @@ def test_every_construction_is_drawn_beside_or_on_the_mechanism_and_has_a_switch
             viewer.set_frame(frame)
             for name, d in drawings_of(constructed, viewer.scene.size).items():
                 lines = viewer.scene.polygons.constructions[d.title.split(":")[0]].nodes[0].points
-                drawn = lines[: len(d.strokes), 1] - lines[: len(d.strokes), 0]
-                wanted = np.array([i.vector[frame] for i in d.strokes])
+                drawn = lines[: len(d.arrows), 1] - lines[: len(d.arrows), 0]
+                wanted = np.array([i.vector[frame] for i in d.arrows])
                 assert np.abs(drawn[:, 0] + 1j * drawn[:, 1] - wanted).max() <= 1e-5 * viewer.scene.size, name
         assert (viewer.scene.bounds[0, :2] <= viewer.scene.polygons.bounds[0]).all()
         assert (viewer.scene.bounds[1, :2] >= viewer.scene.polygons.bounds[1]).all()
@@ -389,7 +389,7 @@ def test_comparing_draws_the_curves_of_both_designs_and_says_how_far_their_peaks
     assert now[k] == pytest.approx(np.interp(x[k], places, torque.values()[:, 0]), rel=1e-9)
     assert other[k] == pytest.approx(np.interp(x[k], other_places, values), rel=1e-6)
     peaks = [v[np.argmax(np.abs(v))] for v in (torque.values()[:, 0], values)]
-    for part in (*map(words.number, peaks), f"{abs(abs(peaks[0] / peaks[1]) - 1.0):.1%}".replace("%", " %")):
+    for part in (*map(words.format_number, peaks), f"{abs(abs(peaks[0] / peaks[1]) - 1.0):.1%}".replace("%", " %")):
         assert part in slot._readout.content
     header, *rows = [line.split(",") for line in plots.file(slot, "CSV").decode().splitlines()]
     assert header[-1] == f"{torque.curves[0]} as opened [{torque.unit}]" and len(rows[0]) == 3
@@ -439,7 +439,7 @@ def test_designs_are_compared_from_the_start_and_curves_have_the_bands_of_their_
         root = np.sqrt(rod**2 - (throw * np.sin(q)) ** 2)
         return 0.05 * np.abs(np.cos(q) + (4.0 * rod - throw * np.sin(q) ** 2) / root)
 
-    with Viewer(press, port=0, beside={"longer": longer}) as shown:
+    with Viewer(press, port=0, compared={"longer": longer}) as shown:
         plots, slot = shown.plots, shown.plots.slots[0]
         plots.choose(slot, "joint S: displacement [mm]")
         x, now, other, high, low, _ = slot.chart.data
@@ -450,8 +450,8 @@ def test_designs_are_compared_from_the_start_and_curves_have_the_bands_of_their_
         assert slot.chart.bands[0]["series"] == (3, 4) and "tolerances: ± 0.25 mm" in slot._readout.content
         assert shown.scene.ghosts["longer"].on and not shown.scene.ghosts["as opened"].on
         stroke = next(p for p in shown.session.parameters if p.path[:2] == ("parameters", "stroke"))
-        shown.session.move(stroke, 110.0)
-        assert shown.session.wait(rested=True)
+        shown.session.set_value(stroke, 110.0)
+        assert shown.session.wait(until_idle=True)
         _, now, other, high, _, _ = slot.chart.data
         np.testing.assert_allclose(now[frame], other[frame], rtol=1e-12)
         np.testing.assert_allclose(high[frame] - now[frame], half(longer, 55.0), rtol=1e-9)
@@ -461,8 +461,8 @@ def test_designs_are_compared_from_the_start_and_curves_have_the_bands_of_their_
         assert rows[0].endswith("displacement longer [mm],displacement tolerance ± [mm]")
         assert float(rows[1].split(",")[3]) == pytest.approx(half(longer, 55.0)[0])
         assert b"fill-opacity" in plots.file(slot, "SVG") or b"opacity: 0.22" in plots.file(slot, "SVG")
-        shown.session.move(stroke, 100.0)  # where another dimension of the scene has a kink
-        assert shown.session.wait(rested=True)
+        shown.session.set_value(stroke, 100.0)  # where another dimension of the scene has a kink
+        assert shown.session.wait(until_idle=True)
         assert "does not change smoothly with stroke" in plots._refused.content and len(slot.chart.data) == 4
 
 
@@ -471,7 +471,7 @@ def test_transmission_angles_and_section_forces_can_be_asked_for_and_plotted(fou
     with Viewer(four_bar, port=0) as shown:
         for on in (True, False):
             shown.session.change("metrics", lambda draft, on=on: draft.with_named("metrics", "transmission_angle", on))
-            assert shown.session.wait(rested=True)
+            assert shown.session.wait(until_idle=True)
             until(lambda on=on: shown.inspector.diagrams.asked["metrics", "transmission_angle"].value is on)
             offered = {q.key: q for q in shown.inspector.view_model.quantities}
             assert ("transmission_angle.D.angle" in offered) is on
@@ -483,7 +483,7 @@ def test_transmission_angles_and_section_forces_can_be_asked_for_and_plotted(fou
                 shown.plots.choose(shown.plots.slots[0], computed.title)
                 assert shown.plots.slots[0].quantity.title == computed.title
         shown.session.change("sections", lambda draft: draft.with_named("sections", "coupler", True))
-        assert shown.session.wait(rested=True)
+        assert shown.session.wait(until_idle=True)
         until(lambda: shown.inspector.diagrams.asked["sections", "coupler"].value)
         offered = {q.key: q for q in shown.inspector.view_model.quantities}
         bending = offered["link.coupler.bending_moment"]
@@ -502,10 +502,10 @@ def test_plots_are_added_joined_saved_and_removed(viewer):
     plots.join(slot, second.title)
     assert slot.quantity.curves[:2] == ("joint A: Fx", "joint A: Fy") and slot.quantity.curves[3] == "joint B: Fx"
     np.testing.assert_array_equal(slot.quantity.values(), np.column_stack([first.values(), second.values()]))
-    assert len(slot.chart.series) == 6 + 2 and slot.choice.value == first.title and second.title in slot.beside.options
+    assert len(slot.chart.series) == 6 + 2 and slot.choice.value == first.title and second.title in slot.additions.options
     plots.join(slot, other.title)  # of another unit
     assert [q.key for q in slot.quantity.parts] == ["joint.A.reaction", "joint.B.reaction"]
-    assert other.title not in slot.beside.options
+    assert other.title not in slot.additions.options
     axis = viewer.inspector.view_model.axes[0]
     rows = plot_file("CSV", "a", slot.quantity, axis).decode().splitlines()
     assert rows[0].split(",")[:2] == [axis.title, "joint A: Fx [N]"] and len(rows) == 1 + len(axis.values)
@@ -608,7 +608,7 @@ def test_the_legend_states_round_scales(four_bar):
     text = words.legend(["reaction"], ["P"], scales, factor=2.0, size=0.4, units=MILLIMETRES)
     assert "Reactions" in text and "Path" in text and "Velocity" not in text
     newtons, metres = 50.0, 50.0 / (scales.newtons_per_metre / 2.0)
-    assert f"Scale: 50 N = {words.number(round(metres * 1e3, 1))} mm" in text and newtons == 50.0
+    assert f"Scale: 50 N = {words.format_number(round(metres * 1e3, 1))} mm" in text and newtons == 50.0
 
 
 def test_the_plan_says_what_was_left_out_and_why(kinematic):
@@ -803,8 +803,8 @@ def test_what_browsers_play_by_themselves_is_what_the_server_would_draw(viewer):
         for t in tracks.poses:
             node = viewer.server.scene.get_handle_by_name(t.name)
             np.testing.assert_allclose(node.position, t.places[frame], atol=1e-7)
-            if t.turns is not None:
-                np.testing.assert_allclose(node.wxyz, t.turns[frame], atol=1e-12)
+            if t.quaternions is not None:
+                np.testing.assert_allclose(node.wxyz, t.quaternions[frame], atol=1e-12)
         for p in tracks.points:
             node, count = viewer.server.scene.get_handle_by_name(p.name), p.counts[frame]
             assert node.visible == (count > 0)
@@ -823,13 +823,13 @@ def test_a_run_that_is_played_elsewhere_goes_along_and_stops_where_it_is(screen)
     made.start()
     try:
         made.play()
-        until(lambda: made.aside)
+        until(lambda: made.is_remote)
         drawn = len(screen.frames)
         until(lambda: made.frame > 5)
         assert len(screen.frames) == drawn, "nothing is drawn here meanwhile"
         made.pause()
         assert made.wait() and said[-1] == ("end", made.frame) and screen.frames[-1] == made.frame
-        assert not made.aside and said[0] == ("begin", 0.2)
+        assert not made.is_remote and said[0] == ("begin", 0.2)
     finally:
         made.close()
 

@@ -188,7 +188,7 @@ def test_play_moves_the_mechanism_and_pause_stops_it(viewer, page):
 
 def test_the_browser_plays_by_itself_and_nothing_is_sent_meanwhile(viewer, page):
     traffic: list[int] = []
-    assert viewer.session.wait(rested=True)  # what each effect contributes has been found and told
+    assert viewer.session.wait(until_idle=True)  # what each effect contributes has been found and told
     viewer.play()
     until(page, lambda: page.evaluate(PLAYS), "playing in the browser")
     buffer = buffer_of(viewer.server)
@@ -203,12 +203,12 @@ def test_the_browser_plays_by_itself_and_nothing_is_sent_meanwhile(viewer, page)
     torque = viewer.run.forces.effort("A")[123]
     page.get_by_text(f"{torque:.5g} N m".replace("-", "−")).first.wait_for()
     assert page.evaluate(CURSOR, uuid_of(viewer.plots.slots[0].chart)) == pytest.approx([123.0, 123.0])
-    assert traffic == [0] and viewer.player.aside
+    assert traffic == [0] and viewer.player.is_remote
     viewer.pause()
     _until_drawn(viewer, page)
     frame = viewer.frame
     page.get_by_text(f"frame {frame} of 360").first.wait_for()
-    assert not viewer.player.aside
+    assert not viewer.player.is_remote
 
 
 BETWEEN = """node => { const p = window.mechvizPlayback, m = window.__viserMutable, pushed = [], queue = m.messageQueue;
@@ -263,7 +263,7 @@ def test_a_diagram_moves_while_the_browser_plays_if_it_is_seen(viewer, page):
     until(page, lambda: diagrams.watched, "the page has said so")
     place = page.evaluate(POINT)
     until(page, lambda: page.evaluate(POINT) != place, "the point moves along its curve")
-    until(page, lambda: viewer.player.aside, "played by the browser")
+    until(page, lambda: viewer.player.is_remote, "played by the browser")
     open_tab(page, "Plots")
     until(page, lambda: not diagrams.watched, "nobody sees it any more")
 
@@ -323,7 +323,7 @@ def test_what_a_browser_cannot_play_by_itself_is_sent(viewer, page, monkeypatch)
         until(page, lambda: viewer.frame not in (300, 0), "playing")
         before = page.evaluate(POSE, NODES[1])
         until(page, lambda: page.evaluate(POSE, NODES[1]) != before, "a new pose in the browser")
-        assert not viewer.player.aside and not page.evaluate(PLAYS)
+        assert not viewer.player.is_remote and not page.evaluate(PLAYS)
         viewer.pause()
         _until_drawn(viewer, page)
     finally:
@@ -345,7 +345,7 @@ def test_a_word_to_play_that_comes_after_the_word_to_stop_is_not_heeded(viewer, 
     with monkeypatch.context() as patch:
         patch.setattr(playback, "run_script", held)
         viewer.play()
-        assert viewer.player.wait() and viewer.player.aside
+        assert viewer.player.wait() and viewer.player.is_remote
         viewer.set_frame(40)
         _until_drawn(viewer, page)
     assert [key for *_, key in late][-1] == "play"

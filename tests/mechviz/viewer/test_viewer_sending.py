@@ -27,7 +27,7 @@ POSES = ("SetPositionMessage", "SetOrientationMessage")
 @pytest.fixture(scope="module")
 def viewer() -> Iterator[Viewer]:
     with Viewer(run_scene(scene.load("crank-rocker"), frames=48), port=0) as shown:
-        assert shown.session.wait(rested=True)
+        assert shown.session.wait(until_idle=True)
         yield shown
 
 

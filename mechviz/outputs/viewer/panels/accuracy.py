@@ -46,26 +46,26 @@ class AccuracyTab:
         self._measuring: threading.Thread | None = None
         gui = server.gui
         with tab:
-            self.errors = gui.add_html(self._said())
+            self.errors = gui.add_html(self._estimate_text())
             hint = (
                 "relative to the mechanism's size and the peak of each quantity: frames, tolerances and all other settings follow"
             )
-            self.wanted = gui.add_dropdown("Wanted error", self._errors(), initial_value=self._wanted(), hint=hint)
+            self.wanted = gui.add_dropdown("Wanted error", self._errors(), initial_value=self._target_label(), hint=hint)
             button = gui.add_button("Measure what accuracy costs", hint="error against time for every setting; takes a while")
             self.choice = gui.add_dropdown("Setting", (AS_IT_IS,), hint="* nothing is quicker and more exact")
             self.diagram = gui.add_html(words.hint("Error against time appears here; a click on a setting applies it."))
         self._edited = EditedControls(session, callback)
-        self._edited.listen("accuracy", self.wanted, "the wanted error", self._want)
+        self._edited.listen("accuracy", self.wanted, "the wanted error", self._set_target)
         button.on_click(callback("Measuring", lambda _: self.measure()))
         self.choice.on_update(callback("Applying a setting", self._pick))
 
     def update(self) -> None:
         """Show the present run. The error estimate of a motion under forces needs another run: it waits for `measure`."""
         if self._session.run.simulation is None:
-            self.errors.content = self._said()
-        if self.wanted.value != self._wanted() and not self._edited.is_pending("accuracy", self.wanted):
+            self.errors.content = self._estimate_text()
+        if self.wanted.value != self._target_label() and not self._edited.is_pending("accuracy", self.wanted):
             self.wanted.options = self._errors()
-            self._edited.write(self.wanted, self._wanted())
+            self._edited.write(self.wanted, self._target_label())
         if self._points:
             points = self._marked(self._points)
             if points != self._points:
@@ -93,7 +93,7 @@ class AccuracyTab:
             named |= {setting_words(p, id(p) in front): p for p in sorted(own, key=lambda p: p.seconds) if p.options}
         self._points, self._named = self._marked(points), named
         self._draw()
-        self.errors.content = self._said()
+        self.errors.content = self._estimate_text()
         self.choice.options = (AS_IT_IS, *named)
 
     def _marked(self, points: list[PrecisionPoint] | tuple[PrecisionPoint, ...]) -> tuple[PrecisionPoint, ...]:
@@ -116,20 +116,20 @@ class AccuracyTab:
             self._session.follow_scene()
             self._session.change("accuracy", lambda draft: draft.changed(setting_changes(draft.document, point.options)))
 
-    def _wanted(self) -> str:
+    def _target_label(self) -> str:
         """The entry of the list for the target error of the present run."""
         target = self._session.run.accuracy.target
         return next((name for name, value in TARGET_CHOICES.items() if value == target), str(target))
 
     def _errors(self) -> tuple[str, ...]:
         """All entries of the list, including that of the present run."""
-        return tuple(dict.fromkeys((*TARGET_CHOICES, self._wanted())))
+        return tuple(dict.fromkeys((*TARGET_CHOICES, self._target_label())))
 
-    def _want(self, wanted: object) -> None:
+    def _set_target(self, wanted: object) -> None:
         target = TARGET_CHOICES.get(str(wanted), self._session.run.accuracy.target)
         if target != self._session.run.accuracy.target:
             self._session.follow_scene()
             self._session.change("accuracy", lambda draft: draft.changed(target_changes(target)))
 
-    def _said(self) -> str:
+    def _estimate_text(self) -> str:
         return "".join(words.hint(line) for line in accuracy_words(self._session.run))

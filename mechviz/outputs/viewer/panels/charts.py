@@ -65,7 +65,7 @@ def _backdrop(diagram: Diagram) -> str:
             strength = 0.5 if value == 0.0 else 0.15
             parts.append(f'<path d="M{ax:.1f},{ay:.1f} L{bx:.1f},{by:.1f}" stroke="currentColor" opacity="{strength}"/>')
             point = (ax, AXES_TOP + up + 11.0) if across else (AXES_LEFT - 5.0, ay)
-            parts.append(_text(*point, words.number(float(f"{value:.4g}")), "middle" if across else "end"))
+            parts.append(_text(*point, words.format_number(float(f"{value:.4g}")), "middle" if across else "end"))
     box = f'x="{AXES_LEFT:g}" y="{AXES_TOP:g}" width="{AXES_WIDTH:g}" height="{up:g}"'
     parts.append(f'<rect {box} fill="none" stroke="currentColor" opacity="0.5"/>')
     parts.append(_text(AXES_LEFT + AXES_WIDTH / 2.0, AXES_TOP + up + 28.0, diagram.x_title, "middle"))

@@ -91,7 +91,7 @@ class Controls:
         controls of values that it no longer has stay as they are."""
         parameters = find_parameters(scene, self._session.source.document)
         choices, rows = find_choices(scene), find_rows(scene)
-        idle = self._session.history.present.idle
+        idle = self._session.history.present.disabled_loads
         known: list[tuple[object, ...]] = [(p.key, p.unit) for p in self._parameters.values() if not _belongs(p.key, idle)]
         known += [(c.key, c.options) for c in self._choices.values() if not _belongs(c.key, idle)]
         known += [r.kind for r in self._rows.values() if not _belongs(r.key, idle)]
@@ -133,15 +133,15 @@ class Controls:
             self._note = None
         p = self._parameters.get(status.key)
         if not status.fault:
-            turned = self._praised is not None and status.swings != self._praised.swings
+            turned = self._praised is not None and status.oscillating_drives != self._praised.oscillating_drives
             # not for every move of a slider
             if self._faulty or turned or time.perf_counter() - self._said > STATUS_INTERVAL:
                 self._confirm(status)
             return
         self._faulty = True
-        text = words.refusal_words(status.fault, p, status.value, status.reach)
+        text = words.refusal_words(status.fault, p, status.value, status.feasible_range)
         placed = p is not None and status.key in self._homes
-        self.message.content = words.refusal_words("", p, status.value, status.reach) if placed else text
+        self.message.content = words.refusal_words("", p, status.value, status.feasible_range) if placed else text
         if placed:
             with self._homes[status.key]:
                 self._note = self._gui.add_html(text, order=self.sliders[status.key].order + 1e-6)
@@ -158,7 +158,7 @@ class Controls:
         """Show that a change was successful."""
         self._faulty, self._praised, self._said = False, status, time.perf_counter()
         history = self._session.history
-        self.message.content = words.editing(status.seconds, history.can_undo, history.can_redo, status.swings)
+        self.message.content = words.edit_status(status.seconds, history.can_undo, history.can_redo, status.oscillating_drives)
 
     def _build(self, scene: Scene) -> None:
         for folder in self._folders:
@@ -218,7 +218,7 @@ class Controls:
         self._widen(slider, finite(value, p.hard_low, p.hard_high, p.value))
         if value != moved:
             self._edited.write(slider, value)
-        self._session.move(p, value)
+        self._session.set_value(p, value)
 
     def _widen(self, slider: viser.GuiSliderHandle[float], value: float) -> None:
         """Extend the range of a slider to a value, which may have been typed beyond it."""

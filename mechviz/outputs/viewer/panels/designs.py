@@ -211,7 +211,7 @@ class StudyChart:
         x, y = (self._columns[str(choice.value)] for choice in (self.across, self.up))
         k, uuid = self.number, uuid_of(self.design)
         self.chart.content = scatter(x, y, (str(self.across.value), str(self.up.value)), k, uuid)
-        rows = [f"{escape(title)}: <b>{words.number(float(column[k]))}</b>" for title, column in self._columns.items()]
+        rows = [f"{escape(title)}: <b>{words.format_number(float(column[k]))}</b>" for title, column in self._columns.items()]
         why = self._study.reasons[k]
         self.report.content = words.html_rows([f"Design {k}", *rows, *([escape(why)] if why else [])])
 
@@ -244,14 +244,14 @@ def scatter(x: Real, y: Real, titles: tuple[str, str], chosen: int, picks: str) 
         if not known[k]:
             shape = f'<path d="M{at[0] - 3:.1f},{at[1] - 3:.1f} l6,6 m0,-6 l-6,6" stroke="{MISSING}"/>'
         color = CHOSEN_COLOR if k == chosen else DESIGN_COLOR
-        said = f"<title>{escape(f'{k}: {words.number(float(x[k]))}, {words.number(float(y[k]))}')}</title>"
+        said = f"<title>{escape(f'{k}: {words.format_number(float(x[k]))}, {words.format_number(float(y[k]))}')}</title>"
         marks.append((k == chosen, f'<g data-mv-pick="{picks}:{k}" fill="{color}" style="cursor:pointer">{said}{shape}</g>'))
     text = 'font-size="10" fill="currentColor"'
     axes = [
         f'<path d="M{left},{top} V{low} H{right}" fill="none" stroke="currentColor" stroke-opacity="0.4"/>',
-        *(f'<text x="{p}" y="{CHART_HEIGHT - 18}" text-anchor="{a}" {text}>{words.number(v)}</text>'
+        *(f'<text x="{p}" y="{CHART_HEIGHT - 18}" text-anchor="{a}" {text}>{words.format_number(v)}</text>'
           for p, a, v in ((left, "start", ends[0]), (right, "end", ends[1]))),
-        *(f'<text x="{left - 4}" y="{p}" text-anchor="end" {text}>{words.number(float(f"{v:.4g}"))}</text>'
+        *(f'<text x="{left - 4}" y="{p}" text-anchor="end" {text}>{words.format_number(float(f"{v:.4g}"))}</text>'
           for p, v in ((low, heights[0]), (top + 8.0, heights[1]))),
         f'<text x="{0.5 * (left + right)}" y="{CHART_HEIGHT - 5}" text-anchor="middle" {text}>{escape(titles[0])}</text>',
     ]  # fmt: skip

@@ -104,7 +104,7 @@ class DetailPanel:
         for q, values, least in self._tables.values():
             at = [0.0 if abs(v) <= least else float(v) for v in values[frame]]
             rows.append((q.name, q.curves, at, q.unit))
-        self._values.content = words.values(self.item, rows)
+        self._values.content = words.value_table(self.item, rows)
         self.slot.show(frame)
 
     def tracks(self) -> Iterator[PlotTrack | NumberTrack]:

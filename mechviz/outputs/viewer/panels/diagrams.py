@@ -24,7 +24,7 @@ from mechviz.outputs.viewer.server import Callback
 from mechviz.outputs.viewer.session import EditSession
 from mechviz.outputs.viewer.view_model import RollingCentrodes, ViewModel
 from mechviz.outputs.viewer.world.constructions import readable_color
-from mechviz.outputs.viewer.world.labels import LabelPlaces, half_sizes, parted
+from mechviz.outputs.viewer.world.labels import LabelPlacer, half_sizes, split_label
 from mechviz.outputs.viewer.world.marks import PATH_COLORS
 from mechviz.picture.constructions import Drawing
 from mechviz.picture.nodes import Color
@@ -83,11 +83,11 @@ class MovingDiagram:
     curves: tuple[PlaneCurve, ...] = ()
 
     @cached_property
-    def places(self) -> LabelPlaces:
+    def places(self) -> LabelPlacer:
         """Positions of the labels of the drawing: without overlap, and as before where possible."""
-        strokes, marks = ((), ()) if self.drawing is None else (self.drawing.strokes, self.drawing.marks)
+        strokes, marks = ((), ()) if self.drawing is None else (self.drawing.arrows, self.drawing.points)
         sides, points = [i.label for i in strokes if i.label], [m.label for m in marks]
-        return LabelPlaces(half_sizes(sides, 1.0), half_sizes(points, 1.0), ROOM_OF_LABELS)
+        return LabelPlacer(half_sizes(sides, 1.0), half_sizes(points, 1.0), ROOM_OF_LABELS)
 
 
 def diagrams_of(view_model: ViewModel) -> dict[str, MovingDiagram | Chart]:
@@ -97,7 +97,7 @@ def diagrams_of(view_model: ViewModel) -> dict[str, MovingDiagram | Chart]:
         title = drawing.title.split(":")[0]
         curves: tuple[PlaneCurve, ...] = ()
         if drawing.name == "shaking":
-            strokes = [(i.label, i.color, i.start + i.vector) for i in drawing.strokes]
+            strokes = [(i.label, i.color, i.start + i.vector) for i in drawing.arrows]
             curves = tuple(PlaneCurve(label, color, z[np.isfinite(z)], z) for label, color, z in strokes)
         unit, factor = view_model.units.display_unit(drawing.unit)
         diagrams[title] = MovingDiagram(title, drawing.bounds, factor * drawing.per_metre, unit, drawing, curves)
@@ -184,16 +184,16 @@ def diagram_svg(diagram: MovingDiagram | Chart, frame: int) -> str:
             y = 12.0 + 13.0 * k
             parts.append(f'<path d="M{DIAGRAM_WIDTH - 20.0:g},{y:g} h14" stroke="{readable_color(color)}" stroke-width="2.5"/>')
             parts.append(_text((DIAGRAM_WIDTH - 24.0, y), words_of, "currentColor", "end"))
-        strokes, marks = diagram.drawing.strokes, diagram.drawing.marks
+        strokes, marks = diagram.drawing.arrows, diagram.drawing.points
         starts = at(np.array([stroke.start[frame] for stroke in strokes], complex))
         vectors = np.asarray(scale * np.array([stroke.vector[frame] for stroke in strokes], complex), complex)
         for stroke, start, vector in zip(strokes, starts, vectors, strict=True):
             if np.isfinite(start + vector):
-                width = 1.2 if stroke.fine else 2.0
-                parts.append(_arrow(place(start), place(start + vector), readable_color(stroke.color), stroke.plain, width))
+                width = 1.2 if stroke.thin else 2.0
+                parts.append(_arrow(place(start), place(start + vector), readable_color(stroke.color), stroke.headless, width))
         named = [k for k, stroke in enumerate(strokes) if stroke.label]
         long: Complex = np.where(np.abs(vectors[named]) >= LEAST_LABELLED, starts[named], np.nan + 0j)
-        corners = at(np.array([mark.at[frame] for mark in marks], complex))
+        corners = at(np.array([mark.position[frame] for mark in marks], complex))
         texts = [strokes[k].label for k in named], [mark.label for mark in marks]
         for labels, places in zip(texts, diagram.places(long, vectors[named], corners), strict=True):
             parts += [_text(place(z), label, "currentColor") for label, z in zip(labels, places, strict=True) if np.isfinite(z)]
@@ -322,7 +322,7 @@ def _scale_bar(diagram: MovingDiagram, scale: float) -> str:
     value = round_value(0.3 * DIAGRAM_WIDTH / scale * diagram.per_metre)
     long, y = value / diagram.per_metre * scale, DIAGRAM_HEIGHT - 9.0
     line = f'<path d="M8,{y - 4} v8 M8,{y} h{long:.1f} m0,-4 v8" stroke="currentColor" fill="none" stroke-width="1.2"/>'
-    text = f"{words.number(value)} {diagram.unit}"
+    text = f"{words.format_number(value)} {diagram.unit}"
     return f'{line}<text x="{14 + long:.1f}" y="{y + 3.5}" font-size="11" fill="currentColor">{escape(text)}</text>'
 
 
@@ -344,7 +344,7 @@ def _text(at: tuple[float, float], text: str, color: str, anchor: str = "middle"
 
 def _written(label: str) -> str:
     """SVG markup of a label: ``a_CBⁿ`` with CB as a subscript."""
-    letter, below, above = (escape(part) for part in parted(label))
+    letter, below, above = (escape(part) for part in split_label(label))
     below = f'<tspan dy="3" font-size="8.5">{below}</tspan>' if below else ""
     return letter + below + (f'<tspan dy="-3">{above}</tspan>' if above else "")
 

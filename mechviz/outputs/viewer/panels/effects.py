@@ -192,7 +192,7 @@ class EffectsTab:
             if loads:
                 with gui.add_folder("Loads"):
                     for name in loads:
-                        box = gui.add_checkbox(name, name not in session.history.present.idle)
+                        box = gui.add_checkbox(name, name not in session.history.present.disabled_loads)
                         self._edited.listen(f"load {name}", box, name, partial(self._switch_load, name))
                         self.loads[name] = box
             self.table = gui.add_html(words.hint("What each effect contributes is found when the mechanism rests."))
@@ -224,7 +224,7 @@ class EffectsTab:
         """Show the table of contributions."""
         drives = self._session.view_model.drives
         effort = "reaction" if not drives else "drive force" if drives[0].sliding else "drive torque"
-        self.table.content = words.contributions(shares, effort, self._session.view_model.units)
+        self.table.content = words.contribution_table(shares, effort, self._session.view_model.units)
 
     def _switch_effect(self, name: str, on: object) -> None:
         self._session.change(f"effect {name}", lambda draft: draft.with_effect(name, bool(on)))

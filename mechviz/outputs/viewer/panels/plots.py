@@ -20,11 +20,11 @@ from mechcore.arrays import Real
 from mechcore.records import dataclass
 from mechviz.editor.worker import release_garbage
 from mechviz.outputs.exports.tables import PLOT_FORMATS, plot_file
-from mechviz.outputs.viewer.playback import Curves, NumberTrack, PlotTrack, at_places
+from mechviz.outputs.viewer.playback import Curves, NumberTrack, PlotTrack, interpolated
 from mechviz.outputs.viewer.server import Callback, report
 from mechviz.outputs.viewer.view_model import ViewModel
 from mechviz.outputs.viewer.viser_adapter import uuid_of
-from mechviz.outputs.viewer.words import after, hint, number
+from mechviz.outputs.viewer.words import format_number, hint, unit_suffix
 from mechviz.quantities.catalogue import Axis, Quantity, QuantityGroup
 from mechviz.runs import Run
 from mechviz.studies.designs.sensitivity import Bands, bands_of, with_tolerances
@@ -64,7 +64,7 @@ def peak_of(values: Real, like: float = 0.0) -> float:
 
 
 @dataclass(frozen=True, eq=False)
-class Beside:
+class ExtraSeries:
     """Series of a plot in addition to its curves (F, k): ``others``, those of other designs by name; and ``half``, half the width
     (F, k) of the pale band around each curve, NaN while not known, drawn ``enlarged`` times as wide."""
 
@@ -78,7 +78,7 @@ class Beside:
         return *self.others, self.half is None
 
 
-NOTHING_BESIDE = Beside()
+NO_EXTRA_SERIES = ExtraSeries()
 
 
 class Plots:
@@ -134,7 +134,7 @@ class Plots:
             for slot in self.slots:
                 parts = tuple(self._quantities[q.title] for q in slot.quantity.parts if q.title in self._quantities)
                 quantity = QuantityGroup(parts or (spare.pop(0) if spare else view_model.quantities[0],))
-                slot.take(quantity, self._axis, frame, self._beside(quantity, view_model.run is self._banded))
+                slot.take(quantity, self._axis, frame, self._extra(quantity, view_model.run is self._banded))
                 if changed:
                     slot.offer(tuple(self._quantities.values()))
 
@@ -164,7 +164,7 @@ class Plots:
             self._find_bands(view_model.run)
             with self._lock:
                 for slot in self.slots:
-                    slot.take(slot.quantity, self._axis, self._frame, self._beside(slot.quantity))
+                    slot.take(slot.quantity, self._axis, self._frame, self._extra(slot.quantity))
             self.changed()
 
     def _find_bands(self, run: Run | None) -> None:
@@ -180,9 +180,9 @@ class Plots:
         self.changed()
 
     def _plot(self, slot: SharedSlot, quantity: Quantity | QuantityGroup) -> None:
-        slot.plot(quantity, self._axis, self._frame, self._beside(quantity))
+        slot.plot(quantity, self._axis, self._frame, self._extra(quantity))
 
-    def _beside(self, quantity: Quantity | QuantityGroup, known: bool = True) -> Beside:
+    def _extra(self, quantity: Quantity | QuantityGroup, known: bool = True) -> ExtraSeries:
         """Additional series of a plot; bands that are not ``known`` yet are NaN."""
         others = {
             name: values
@@ -192,11 +192,11 @@ class Plots:
         enlarged = BAND_FACTORS[self.band.value] if self.band is not None else 0.0
         halves = [self._bands.halves.get(q.key) for q in quantity.parts]
         if not enlarged or all(half is None for half in halves):
-            return Beside(others)
+            return ExtraSeries(others)
         frames = len(self._axis.values)
         parts = [half if known and half is not None else np.full((frames, len(q.curves)), np.nan)
                  for q, half in zip(quantity.parts, halves, strict=True)]  # fmt: skip
-        return Beside(others, np.column_stack(parts), enlarged)
+        return ExtraSeries(others, np.column_stack(parts), enlarged)
 
     def _compared(self, quantity: Quantity | QuantityGroup, other: ViewModel) -> Real | None:
         """The same curves (F, k) of another design, at the values of the present axis; None if it does not have them."""
@@ -205,7 +205,7 @@ class Plots:
         parts = tuple(known[q.title] for q in quantity.parts if q.title in known and known[q.title].curves == q.curves)
         if axis is None or len(parts) < len(quantity.parts):
             return None
-        return at_places(QuantityGroup(parts).values(), axis.values, self._axis.values)
+        return interpolated(QuantityGroup(parts).values(), axis.values, self._axis.values)
 
     def add(self, quantity: Quantity | None = None) -> None:
         """Add a plot, unless there are `MOST_PLOTS`: of a quantity, by default the next one that is not plotted."""
@@ -221,7 +221,7 @@ class Plots:
             self._plot(slot, slot.quantity)
             self.more.disabled = len(self.slots) >= MOST_PLOTS
         slot.choice.on_update(self._callback("Changing a plot", lambda _: self.choose(slot, slot.choice.value)))
-        slot.beside.on_update(self._callback("Changing a plot", lambda _: self.join(slot, slot.beside.value)))
+        slot.additions.on_update(self._callback("Changing a plot", lambda _: self.join(slot, slot.additions.value)))
         slot.buttons.on_click(self._callback("Saving a plot", lambda event: self._press(slot, slot.buttons.value, event.client)))
         self.changed()
 
@@ -296,8 +296,8 @@ class Plots:
         """A plot as a file, with the curves of the compared designs and its bands, not enlarged; ``kind``: one of
         ``PLOT_FORMATS``."""
         with self._lock:
-            quantity, axis, beside = slot.quantity, self._axis, self._beside(slot.quantity)
-        return plot_file(kind, self._name, quantity, axis, beside.others, beside.half)
+            quantity, axis, extra = slot.quantity, self._axis, self._extra(slot.quantity)
+        return plot_file(kind, self._name, quantity, axis, extra.others, extra.half)
 
 
 class PlotSlot:
@@ -326,18 +326,18 @@ class PlotSlot:
             if handle is not None:
                 handle.remove()
 
-    def plot(self, quantity: Quantity | QuantityGroup, axis: Axis, frame: int, beside: Beside = NOTHING_BESIDE) -> None:
+    def plot(self, quantity: Quantity | QuantityGroup, axis: Axis, frame: int, extra: ExtraSeries = NO_EXTRA_SERIES) -> None:
         """Draw a quantity with its additional series in a new plot in place of the old one: data, curves and axes of a plot cannot
         be exchanged in one step."""
-        self._read(quantity, axis, beside)
+        self._read(quantity, axis, extra)
         series: list[Any] = [uplot.Series(label=axis.title)]
         for name, color in zip(quantity.curves, cycle(CURVE_COLORS), strict=False):
             series.append(uplot.Series(label=name, stroke=color, width=2, points={"show": False}))
-        for other, dash in zip(beside.others, cycle(DESIGN_DASHES), strict=False):
+        for other, dash in zip(extra.others, cycle(DESIGN_DASHES), strict=False):
             for name, color in zip(quantity.curves, cycle(CURVE_COLORS), strict=False):
                 series.append(uplot.Series(label=f"{name} {other}", stroke=color, width=1.2, dash=dash, points={"show": False}))
         bands: list[uplot.Band] = []
-        for name, color in zip(quantity.curves if beside.half is not None else (), cycle(CURVE_COLORS), strict=False):
+        for name, color in zip(quantity.curves if extra.half is not None else (), cycle(CURVE_COLORS), strict=False):
             bands.append(uplot.Band(series=(len(series), len(series) + 1), fill=f"{color}{BAND_OPACITY}"))
             series += [uplot.Series(label=f"{name} {end}", width=0, points={"show": False}) for end in ("at most", "at least")]
         series.append(uplot.Series(label="now", stroke=CURSOR_COLOR, width=1.5, points={"show": False}))
@@ -369,14 +369,14 @@ class PlotSlot:
         self._ends = (axis.values[0], axis.values[-1])
         self.show(frame)
 
-    def take(self, quantity: Quantity | QuantityGroup, axis: Axis, frame: int, beside: Beside = NOTHING_BESIDE) -> None:
+    def take(self, quantity: Quantity | QuantityGroup, axis: Axis, frame: int, extra: ExtraSeries = NO_EXTRA_SERIES) -> None:
         """Draw a quantity of another run. If the same quantity is drawn already, the plot stays and only its data change."""
-        drawn = self.quantity.title, self.quantity.curves, self._axis.title, self._beside.kind
-        if (quantity.title, quantity.curves, axis.title, beside.kind) != drawn:
-            self.plot(quantity, axis, frame, beside)
+        drawn = self.quantity.title, self.quantity.curves, self._axis.title, self._extra.kind
+        if (quantity.title, quantity.curves, axis.title, extra.kind) != drawn:
+            self.plot(quantity, axis, frame, extra)
             return
         before = self._curves
-        self._read(quantity, axis, beside)
+        self._read(quantity, axis, extra)
         self._curves.keep_range(before.range)
         if self._curves.range != before.range or (axis.values[0], axis.values[-1]) != self._ends:
             assert self.chart is not None
@@ -384,14 +384,14 @@ class PlotSlot:
         self._ends = (axis.values[0], axis.values[-1])
         self.show(frame)
 
-    def _read(self, quantity: Quantity | QuantityGroup, axis: Axis, beside: Beside) -> None:
-        self.quantity, self._axis, self._beside = quantity, axis, beside
+    def _read(self, quantity: Quantity | QuantityGroup, axis: Axis, extra: ExtraSeries) -> None:
+        self.quantity, self._axis, self._extra = quantity, axis, extra
         self._values = quantity.values()
         ends = []
-        if beside.half is not None:
-            half = beside.enlarged * beside.half
+        if extra.half is not None:
+            half = extra.enlarged * extra.half
             ends = [self._values[:, k : k + 1] + half[:, k : k + 1] * [1.0, -1.0] for k in range(half.shape[1])]
-        self._curves = Curves(axis.values, np.column_stack([self._values, *beside.others.values(), *ends]))
+        self._curves = Curves(axis.values, np.column_stack([self._values, *extra.others.values(), *ends]))
         self._least = ROUND_OFF * float(np.max(np.abs(self._values), initial=0.0, where=np.isfinite(self._values)))
 
     def _room(self) -> float:
@@ -409,8 +409,8 @@ class PlotSlot:
         """Move the cursor to a frame and show the values there."""
         assert self.chart is not None
         self.chart.data = self._curves.at(frame)
-        unit = html.escape(after(self.quantity.unit))
-        values = [number(self._rounded(value)) for value in self._values[frame]]
+        unit = html.escape(unit_suffix(self.quantity.unit))
+        values = [format_number(self._rounded(value)) for value in self._values[frame]]
         parts = [
             f'<span style="color:light-dark({color},{dark});white-space:nowrap"><b>{html.escape(name)}</b> '
             f'<span data-mv="{html.escape(self._label)}:{k}">{value}{unit}</span></span>'
@@ -425,19 +425,20 @@ class PlotSlot:
 
     def _peaks(self) -> Iterator[str]:
         """HTML of the peaks of the curves compared with those of other designs, and of the widths of their bands."""
-        unit, several = html.escape(after(self.quantity.unit)), len(self.quantity.curves) > 1
+        unit, several = html.escape(unit_suffix(self.quantity.unit)), len(self.quantity.curves) > 1
         for k, name in enumerate(self.quantity.curves):
             whose = f"{html.escape(name)}: " if several else ""
             now = self._rounded(peak_of(self._values[:, k]))
-            for other, values in self._beside.others.items():
+            present = f"{whose}peak {format_number(now)}{unit}"
+            for other, values in self._extra.others.items():
                 was = self._rounded(peak_of(values[:, k], now))
                 part = f", {'+' if abs(now) >= abs(was) else '−'}{abs(abs(now) / abs(was) - 1.0):.1%}" if was else ""
-                said = f"{whose}peak {number(now)}{unit}, {html.escape(other)} {number(was)}{unit}{part.replace('%', ' %')}"
+                said = f"{present}, {html.escape(other)} {format_number(was)}{unit}{part.replace('%', ' %')}"
                 yield f'<span style="opacity:0.8">{said}</span>'
-            half = np.zeros(0) if self._beside.half is None else self._beside.half[:, k]
+            half = np.zeros(0) if self._extra.half is None else self._extra.half[:, k]
             if np.isfinite(half).any():
                 most = float(f"{np.nanmax(half):.3g}")
-                yield f'<span style="opacity:0.8">{whose}tolerances: ± {number(most)}{unit} at most</span>'
+                yield f'<span style="opacity:0.8">{whose}tolerances: ± {format_number(most)}{unit} at most</span>'
 
     def tracks(self) -> Iterator[PlotTrack | NumberTrack]:
         """Tracks of the cursor and of the numbers."""
@@ -445,7 +446,7 @@ class PlotSlot:
         yield self._curves.track(uuid_of(self.chart))
         for k in range(len(self.quantity.curves)):
             values = np.where(np.abs(self._values[:, k]) <= self._least, 0.0, self._values[:, k])
-            yield NumberTrack(f"{self._label}:{k}", values, None, after(self.quantity.unit))
+            yield NumberTrack(f"{self._label}:{k}", values, None, unit_suffix(self.quantity.unit))
 
     def _rounded(self, value: float) -> float:
         """The value, or zero if it is only round-off of the quantity."""
@@ -466,7 +467,7 @@ class SharedSlot(PlotSlot):
     ):
         super().__init__(server, tab, label, tuple(q.title for q in quantities), quantity, axis)
         with tab:
-            self.beside = self._gui.add_dropdown(
+            self.additions = self._gui.add_dropdown(
                 "with", (NOTHING_ELSE,), hint="another curve of the same unit, or one to be taken away"
             )
             self.buttons = self._gui.add_button_group("Save", (*PLOT_FORMATS, REMOVE_LABEL))
@@ -481,13 +482,13 @@ class SharedSlot(PlotSlot):
         if self.choice.value != first:
             self.choice.value = first
         same = (q.title for q in quantities if q.unit == self.quantity.unit and q.title != first)
-        beside = (f"{len(others)} more" if others else NOTHING_ELSE, *same)
-        if tuple(self.beside.options) != beside:
-            self.beside.options = beside
-        if self.beside.value != beside[0]:
-            self.beside.value = beside[0]
+        choices = (f"{len(others)} more" if others else NOTHING_ELSE, *same)
+        if tuple(self.additions.options) != choices:
+            self.additions.options = choices
+        if self.additions.value != choices[0]:
+            self.additions.value = choices[0]
 
     def remove(self) -> None:
         super().remove()
-        self.beside.remove()
+        self.additions.remove()
         self.buttons.remove()

@@ -92,7 +92,7 @@ class Switches:
     def _look(self, event: Any) -> None:
         chosen = next((key for key, preset in VIEW_PRESETS.items() if preset.label == self.cameras.value), None)
         if chosen is not None:
-            self._scene.look(event.client, chosen)
+            self._scene.set_preset(event.client, chosen)
 
     def _mark(self, name: str, _: object) -> None:
         self._scene.switch_mark(name, bool(self.marks[name].value))

@@ -59,7 +59,7 @@ def solution_rows(choices: Iterable[str]) -> str:
     return "; ".join(f"{k}: {one}" for k, one in enumerate(choices, 1))
 
 
-def tell(node: viser.GuiHtmlHandle, content: str) -> None:
+def set_content(node: viser.GuiHtmlHandle, content: str) -> None:
     """Set the content of a text, unless it is the same."""
     if node.content != content:
         node.content = content
@@ -159,7 +159,7 @@ class Positions:
         listed = solution_rows(
             one.defects or self._session.view_model.units.text(one.transmission, "rad", 2) for one in self._choices
         )
-        tell(self.report, words.hint(f"Least transmission angle, or defects, of each solution. {listed}") if listed else "")
+        set_content(self.report, words.hint(f"Least transmission angle, or defects, of each solution. {listed}") if listed else "")
 
     def _place(self, view_model: ViewModel) -> None:
         """Move a handle to each position, except for the one being dragged."""
@@ -234,7 +234,9 @@ class CurveSketch:
         self._place(view_model)
         listed = self._designs[1] if self._known(self.wanted) else []
         lines = solution_rows(_quality(one, view_model.units) for one in listed)
-        tell(self.report, words.hint(f"Distance (root mean square) and least transmission angle of each. {lines}") if lines else "")
+        set_content(
+            self.report, words.hint(f"Distance (root mean square) and least transmission angle of each. {lines}") if lines else ""
+        )
 
     def drafted(self, draft: Draft, points: Complex, choice: int) -> Draft:
         """A draft of four-bar number ``choice`` (1: the best) for points (K,) [m]. Raises `MechanismError` if there is none."""
@@ -298,7 +300,7 @@ class CurveSketch:
         self._trace(np.array(self._stroke))
         if event.phase == "end":
             points = drawn_points(np.array(self._stroke))
-            tell(self.report, words.hint("Looking for four-bars ..."))
+            set_content(self.report, words.hint("Looking for four-bars ..."))
             self._release(event.client)
             self.ask(points)
 

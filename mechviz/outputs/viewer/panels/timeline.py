@@ -51,7 +51,7 @@ def health_svg(health: Sequence[Health], events: Sequence[Event], time: Real) ->
     height = len(health) * (ROW_HEIGHT + ROW_GAP) + EVENTS_HEIGHT
     rows, names = [], []
     for k, h in enumerate(health):
-        said = in_words(h)
+        said = health_text(h)
         y = k * (ROW_HEIGHT + ROW_GAP)
         row = [f"<title>{escape(said)}</title>"]
         steps = np.round(worst_in_columns(h.severity) * SHADE_COUNT).astype(int)
@@ -71,7 +71,7 @@ def health_svg(health: Sequence[Health], events: Sequence[Event], time: Real) ->
         said = escape(f"{e.time:.4g} s: {e.item}: {e.text}")
         rows.append(f'<g><title>{said}</title><path d="M{x:.1f},{base + 1:g} l9,12 h-18 z" fill="{color}"/></g>')
     names.append(f'<div style="height:{EVENTS_HEIGHT:g}px">{len(events)} event{"" if len(events) == 1 else "s"}</div>')
-    words = "Health of the run: " + "; ".join([*map(in_words, health), f"{len(events)} events"])
+    words = "Health of the run: " + "; ".join([*map(health_text, health), f"{len(events)} events"])
     return (
         '<div style="display:flex;font-size:0.74em;line-height:1.15;align-items:flex-start">'
         f'<div style="flex:none;width:{NAMES_WIDTH}px;opacity:0.75;overflow:hidden">{"".join(names)}</div>'
@@ -97,11 +97,11 @@ def _health(view_model: ViewModel, svg: str) -> str:
     )
 
 
-def in_words(h: Health) -> str:
+def health_text(h: Health) -> str:
     """Text of the largest value of a health quantity: "closure: at most 3e-17 m"."""
     worst = float(np.max(np.abs(h.values), initial=0.0, where=np.isfinite(h.values)))
     lost = int((~np.isfinite(h.values)).sum())
-    return f"{h.name}: at most {worst:.2g}{words.after(h.unit)}" + (f", {lost} frames without a finite value" if lost else "")
+    return f"{h.name}: at most {worst:.2g}{words.unit_suffix(h.unit)}" + (f", {lost} frames without a finite value" if lost else "")
 
 
 TIMELINE_WIDTH = 600  # [px]
@@ -237,7 +237,7 @@ class Timeline:
     def tracks(self) -> Iterator[NumberTrack]:
         """Tracks of the numbers above the slider."""
         for k, d in enumerate(self._view_model.drives):
-            yield NumberTrack(f"drive:{k}", d.position, d.decimals, words.after(d.unit))
+            yield NumberTrack(f"drive:{k}", d.position, d.decimals, words.unit_suffix(d.unit))
         yield NumberTrack("time", self._view_model.time, time_decimals(self._view_model.time), " s")
         yield NumberTrack("frame", np.arange(self._view_model.frames), 0)
 

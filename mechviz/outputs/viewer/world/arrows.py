@@ -98,7 +98,7 @@ class ArrowNodes:
             if family not in self._tracks:
                 node.visible = False
         self._turns: dict[tuple[str, str], tuple[MomentArc, Real, Real]] = {}
-        for arc in view_model.picture.of(MomentArc):
+        for arc in view_model.picture.nodes_of(MomentArc):
             moment, key = arc.moment, (arc.moment.family, arc.moment.item)
             if key not in self._arcs:
                 self._arcs[key] = self._add_arc(*key)
@@ -112,7 +112,7 @@ class ArrowNodes:
         """Families with anything to draw."""
         return self._present
 
-    def reach(self, frame: int | None = None) -> Real | None:
+    def bounds(self, frame: int | None = None) -> Real | None:
         """The box (2, 2) [m] around the arrows that are on, over all frames or at one; None if there are none."""
         some = slice(None) if frame is None else slice(frame, frame + 1)
         ends = [(origins + lengths)[some] for family, (origins, lengths, _) in self._tracks.items() if self._on[family]]
@@ -241,7 +241,7 @@ class ArrowNodes:
 def arrows_by_family(view_model: ViewModel) -> dict[str, list[Arrow]]:
     """The arrows that share a node, in the order in which they are drawn."""
     families: dict[str, list[Arrow]] = {}
-    for arrow in view_model.picture.of(Arrow):
+    for arrow in view_model.picture.nodes_of(Arrow):
         families.setdefault(arrow.group, []).append(arrow)
     return families
 

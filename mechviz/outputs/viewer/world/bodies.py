@@ -10,7 +10,7 @@ import viser
 from mechcore.arrays import Real, Single
 from mechviz.outputs.viewer.playback import PointTrack
 from mechviz.outputs.viewer.view_model import ViewModel
-from mechviz.outputs.viewer.viser_adapter import Posed
+from mechviz.outputs.viewer.viser_adapter import NodePose
 from mechviz.outputs.viewer.world.solids import link_path
 from mechviz.picture.nodes import Body, Lines, Mesh
 from mechviz.picture.proportions import STRUT_COLOR
@@ -40,12 +40,12 @@ class BodyNodes:
 
     def update(self, view_model: ViewModel) -> None:
         """Take the bodies of ``view_model``; a mesh is sent again only if its vertices differ."""
-        before, self._bodies = self._bodies, {body_path(body): body for body in view_model.picture.of(Body, *BODY_GROUPS)}
+        before, self._bodies = self._bodies, {body_path(body): body for body in view_model.picture.nodes_of(Body, *BODY_GROUPS)}
         for path in [p for p in self._nodes if p not in self._bodies or not _same(before[p].mesh, self._bodies[p].mesh)]:
             self._nodes.pop(path).remove()
         for path, body in self._bodies.items():
             if body.poses is not None:
-                self._turns[path] = np.roll(np.asarray(body.poses.turns, float), 1, axis=1)  # w first
+                self._turns[path] = np.roll(np.asarray(body.poses.quaternions, float), 1, axis=1)  # w first
             if path not in self._nodes:
                 red, green, blue = (int(c) for c in body.mesh.colors[0])
                 self._nodes[path] = self._server.scene.add_mesh_simple(
@@ -75,7 +75,7 @@ class BodyNodes:
     def _seen(self, body: Body) -> bool:
         return self._on[body.group] and (self._height is None or body.height <= self._height)
 
-    def poses(self, frame: int) -> Iterator[Posed]:
+    def poses(self, frame: int) -> Iterator[NodePose]:
         """Poses at a frame of the bodies that are on."""
         for path, (places, turns) in self.tracks().items():
             if self._on[self._bodies[path].group]:
@@ -141,7 +141,7 @@ class LineNodes:
         return frozenset(lines.group for lines in self._lines.values())
 
     def update(self, view_model: ViewModel) -> None:
-        self._lines = {_path(lines.key): lines for lines in view_model.picture.of(Lines, *LINE_COLORS)}
+        self._lines = {_path(lines.key): lines for lines in view_model.picture.nodes_of(Lines, *LINE_COLORS)}
         for path, lines in self._lines.items():
             if path not in self._nodes:
                 color, width = LINE_COLORS[lines.group][self._dark], LINE_WIDTHS[lines.group]
@@ -168,7 +168,7 @@ class LineNodes:
     def show(self, frame: int) -> None:
         for path, lines in self._lines.items():
             if self._on[lines.group]:
-                node, there = self._nodes[path], lines.shown is None or bool(lines.shown[min(frame, len(lines.shown) - 1)])
+                node, there = self._nodes[path], lines.visible is None or bool(lines.visible[min(frame, len(lines.visible) - 1)])
                 node.visible = there
                 if there:
                     node.points = segments(lines, frame)
@@ -180,7 +180,7 @@ class LineNodes:
                 flat = [np.stack([s[:, :-1], s[:, 1:]], axis=2).reshape(frames, -1) for s in lines.strips]
                 values = np.concatenate(flat, axis=1)
                 counts = np.full(frames, values.shape[1])
-                there = np.ones(frames, bool) if lines.shown is None else lines.shown
+                there = np.ones(frames, bool) if lines.visible is None else lines.visible
                 yield PointTrack(path, "points", np.nan_to_num(values), np.where(there, counts, 0))
 
 

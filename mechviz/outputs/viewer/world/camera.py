@@ -66,7 +66,7 @@ class Preset:
     grid lies below the mechanism, otherwise behind it."""
 
     label: str
-    away: tuple[float, float, float]
+    direction: tuple[float, float, float]
     fov: float = float(FIELD_OF_VIEW)
     ground: bool = False
 
@@ -115,7 +115,7 @@ def fit_view(bounds: Real, aspect: float, preset: Preset = VIEW_PRESETS["front"]
 
 def _view_on(bounds: Real, aspect: float, preset: Preset) -> View:
     """The view that just shows a box."""
-    away = np.array(preset.away) / np.linalg.norm(preset.away)
+    away = np.array(preset.direction) / np.linalg.norm(preset.direction)
     right = np.cross([0.0, 1.0, 0.0], away)
     right = right / np.linalg.norm(right)
     up = np.cross(away, right)
@@ -161,7 +161,7 @@ class FittedCameras:
         """Stop controlling the cameras: another object takes over."""
         self._closed = True
 
-    def follow(self, client: viser.ClientHandle) -> None:
+    def start_fitting(self, client: viser.ClientHandle) -> None:
         """Start fitting the view of a browser that has just connected."""
         if self._closed:
             return
@@ -181,7 +181,7 @@ class FittedCameras:
 
         client.camera.on_update(update)
 
-    def follow_bounds(self, bounds: Real, core: Real) -> None:
+    def set_bounds(self, bounds: Real, core: Real) -> None:
         """Take a new extent of the mechanism: fit the views that no user has moved, and start new browsers with it."""
         self._begin_with(bounds, core)
         self._between_reports(self._fit_all)
@@ -206,7 +206,7 @@ class FittedCameras:
         """The preset with which browsers begin."""
         return first_preset(self._core)
 
-    def look(self, client: viser.ClientHandle, preset: str) -> None:
+    def set_preset(self, client: viser.ClientHandle, preset: str) -> None:
         """Move a browser's camera to one of the ``VIEW_PRESETS`` and fit it to its window again. In 2D, dragging does not
         rotate."""
         self._presets[client.client_id] = preset

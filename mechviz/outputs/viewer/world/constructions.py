@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 from mechcore.arrays import Complex, Flags, Real, Single
 from mechcore.records import dataclass
 from mechviz.outputs.viewer.view_model import ViewModel
-from mechviz.outputs.viewer.words import scale
+from mechviz.outputs.viewer.words import scale_line
 from mechviz.outputs.viewer.world.bodies import segments
-from mechviz.outputs.viewer.world.labels import LabelPlaces, half_sizes, typeset
+from mechviz.outputs.viewer.world.labels import LabelPlacer, half_sizes, typeset
 from mechviz.outputs.viewer.world.solids import link_path
 from mechviz.picture.centres import CENTRE_GROUPS
 from mechviz.picture.constructions import Drawing, grid_columns
@@ -230,7 +230,7 @@ class ConstructionNodes:
 
     def _titles(self, drawing: Drawing) -> dict[str, float]:
         """Sizes of letters by line of text: the scale of a drawing, if it has one, and its title."""
-        lines = {scale(self._units, drawing.unit, drawing.per_metre, self._size): 0.8} if drawing.per_metre else {}
+        lines = {scale_line(self._units, drawing.unit, drawing.per_metre, self._size): 0.8} if drawing.per_metre else {}
         return lines | {drawing.title.split(":")[0]: 1.0}
 
     @property
@@ -269,12 +269,12 @@ class ConstructionNodes:
 
     def _drawing(self, name: str, drawing: Drawing, at: complex) -> Construction:
         """Nodes of a drawing: arrows with labels at their middles, labelled points, curves, and a heading with the scale."""
-        strokes, marks, size = drawing.strokes, drawing.marks, self._size
+        strokes, marks, size = drawing.arrows, drawing.points, self._size
         path = f"/drawings/{name}"
         frames = self._view_model.frames
         starts = np.array([i.start for i in strokes], complex).reshape(len(strokes), frames) + at
         vectors = np.array([i.vector for i in strokes], complex).reshape(len(strokes), frames)
-        heads = np.array([not i.plain for i in strokes], bool)
+        heads = np.array([not i.headless for i in strokes], bool)
         shades = [i.color for i in strokes] * 3
         nodes: list[viser.LineSegmentsHandle | viser.LabelHandle | viser.IcosphereHandle] = []
         arrows = None
@@ -289,8 +289,8 @@ class ConstructionNodes:
         per_pixel = self._per_pixel
         texts = [strokes[k].label for k in named], [m.label for m in marks]
         heading, taken = self._heading(path, drawing, at)
-        stand = LabelPlaces(half_sizes(texts[0], per_pixel), half_sizes(texts[1], per_pixel), 3.0 * per_pixel, taken)
-        anchors = np.array([m.at for m in marks], complex).reshape(len(marks), frames) + at
+        stand = LabelPlacer(half_sizes(texts[0], per_pixel), half_sizes(texts[1], per_pixel), 3.0 * per_pixel, taken)
+        anchors = np.array([m.position for m in marks], complex).reshape(len(marks), frames) + at
         nodes += [*words, *points, *heading]
         for k, (color, tips) in enumerate(drawing.curves):
             z = tips[np.isfinite(tips)] + at

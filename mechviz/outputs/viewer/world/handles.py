@@ -109,7 +109,7 @@ class Pivots:
             value = float(np.clip(place[k] / pivot.metres[k], p.hard_low, p.hard_high))
             if abs(value - self._asked.get(p.key, p.value)) > 1e-9 * self._session.view_model.size / pivot.metres[k]:
                 self._asked[p.key] = value
-                self._session.move(p, round(value / p.step) * p.step)
+                self._session.set_value(p, round(value / p.step) * p.step)
 
 
 CLICK_DISTANCE = 0.02  # of the mechanism's size: a click this near to a named point means that point

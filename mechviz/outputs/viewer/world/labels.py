@@ -26,7 +26,7 @@ SUBSCRIPT_SIZE = 0.74  # size of a subscript over that of a letter
 LETTERS_SCRIPT = Path(__file__).with_name("letters.js").read_text(encoding="utf-8")
 
 
-def parted(label: str) -> tuple[str, str, str]:
+def split_label(label: str) -> tuple[str, str, str]:
     """The parts of a label: ``a_CBⁿ`` -> letter, subscript, superscript."""
     parts = re.fullmatch(r"((?:-m )?[A-Za-z])_(.+?)([ⁿᵗᶜʳ]?)", label)
     return (label, "", "") if parts is None else (parts[1].replace("-", "−"), parts[2], parts[3])
@@ -34,7 +34,7 @@ def parted(label: str) -> tuple[str, str, str]:
 
 def typeset(label: str) -> str:
     """A label for the scene with its subscript in the private use area, which the page draws as a subscript after `prepare`."""
-    letter, below, above = parted(label)
+    letter, below, above = split_label(label)
     return letter + "".join(chr(SUBSCRIPT_START + ord(c)) if ord(c) <= LAST_SUBSCRIPT else c for c in below) + above
 
 
@@ -45,7 +45,7 @@ def prepare(server: viser.ViserServer) -> None:
 
 def half_sizes(texts: list[str], per_pixel: float) -> Real:
     """Half widths and half heights (n, 2) [m] of labels; ``per_pixel``: metres of the drawing per pixel of the screen."""
-    parts = [parted(text) for text in texts]
+    parts = [split_label(text) for text in texts]
     letters = [max(len(letter) + SUBSCRIPT_SIZE * len(below + above), 1.0) for letter, below, above in parts]
     return per_pixel * np.array([[LETTER_HALF_WIDTH * count + 2.0, LABEL_HALF_HEIGHT] for count in letters], float).reshape(-1, 2)
 
@@ -77,9 +77,9 @@ def corners(points: Complex, halves: Real, gap: float) -> list[tuple[int, int]]:
 
 
 @dataclass(eq=False)
-class LabelPlaces:
+class LabelPlacer:
     """Positions labels of half sizes ``sides`` (n, 2) at the sides and ``points`` (m, 2) at the points of a drawing, at a distance
-    ``gap`` [m]; ``there``: occupied boxes, as centres and half sizes.
+    ``gap`` [m]; ``occupied``: boxes, as centres and half sizes.
 
     A label keeps its candidate position as long as that is free, so that it does not jump as the drawing moves.
     """
@@ -87,7 +87,7 @@ class LabelPlaces:
     sides: Real
     points: Real
     gap: float
-    there: Sequence[tuple[complex, Real]] = ()
+    occupied: Sequence[tuple[complex, Real]] = ()
     _last: dict[tuple[str, int], int] = field(default_factory=dict)
 
     def __call__(self, starts: Complex, vectors: Complex, marks: Complex) -> tuple[Complex, Complex]:
@@ -96,7 +96,7 @@ class LabelPlaces:
         ends = ends[np.isfinite(ends)]
         centre = complex(ends.mean()) if len(ends) else 0j
         dots = marks[np.isfinite(marks)]
-        taken: list[tuple[complex, Real]] = list(self.there)
+        taken: list[tuple[complex, Real]] = list(self.occupied)
         at_points = np.full(len(marks), np.nan + 0j)
         for k in _outermost_first(marks, centre):
             at_points[k] = self._free(("point", k), self._around(marks[k], self.points[k], centre), self.points[k], taken, dots)

@@ -13,7 +13,7 @@ import viser
 from mechcore.arrays import Real, Single
 from mechviz.outputs.viewer.playback import base64_of
 from mechviz.outputs.viewer.view_model import ViewModel
-from mechviz.outputs.viewer.viser_adapter import Posed, run_script
+from mechviz.outputs.viewer.viser_adapter import NodePose, run_script
 from mechviz.outputs.viewer.world.arrows import ArrowNodes, arc_path, arrows_by_family
 from mechviz.outputs.viewer.world.labels import LABEL_ANCHORS, corners, half_sizes
 from mechviz.outputs.viewer.world.solids import link_path
@@ -78,7 +78,7 @@ class Paths:
             for name, node in nodes.items():
                 node.visible = on and name in self._places
 
-    def poses(self, frame: int) -> Iterator[Posed]:
+    def poses(self, frame: int) -> Iterator[NodePose]:
         """Positions of the dots at a frame."""
         for name, xyz in self._places.items():
             yield self._dots[name], xyz[frame], None
@@ -150,7 +150,7 @@ class JointMarks:
             if tuple(self._dots[key].color) != color:
                 self._dots[key].color = color
 
-    def poses(self, frame: int) -> Iterator[Posed]:
+    def poses(self, frame: int) -> Iterator[NodePose]:
         """Positions of the dots at a frame, and of the names if they are shown."""
         for key, xyz in self._groups:
             yield self._dots[key], xyz[frame], None
@@ -213,7 +213,7 @@ class Masses:
         return len(self._nodes)
 
     def update(self, view_model: ViewModel) -> None:
-        wanted = list(view_model.picture.of(Points, "masses"))
+        wanted = list(view_model.picture.nodes_of(Points, "masses"))
         if [_weights(node) for node in wanted] == [_weights(node) for node in self._drawn]:
             return
         for old in reversed(self._nodes):  # labels before their balls, with which they would go
@@ -277,7 +277,7 @@ def hover_names(view_model: ViewModel) -> dict[str, JointName]:
         items = tuple(f"{kind.label}: {arrow.vector.item}" for arrow in arrows)
         hovered[f"/vectors/{family}"] = (kind.label, f"{kind.meaning} [{view_model.units.display_unit(kind.unit)[0]}]", items)
     moment = f"a moment [{view_model.units.display_unit('N m')[0]}]"
-    for arc in view_model.picture.of(MomentArc):
+    for arc in view_model.picture.nodes_of(MomentArc):
         family, item = arc.group, arc.moment.item
         hovered[arc_path(family, item)] = (f"{VECTOR_FAMILIES[family].label}: {item}", moment, ())
     return hovered
@@ -323,7 +323,7 @@ class HoverNames:
     def __init__(self, server: viser.ViserServer, view_model: ViewModel, arrows: ArrowNodes):
         self._server, self._arrows = server, arrows
         self._said = ""
-        self._beside = False
+        self._values_shown = False
         self.update(view_model)
 
     def update(self, view_model: ViewModel) -> None:
@@ -331,13 +331,13 @@ class HoverNames:
         self._names, self._values = json.dumps(hover_names(view_model)), json.dumps(hover_values(view_model, self._arrows))
         self._say()
 
-    def beside(self, on: bool) -> None:
+    def show_values(self, on: bool) -> None:
         """Show or hide the values beside all arrows that are drawn."""
-        self._beside = on
+        self._values_shown = on
         self._say()
 
     def _say(self) -> None:  # in one message, as a browser that connects later receives only the last one
-        script = f"hover.names = {self._names}; hover.tell({self._values}); hover.beside({json.dumps(self._beside)});"
+        script = f"hover.names = {self._names}; hover.tell({self._values}); hover.beside({json.dumps(self._values_shown)});"
         said = f"{{ const hover = window.mechvizHover; {script} }}"
         if said != self._said:
             self._said = said

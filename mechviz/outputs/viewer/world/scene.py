@@ -13,7 +13,7 @@ import viser
 from mechcore.arrays import Real
 from mechviz.outputs.viewer.playback import PointTrack, SentPoses
 from mechviz.outputs.viewer.view_model import ViewModel
-from mechviz.outputs.viewer.viser_adapter import Posed, send_poses
+from mechviz.outputs.viewer.viser_adapter import NodePose, send_poses
 from mechviz.outputs.viewer.world.arrows import ArrowNodes
 from mechviz.outputs.viewer.world.bodies import BodyNodes, LineNodes
 from mechviz.outputs.viewer.world.camera import Backdrop, FittedCameras
@@ -76,8 +76,8 @@ class Scene3D:
         }
         self._screens: dict[int, tuple[int, int]] = {}
         self.cameras = FittedCameras(server, self.bounds, self._core(view_model), self.stage)
-        server.on_client_connect(self._greet)
-        server.on_client_disconnect(self._part)
+        server.on_client_connect(self._on_connect)
+        server.on_client_disconnect(self._on_disconnect)
 
     @property
     def size(self) -> float:
@@ -103,14 +103,14 @@ class Scene3D:
         part = np.max((box[1] - box[0])[:2] / (self.bounds[1] - self.bounds[0])[:2])
         if not inside or part < FITS_STILL:
             self.bounds = box
-            self.cameras.follow_bounds(box, self._core(self.current))
+            self.cameras.set_bounds(box, self._core(self.current))
 
     def fit(self, browser: int, screen: tuple[int, int]) -> None:
         """Take the size [px] of a browser's picture; the drawings beside the mechanism are arranged for the smallest picture."""
         self._screens[browser] = screen
         if self.polygons.fit(min(self._screens.values(), key=min)):
             self.bounds = self._box(self.current)
-            self.cameras.follow_bounds(self.bounds, self._core(self.current))
+            self.cameras.set_bounds(self.bounds, self._core(self.current))
 
     def show(self, frame: int) -> None:
         """Bring everything to a frame, in one piece for the browsers."""
@@ -149,11 +149,11 @@ class Scene3D:
         for part in (self.stage, self._paths, self._lines, self.arrows, self.polygons):
             part.darken(dark)
 
-    def look(self, client: viser.ClientHandle, preset: str) -> None:
+    def set_preset(self, client: viser.ClientHandle, preset: str) -> None:
         """Move a browser's camera to one of the presets, fitted to the present mechanism."""
         self.bounds = self._box(self.current)
-        self.cameras.follow_bounds(self.bounds, self._core(self.current))
-        self.cameras.look(client, preset)
+        self.cameras.set_bounds(self.bounds, self._core(self.current))
+        self.cameras.set_preset(client, preset)
 
     def is_marked(self, name: str) -> bool:
         """Whether one of ``marks`` is shown at first."""
@@ -164,11 +164,11 @@ class Scene3D:
         self.marks[name](on)
 
     def _box(self, view_model: ViewModel) -> Real:
-        box = _joined(view_model.bounds, self.arrows.reach(), ARROW_ROOM * view_model.size)
-        first = _joined(view_model.bounds, self.arrows.reach(view_model.opening), FIRST_ARROW_ROOM * view_model.size)
+        box = _joined(view_model.bounds, self.arrows.bounds(), ARROW_ROOM * view_model.size)
+        first = _joined(view_model.bounds, self.arrows.bounds(view_model.opening), FIRST_ARROW_ROOM * view_model.size)
         box = np.array([np.minimum(box[0], first[0]), np.maximum(box[1], first[1])])
-        for spring in view_model.picture.of(Body, "springs"):
-            low, high = spring.reach()
+        for spring in view_model.picture.nodes_of(Body, "springs"):
+            low, high = spring.bounds()
             box[0, :2] = np.minimum(box[0, :2], np.maximum(low, view_model.bounds[0, :2] - 0.5 * view_model.size))
             box[1, :2] = np.maximum(box[1, :2], np.minimum(high, view_model.bounds[1, :2] + 0.5 * view_model.size))
         if self.polygons.bounds is not None:
@@ -183,10 +183,10 @@ class Scene3D:
         beside = np.column_stack([self.polygons.bounds, view_model.bounds[:, 2]])
         return np.array([np.minimum(view_model.bounds[0], beside[0]), np.maximum(view_model.bounds[1], beside[1])])
 
-    async def _greet(self, client: viser.ClientHandle) -> None:
-        self.cameras.follow(client)
+    async def _on_connect(self, client: viser.ClientHandle) -> None:
+        self.cameras.start_fitting(client)
 
-    async def _part(self, client: viser.ClientHandle) -> None:
+    async def _on_disconnect(self, client: viser.ClientHandle) -> None:
         self.cameras.forget(client)
         self._screens.pop(client.client_id, None)
 
@@ -221,7 +221,7 @@ class Ghost:
         if self._base is not None:
             self._base.visible = on
 
-    def poses(self, frame: int) -> Iterator[Posed]:
+    def poses(self, frame: int) -> Iterator[NodePose]:
         """Poses of its links at a frame, if it is on."""
         if self.on:
             for link, node in self._nodes.items():

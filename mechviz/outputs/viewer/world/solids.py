@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from mechcore.arrays import Integers, Real, Single
 from mechviz.meshes.shading import components
 from mechviz.outputs.viewer.view_model import ColoredPart, LinkSolid, ViewModel
-from mechviz.outputs.viewer.viser_adapter import Posed
+from mechviz.outputs.viewer.viser_adapter import NodePose
 from mechviz.picture.nodes import Body as BodyNode
 from mechviz.picture.proportions import about_z
 
@@ -118,9 +118,9 @@ class SolidNodes:
             if self._bodies.get(link, NOTHING) is not body:
                 self._shape(link, self._cut_body(link, body))
             self._moving[link] = quaternions(pose[:, 2]), np.column_stack([pose[:, :2], np.zeros(len(pose))])
-        for solid in view_model.picture.of(BodyNode, "solids"):
+        for solid in view_model.picture.nodes_of(BodyNode, "solids"):
             if solid.poses is not None:  # it turns about an axis in the plane of motion
-                shift, turn = (np.asarray(values, float) for values in (solid.poses.places, solid.poses.turns))
+                shift, turn = (np.asarray(values, float) for values in (solid.poses.places, solid.poses.quaternions))
                 self._moving[solid.parent] = composed(view_model.poses[solid.parent], shift, turn)
         self._moving = {link: self._moving[link] for link in view_model.poses if link != view_model.frame}
         self._bodies = view_model.bodies
@@ -161,7 +161,7 @@ class SolidNodes:
         red, green, blue = (round(c + HIGHLIGHT_SHARE * (m - c)) for c, m in zip(piece.color, HIGHLIGHT_COLOR, strict=True))
         return red, green, blue
 
-    def poses(self, frame: int) -> Iterator[Posed]:
+    def poses(self, frame: int) -> Iterator[NodePose]:
         """Poses of the links at a frame."""
         for link, (turn, position) in self._moving.items():
             yield self._nodes[link], position[frame], turn[frame]
