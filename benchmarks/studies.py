@@ -69,7 +69,7 @@ def four_bars(count: int) -> None:
             peaks["study"] = run_study(study, chosen).results.values[0]
 
         def of_core(compiled=compiled, at=at) -> None:  # type: ignore[no-untyped-def]
-            swept = sweep(compiled, points, at, lambda m: {"torque": solve_forces(m).effort("A")}, of=count)
+            swept = sweep(compiled, points, at, lambda m: {"torque": solve_forces(m).effort("A")}, total=count)
             peaks["core"] = np.abs(swept.results["torque"]).max(axis=-1)
 
         found = interleaved({"study": of_study, "core": of_core}, runs=3, seconds=0.0, pick=min, clock=time.process_time)

@@ -246,7 +246,7 @@ def _resimulate(
             separable_cams=spec.separable_cams,
             progress=lambda t: advance(t, duration),
             observe=None if look is None else lambda segment: look(segment, duration),
-            like=like,
+            initial_guess=like,
             warn=once if unwarned else None,
         )
 
@@ -371,7 +371,7 @@ class Running:
             times,
             parts,
             mechanism=self._joined[0][0].motion.mechanism,  # the same object in all runs: solids are made for it
-            again=whole.view,
+            at_times=whole.view,
             coordinates=whole.coordinates(times),
             model=first.motion.model,
         )

@@ -106,7 +106,7 @@ def estimate_errors(run: Run) -> ErrorEstimate:
         error = np.maximum(integration_error(run.simulation, motion.time, run.resimulate), _unbalanced(run))
         position, velocity = position + error, velocity + error
         acceleration, reaction = acceleration + error, reaction + error
-        amplitude, frequency = run.simulation.unseen
+        amplitude, frequency = run.simulation.skipped_vibration
         if amplitude:
             omega = 2.0 * np.pi * frequency
             fast = [amplitude * omega**k / max(peak, 1e-300) for k, peak in enumerate(_peaks(motion), 1)]
@@ -305,7 +305,9 @@ def _tighter(simulation: Simulation, simulate: Callable[..., Simulation]) -> Sim
             return simulate(LEAST_TOLERANCE, "gauss", simulation)
         method = "radau" if simulation.method == "radau" else None
         return simulate(
-            max(COMPANION_TOLERANCE * simulation.tolerance, 4.0 * simulation.unseen[0], LEAST_TOLERANCE), method, simulation
+            max(COMPANION_TOLERANCE * simulation.tolerance, 4.0 * simulation.skipped_vibration[0], LEAST_TOLERANCE),
+            method,
+            simulation,
         )
     except MechanismError:
         return None
@@ -324,7 +326,9 @@ def integration_error(simulation: Simulation, time: Real, simulate: Callable[...
     some = np.unique(np.linspace(0.0, simulation.duration, SAMPLED_FRAMES))
     some = some[some <= companion.duration]
     apart = pose_difference(simulation.view(some), companion.view(some))
-    return np.asarray(np.interp(time, some, np.maximum.accumulate(np.nan_to_num(apart))) + ROUNDING + simulation.unseen[0])
+    return np.asarray(
+        np.interp(time, some, np.maximum.accumulate(np.nan_to_num(apart))) + ROUNDING + simulation.skipped_vibration[0]
+    )
 
 
 def pose_difference(one: Motion, other: Motion) -> Real:

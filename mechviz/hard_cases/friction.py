@@ -53,10 +53,10 @@ def _beyond_the_jam() -> Outcome:
         check_that("jammed", friction.jammed),
         check_that("by S", friction.jammed_by(0) == ("S",)),
         check_that("no number where there is none", np.isnan(forces.effort("H"))),
-        compare("share of the coefficients", friction.reached[0], 1.0 / (1.0 + 1e-9), 1e-9),
+        compare("share of the coefficients", friction.movable_share[0], 1.0 / (1.0 + 1e-9), 1e-9),
     ]
     return motion_outcome(
-        forces.motion, f"jams; {friction.reached[0]:.12g} of the coefficient still moves", checks, events=["jams"]
+        forces.motion, f"jams; {friction.movable_share[0]:.12g} of the coefficient still moves", checks, events=["jams"]
     )
 
 
@@ -123,7 +123,7 @@ def _one_pin() -> Outcome:
         check_that("jams beyond the turn", solution.jammed == ~good),
         compare("loads", solution.loads[good, 0] / want[good], 1.0, 1e-7),
         check_that("stable", stability(*parts, solution.loads)[good] > 0.0),
-        compare("share where it ends", solution.reached[~good] * size[~good], 1.0 / np.sin(2.2), 1e-6),
+        compare("share where it ends", solution.movable_share[~good] * size[~good], 1.0 / np.sin(2.2), 1e-6),
     ]
     return Outcome(
         f"loads {np.array2string(solution.loads[good, 0], precision=5)}", tuple(checks), float(solution.residual[good].max())

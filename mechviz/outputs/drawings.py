@@ -11,7 +11,7 @@ import numpy as np
 from mechcore.arrays import Complex, Real, Single
 from mechcore.effects.machines import CylinderGas
 from mechcore.records import dataclass
-from mechcore.spec.clearance import made_joints
+from mechcore.spec.clearance import auxiliary_names
 from mechcore.spec.loads import GasPressure
 from mechviz.outputs.rerun.entities import Static, Stream, archetype_columns, entity, line_strips, packed_colors
 from mechviz.outputs.rerun.plots import CURVE_PALETTE
@@ -236,7 +236,7 @@ def _indicator(run: Run) -> Diagram | None:
 def _phase(run: Run) -> Diagram | None:
     """Velocity over coordinate of joints that oscillate: of a motion under forces the free coordinates, otherwise outputs."""
     motion = run.motion
-    made = made_joints(run.scene.mechanism)
+    made = auxiliary_names(run.scene.mechanism)
     free = [] if run.simulation is None else [d.joint for d in run.scene.mechanism.drives if d.joint not in made]
     names = free or _followers(run)
     swinging = [n for n in names if _swings(motion.coordinate(n)[:, 0])]

@@ -71,7 +71,7 @@ def lanes_of(simulation: Simulation) -> Lanes:
         lanes[f"stop {stop.name}"] = [(0.0, LaneState.FREE)]
     for cam in simulation.separable_cams:
         lanes[cam.joint] = [(0.0, LaneState.TOUCHES)]
-    rubs = {joint: f"{joint} friction" if joint in lanes else joint for joint in simulation.rubbing}
+    rubs = {joint: f"{joint} friction" if joint in lanes else joint for joint in simulation.joints_with_friction}
     for lane in rubs.values():
         lanes[lane] = [(0.0, LaneState.STICKS)]
     for h in simulation.events:

@@ -16,7 +16,7 @@ from mechcore.arrays import Real
 from mechcore.motion.motion import Motion
 from mechcore.numerics.interpolation import between
 from mechcore.records import dataclass
-from mechcore.spec.clearance import journals_of, made_joints
+from mechcore.spec.clearance import auxiliary_names, journals_of
 
 if TYPE_CHECKING:
     from mechviz.runs import Run
@@ -86,7 +86,7 @@ def joints_of(motion: Motion) -> list[JointInfo]:
     model = motion.model
     journals = journals_of(model.mechanism)
     bearing = {name: load.links[::2] for name, load in journals.items()}
-    made = made_joints(model.mechanism)
+    made = auxiliary_names(model.mechanism)
     joints = [
         JointInfo(
             j.name,
@@ -103,7 +103,7 @@ def joints_of(motion: Motion) -> list[JointInfo]:
 
 def links_of(motion: Motion) -> list[str]:
     """Names of all links, the frame first. Links of composite joints are included, except those of clearance and planar joints."""
-    made = made_joints(motion.model.mechanism)
+    made = auxiliary_names(motion.model.mechanism)
     return [name for name in motion.model.links if name not in made]
 
 

@@ -137,7 +137,7 @@ def _loaded(forces: Forces, cam: AnyCam, joint: CamJoint, force: Real, margin: f
     low, high = int(np.nanargmin(force)), int(np.nanargmax(force))
     need = margin if margin is not None else None if rating is None else rating.margin
     words = f"{as_force(force[low], 5)} at {_place(cam, x[low])} to {as_force(force[high], 5)} at {_place(cam, x[high])}"
-    if cam.form:
+    if cam.form_closed:
         yield "contact force", words, None, False
     elif need is not None:
         passed = bool(force[low] >= need)
@@ -153,7 +153,7 @@ def _loaded(forces: Forces, cam: AnyCam, joint: CamJoint, force: Real, margin: f
         half = f"strip of {as_length(2.0 * stress.half_width[k], 4)} by {as_length(rating.width, 4)}"
         words = f"up to {_pressure(stress.pressure[k])} at {_place(cam, x[k])}, {half}"
         yield _judged("Hertz pressure", words, float(stress.pressure[k]), rating.limit, _pressure)
-    if not cam.form and need is not None:
+    if not cam.form_closed and need is not None:
         yield from (("least spring", words, None, False) for words in _springs(forces, cam, need))
 
 
@@ -368,7 +368,7 @@ def _sizes(cam: PlacedCam, motion: Motion, forces: Forces | None, want: Requirem
     lift = made.law.raised(-follower.base_coordinate(cam.base))
     hub = joint_of(motion, cam).hub
     try:
-        least = least_base(lift, follower, want, turn, hub, beside=cam.beside)
+        least = least_base(lift, follower, want, turn, hub, beside=cam.other_profiles)
         yield "base circle", f"{as_length(cam.base, 6)} now, least {as_length(least.base, 6)}; decided by: {least.decides}"
     except MechanismError as error:
         yield "base circle", "; ".join(Text.of(f"{f.message} {f.remedy}").source for f in error.faults)
@@ -389,15 +389,15 @@ def _sizes(cam: PlacedCam, motion: Motion, forces: Forces | None, want: Requirem
 def _roller_words(cam: PlacedCam, motion: Motion, forces: Forces | None, want: Requirement) -> str:
     """Radii of rollers that fit the present pitch curve, in words. The base circle grows by as much as the roller shrinks."""
     made = cam.cam if cam.intended is None else cam.intended
-    profiles = (made, *(cam.beside(made) if cam.mate is None else ()))  # the second cam has a roller of its own
+    profiles = (made, *(cam.other_profiles(made) if cam.mate is None else ()))  # the second cam has a roller of its own
     radii = [reached.value for each in profiles if (reached := find_limits(each).greatest_roller) is not None]
     most = max(min(radii, default=math.inf) - (want.radius or 0.0), 0.0)
     rating = joint_of(motion, cam).rating
     words = f"{as_length(made.follower.radius)} now, on the same pitch curve"
     upper = "" if math.isinf(most) else f"up to {as_length(most, 6)}"
-    if forces is None or rating is None or rating.width is None or rating.limit is None or cam.form:
+    if forces is None or rating is None or rating.width is None or rating.limit is None or cam.form_closed:
         why = "no least one: the scene states no width and limit of the Hertz pressure"
-        return f"{words} {upper or 'of any size'}; {why if not cam.form else 'no least one: two flanks'}"
+        return f"{words} {upper or 'of any size'}; {why if not cam.form_closed else 'no least one: two flanks'}"
     force = contact_force(forces, cam)
     known = np.isfinite(force)
     low, high = roller_range(

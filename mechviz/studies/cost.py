@@ -18,7 +18,7 @@ import numpy as np
 
 from mechcore.compiled.motion import LEAST_FRAMES_TO_COMPILE, Executor, written_motion
 from mechcore.compiled.toolchain import cached, compiler, required_compiler
-from mechcore.dynamics.equations.contacts import missing_in_c, rubs, written_source
+from mechcore.dynamics.equations.contacts import has_dry_friction, missing_in_c, written_source
 from mechcore.dynamics.events import with_slot_ends
 from mechcore.dynamics.integration.windows import MANY_WINDOWS
 from mechcore.effects.base import sum_up
@@ -239,7 +239,7 @@ def missing_lines(scene: Scene) -> list[str]:
 
 
 def _not_written(compiled: Compiled) -> str | None:
-    program = compiled.model.once(written_motion)
+    program = compiled.model.cached(written_motion)
     if isinstance(program, str):
         return program
     return (
@@ -250,7 +250,7 @@ def _not_written(compiled: Compiled) -> str | None:
 
 
 def _of_motion(compiled: Compiled, executor: Executor, frames: int) -> str:
-    missing, program = _not_written(compiled), compiled.model.once(written_motion)
+    missing, program = _not_written(compiled), compiled.model.cached(written_motion)
     if missing is not None or isinstance(program, str):
         return f"numpy: {missing}"
     if not program.lines:
@@ -290,7 +290,7 @@ def _of_simulation(compiled: Compiled, executor: Executor, stopped: Sequence[str
     if missing is not None:
         return f"numpy: {missing}"
     price = _price(*written_source(compiled))
-    price += "; numpy where friction jams" if rubs(compiled) else ""
+    price += "; numpy where friction jams" if has_dry_friction(compiled) else ""
     if stopped:
         at_rest = _missing_at_rest(compiled, stopped)
         price += "; another program while a stop holds" if at_rest is None else f"; numpy while a stop holds: {at_rest}"

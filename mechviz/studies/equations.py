@@ -28,8 +28,8 @@ def equilibrium_at(run: Run, time: float) -> tuple[EquilibriumSystem, int]:
     """
     assert run.forces is not None
     forces, frame = run.forces, int(np.argmin(np.abs(run.motion.time - time)))
-    if run.motion.again is not None and run.simulation is None:  # one frame is enough
-        forces, frame = solve_forces(run.motion.again(np.array([time]))), 0
+    if run.motion.at_times is not None and run.simulation is None:  # one frame is enough
+        forces, frame = solve_forces(run.motion.at_times(np.array([time]))), 0
     equilibrium = EquilibriumSystem(_part(forces, frame)[0])
     frame = _part(forces, frame)[1]
     if not np.isfinite(equilibrium.values[frame]).all():

@@ -98,7 +98,7 @@ def _solved(shown: str, scene: Scene, name: str, frames: int | None) -> LawOnCam
     drive = run.motion.mechanism.drives[0].joint
     effort = None if run.forces is None else np.asarray(run.forces.effort(drive))
     springs = []
-    if run.forces is not None and not cam.form:
+    if run.forces is not None and not cam.form_closed:
         margin = 0.0 if joint.rating is None or joint.rating.margin is None else joint.rating.margin
         try:
             least = least_springs(run.forces, cam, margin)

@@ -32,7 +32,7 @@ from mechcore.motion.motion import Motion
 from mechcore.motion.reach import reachable_ranges
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
 from mechcore.motion.structure import Group, groups, gruebler, loop_equations, loop_joints, rank_mobility, redundant_joints
-from mechcore.spec.clearance import journals_of, made_joints
+from mechcore.spec.clearance import auxiliary_names, journals_of
 from mechcore.spec.loads import BeltTension, Factor, GasPressure, GasSpring, Spring
 from mechcore.spec.mechanism import CamJoint, Mechanism, PinSlot, Planar
 from mechcore.texts import Text
@@ -76,7 +76,7 @@ def check_lines(scene: Scene, *, equations: bool = False, modes: bool = False) -
         lines.append(f"statics    nothing moves: reactions {span}")
     if scene.simulation is not None:
         separable = [f"whether the follower of {cam.joint} stays on it" for cam in scene.simulation.separable_cams]
-        moving = [p for p in free if p not in made_joints(scene.mechanism)]
+        moving = [p for p in free if p not in auxiliary_names(scene.mechanism)]
         moved = [f"the motion of {', '.join(moving)}"] if moving else []
         moved += [f"the motion of {p.links[1]}, a free body" for p in scene.mechanism.joints if isinstance(p, Planar)]
         moved += [f"the motion of the journal of {joint} in its bearing" for joint in loose]
@@ -191,7 +191,7 @@ def _contact(forces: Forces, units: Units, decided: list[str]) -> list[str]:
     motion = forces.motion
     if not any(isinstance(p, CamJoint) for p in motion.mechanism.joints):
         return []
-    pressed = [cam.name for cam in placed_cams(motion) if not cam.form and cam.name not in decided]
+    pressed = [cam.name for cam in placed_cams(motion) if not cam.form_closed and cam.name not in decided]
     if not pressed:
         return []
     contacts = [e for e in cam_events(motion, forces) if e.item in pressed and e.text.startswith("contact ")]

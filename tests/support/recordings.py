@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 import mechviz
 from mechcore.motion.solve import default_times, solve_motion
-from mechcore.spec.clearance import as_drawn
+from mechcore.spec.clearance import with_ideal_joints
 from mechcore.spec.mechanism import Mechanism
 from mechviz.meshes.solids import Solids
 from mechviz.outputs.presentation import Presentation, presentation_in
@@ -49,7 +49,7 @@ class Made:
     @cached_property
     def mechanism(self) -> Mechanism:
         """The mechanism as the scene in the file describes it; joints with clearance are drawn as ideal ones."""
-        return as_drawn(self.recording.scene().mechanism)
+        return with_ideal_joints(self.recording.scene().mechanism)
 
     @cached_property
     def shown(self) -> Presentation:

@@ -117,7 +117,7 @@ def reaction_error(scene: Scene, frames: int) -> Real | None:
     compiled = compile_mechanism(mechanism)
     if compiled.model.needs_global_solve:
         return None
-    whole = replace(compiled, model=replace(compiled.model, all_together=True))
+    whole = replace(compiled, model=replace(compiled.model, solves_globally=True))
     t = default_times(mechanism, frames, scene.cycles)
     one, other = (quantities(m, solve_forces(m)) for m in (solve_motion(c, t) for c in (compiled, whole)))
     named = {q.name: q for q in other}
@@ -146,7 +146,7 @@ def integration_truth(simulation: Simulation, simulate: Callable[..., Simulation
     from scipy.integrate import solve_ivp
 
     q = simulation(t)[0]
-    if len(simulation.segments) == 1 and not simulation.rubbing and q.shape[1] == 1 and simulation.method == "energy":
+    if len(simulation.segments) == 1 and not simulation.joints_with_friction and q.shape[1] == 1 and simulation.method == "energy":
         chart = Chart(simulation.compiled)
         first, speed, _ = simulation([0.0])
 

@@ -46,7 +46,7 @@ MOST_HALVINGS = 60
 @dataclass(frozen=True, eq=False)
 class Branch:
     """The curve to be continued: a mechanism as assembled, whose first drives follow ``laws`` of a parameter; the others are held
-    at ``still``.
+    at ``fixed_positions``.
 
     Continued are the groups of ``model`` of the kind "general", and the angles of its ``multi_turn`` groups.
     """
@@ -54,15 +54,15 @@ class Branch:
     model: Model
     assembly: Assembly
     laws: tuple[Law, ...]
-    still: tuple[float, ...] = ()
+    fixed_positions: tuple[float, ...] = ()
 
     def drives(self, parameter: Real | float) -> tuple[list[Real], list[Real]]:
         """Positions of all drives at parameters (...), and their derivatives by the parameter."""
         drives = [law(parameter) for law in self.laws]
         positions, speeds = [np.asarray(q, float)[()] for q, _, _ in drives], [np.asarray(v, float)[()] for _, v, _ in drives]
-        if self.still:
+        if self.fixed_positions:
             none = np.zeros(np.shape(parameter))
-            positions, speeds = positions + [none + q for q in self.still], speeds + [none] * len(self.still)
+            positions, speeds = positions + [none + q for q in self.fixed_positions], speeds + [none] * len(self.fixed_positions)
         return positions, speeds
 
     def placed(
@@ -89,7 +89,7 @@ class PathPoint:
         return float(s[-1] / s[0])
 
     @property
-    def loose(self) -> list[str]:
+    def underdetermined(self) -> list[str]:
         """Names of the groups that have two degrees of freedom or more here."""
         return [name for name, s in self.singular_values.items() if len(s) > 1 and s[-2] < SECOND_FREEDOM_RATIO * s[0]]
 
@@ -102,24 +102,24 @@ class PathPoint:
 class ContinuationPath:
     """Unknowns of the continued groups along the parameter.
 
-    ``ends``: the range that was reached (all of it, or up to a limit); ``known``: the part of it that the path's rows cover, which
-    ends just before a limit. ``passed``: singular positions through which the motion continues along its tangent, and the group
-    that is singular there. ``loose``: the groups that have more than one degree of freedom where the path stopped; ``singular``:
-    whether it stopped at a limit; ``nearly_singular_ends``: whether, at each end of the range reached without a limit, a continued
-    group is nearly singular, so that the path should be extended.
+    ``ends``: the range that was reached (all of it, or up to a limit); ``covered_range``: the part of it that the path's rows
+    cover, which ends just before a limit. ``passed``: singular positions through which the motion continues along its tangent, and
+    the group that is singular there. ``underdetermined``: the groups that have more than one degree of freedom where the path
+    stopped; ``singular``: whether it stopped at a limit; ``nearly_singular_ends``: whether, at each end of the range reached
+    without a limit, a continued group is nearly singular, so that the path should be extended.
     """
 
     ends: tuple[float, float]
-    known: tuple[float, float]
+    covered_range: tuple[float, float]
     splines: dict[str, Callable[[ArrayLike], Real]]
     passed: tuple[tuple[float, str], ...] = ()
-    loose: tuple[str, ...] = ()
+    underdetermined: tuple[str, ...] = ()
     singular: bool = False
     nearly_singular_ends: tuple[bool, bool] = (False, False)
 
     def starts(self, parameter: Real) -> dict[str, Real]:
         """Newton starts for parameters (F,)."""
-        inside = np.clip(parameter, *self.known)
+        inside = np.clip(parameter, *self.covered_range)
         return {name: spline(inside) for name, spline in self.splines.items()}
 
 
@@ -136,7 +136,7 @@ def continuation_path(branch: Branch, start: float, low: float, high: float, ste
         _limit(branch, rows[-1], high - low, sign) if any(rows is s for s in stopped) else rows[-1].parameter
         for rows, sign in ((backward, -1.0), (forward, 1.0))
     ]
-    loose = tuple(dict.fromkeys(name for rows in stopped for name in rows[-1].loose))
+    underdetermined = tuple(dict.fromkeys(name for rows in stopped for name in rows[-1].underdetermined))
     rows = backward[:0:-1] + forward
     p = np.array([row.parameter for row in rows])
     splines: dict[str, Callable[[ArrayLike], Real]] = {}
@@ -150,14 +150,14 @@ def continuation_path(branch: Branch, start: float, low: float, high: float, ste
         else:
             splines[name] = interpolant(p, x, slope)
     beyond = (min(low, start), max(high, start))  # a step through a singular position may overshoot
-    known = (max(float(p[0]), beyond[0]), min(float(p[-1]), beyond[1]))
-    ends = (max(min(known[0], limits[0]), beyond[0]), min(max(known[1], limits[1]), beyond[1]))
+    covered_range = (max(float(p[0]), beyond[0]), min(float(p[-1]), beyond[1]))
+    ends = (max(min(covered_range[0], limits[0]), beyond[0]), min(max(covered_range[1], limits[1]), beyond[1]))
     low_end, high_end = (
         not any(rows is s for s in stopped)
         and min((rows[-1].regularity(name) for name in rows[-1].singular_values), default=1.0) < WATCHED_RATIO
         for rows in (backward, forward)
     )
-    return ContinuationPath(ends, known, splines, tuple(passed), loose, bool(stopped), (low_end, high_end))
+    return ContinuationPath(ends, covered_range, splines, tuple(passed), underdetermined, bool(stopped), (low_end, high_end))
 
 
 # -- steps --------------------------------------------------------------------------------------------------------------------

@@ -61,17 +61,18 @@ SAME_POSITION = 1e-8  # largest difference of rotations, and of displacements ov
 class BranchPath:
     """A branch, continued over a range of its parameter, and the singular points and limits found there.
 
-    ``branch``: its model marks the continued groups. ``start``: the parameter at the start. ``asked``: the range to be covered;
-    ``edge``: accuracy of the ends reached. ``by_time``: the parameter is time. ``period``: interval of the parameter after which
-    the groups repeat, angles up to whole turns; None if the path covers all of it. ``unreachable``: ranges of the parameter in
-    which a group (by number; -1: beyond the end of the path) cannot be assembled. ``singular_points``: those that are passed.
+    ``branch``: its model marks the continued groups. ``start``: the parameter at the start. ``requested_range``: the range to be
+    covered; ``end_tolerance``: accuracy of the ends reached. ``by_time``: the parameter is time. ``period``: interval of the
+    parameter after which the groups repeat, angles up to whole turns; None if the path covers all of it. ``unreachable``: ranges of
+    the parameter in which a group (by number; -1: beyond the end of the path) cannot be assembled. ``singular_points``: those that
+    are passed.
     """
 
     branch: Branch
     continuation: ContinuationPath
     start: float
-    asked: tuple[float, float]
-    edge: float
+    requested_range: tuple[float, float]
+    end_tolerance: float
     by_time: bool = False
     period: float | None = None
     unreachable: tuple[tuple[float, float, int], ...] = ()
@@ -108,11 +109,11 @@ class BranchPath:
         if self.period is not None:
             return np.ones(np.shape(parameter), bool)
         low, high = self.continuation.ends
-        return (parameter >= low - self.edge) & (parameter <= high + self.edge)
+        return (parameter >= low - self.end_tolerance) & (parameter <= high + self.end_tolerance)
 
     def covers(self, parameter: Real) -> bool:
         """Whether a new path would reach no more of the parameters (F,): this one reaches each, or met a limit before it."""
-        low, high = self.asked
+        low, high = self.requested_range
         return bool(np.all(self.reached(parameter) | ((parameter >= low) & (parameter <= high))))
 
 
@@ -139,7 +140,7 @@ def path_for(
         if repeating is not None:
             return repeating
     path = branch_path(branch, q0, low, high, step)
-    (lowest, highest), known = path.continuation.ends, path.continuation.known
+    (lowest, highest), known = path.continuation.ends, path.continuation.covered_range
     near = 1e-5 * max(high - low, step)
     short = known[0] > low or known[1] < high  # it met a limit
     close = len(q) and (high > highest - near or low < lowest + near)
@@ -230,7 +231,7 @@ def travel_of(law: Law, first: float, last: float) -> tuple[float, float, bool]:
 
 def _dead_point_at_ends(path: BranchPath) -> bool:
     """Whether a group with a closed form is nearly at a dead point where a path ended."""
-    state = path.placed(np.array(path.continuation.known))
+    state = path.placed(np.array(path.continuation.covered_range))
     two = (b for b in path.model.blocks if b.kind in TWO_MODES)
     return any(float(np.min(np.broadcast_to(h, 2))) < STUCK_MARGIN for b in two for h in dead_point_margin(path.model, b, state))
 
@@ -285,7 +286,7 @@ def branch_path(
     passed = [c for p, name in continuation.passed for c in [_singular_point(path, p, name, sample)] if c is not None]
     if not passed:
         return replace(path, unreachable=tuple(unreachable))
-    still = tuple(ConstantSpeed(q, 0.0) for q in branch.still)
+    still = tuple(ConstantSpeed(q, 0.0) for q in branch.fixed_positions)
     laws = branch.laws if by_time else (ConstantSpeed(start, 1.0), *still)
     singular_points = SingularPoints(period=1e150, points=tuple(passed), laws=laws, by_drive=not by_time)
     return replace(path, unreachable=tuple(unreachable), singular_points=singular_points)
@@ -347,7 +348,7 @@ def _dead_point_groups(path: BranchPath, sample: float) -> tuple[set[int], list[
     number) in which groups cannot be assembled."""
     model, continuation = path.model, path.continuation
     two = [i for i, b in enumerate(model.blocks) if b.kind in TWO_MODES]
-    low, high = continuation.known
+    low, high = continuation.covered_range
     count = int(min(max((high - low) / sample, 16), MOST_SAMPLES))
     if not two or high <= low:
         return set(), []

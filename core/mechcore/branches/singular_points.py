@@ -377,7 +377,7 @@ def rounding_of(model: Model) -> float:
 
     With coordinates of 10 km, lengths are known to 2e-12 m at best, and so is whether a parallelogram is one.
     """
-    return float(8.0 * np.finfo(float).eps * model.once(_farthest) / model.length_scale)
+    return float(8.0 * np.finfo(float).eps * model.cached(_farthest) / model.length_scale)
 
 
 def _farthest(model: Model) -> float:

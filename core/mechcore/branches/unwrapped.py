@@ -246,15 +246,16 @@ class UnwrappedAngles:
         return other
 
     def at_frames(self, frames: SolvedFrames, near: Callable[[Real], Real]) -> LinkAngles:
-        """Angles of the links at frames; ``near``: raw angles of the classes -> followed angles, `along`, `through` or `still`."""
+        """Angles of the links at frames; ``near``: raw angles of the classes -> followed angles, `along_parameter`, `along_drives`
+        or `at_rest`."""
         return LinkAngles(self.model, self.start, partial(raw_angles, self.model, *frames), near, self.exact)
 
-    def still(self, raw: Real) -> Real:
+    def at_rest(self, raw: Real) -> Real:
         """Followed angles of a mechanism without moving drives: those of the point ``at``."""
         return np.asarray(self.at.class_angles)[:, None]
 
     # -- along one parameter ------------------------------------------------------------------------------------------
-    def along(self, raw: Real, parameter: Real, place: PathFunction, laws: tuple[Law, ...] = ()) -> Real:
+    def along_parameter(self, raw: Real, parameter: Real, place: PathFunction, laws: tuple[Law, ...] = ()) -> Real:
         """Followed angles at frames along a parameter (F,): the position of the only drive, or with ``laws`` the time.
         ``place``: parameters (n, 1) -> solved frames."""
         key = tuple(map(id, laws))  # the table keeps them alive
@@ -272,7 +273,7 @@ class UnwrappedAngles:
         return _Table(self.model, float(self.at.drives[0]), class_angles, float(self.steps[0]), TURN if turns else math.inf)
 
     # -- several coordinates driven by forces -------------------------------------------------------------------------
-    def through(self, raw: Real, drives: Sequence[Values], time: Real, place: PathFunction) -> Real:
+    def along_drives(self, raw: Real, drives: Sequence[Values], time: Real, place: PathFunction) -> Real:
         """Followed angles at frames (F,) with any positions of the drives: from the waypoint before each frame, and from frame to
         frame in order of time. ``place``: times and positions of drives (n, 1 + d) -> solved frames."""
         order = np.argsort(time, kind="stable")

@@ -60,9 +60,9 @@ class CollocationRule(Protocol):
     @property
     def nodes(self) -> Real: ...
     @property
-    def once(self) -> Real: ...
+    def integral(self) -> Real: ...
     @property
-    def twice(self) -> Real: ...
+    def double_integral(self) -> Real: ...
     @property
     def legendre(self) -> Real: ...
 
@@ -305,7 +305,7 @@ class CompiledEquations:
     def _rule(self, rule: CollocationRule) -> Any:
         known = _RULES.get(id(rule))
         if known is None:
-            kept = [np.ascontiguousarray(x, float) for x in (rule.nodes, rule.once, rule.twice, rule.legendre)]
+            kept = [np.ascontiguousarray(x, float) for x in (rule.nodes, rule.integral, rule.double_integral, rule.legendre)]
             known = ctypes.byref(_Rule(len(rule.nodes), *(_at(x) for x in kept))), kept, rule
             _RULES[id(rule)] = known
         return known[0]

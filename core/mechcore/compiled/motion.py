@@ -192,7 +192,7 @@ class MotionProgram:
 
 
 def written_motion(model: Model) -> MotionProgram | str:
-    """The program of a model, or the reason why C has none; call it through `Model.once`."""
+    """The program of a model, or the reason why C has none; call it through `Model.cached`."""
     try:
         program = MotionProgram(model)
     except Untraceable as reason:
@@ -201,8 +201,9 @@ def written_motion(model: Model) -> MotionProgram | str:
 
 
 def loaded(model: Model) -> MotionProgram | MechanismError | None:
-    """The program of a model ready to run, or the error of its compilation; None where C has none. Call it through `Model.once`."""
-    program = model.once(written_motion)
+    """The program of a model ready to run, or the error of its compilation; None where C has none. Call it through
+    `Model.cached`."""
+    program = model.cached(written_motion)
     if isinstance(program, str):
         return None
     try:
@@ -218,7 +219,7 @@ def motion_program(model: Model, executor: Executor, frames: int) -> MotionProgr
     """
     if executor == "numpy" or (executor == "auto" and frames < LEAST_FRAMES_TO_COMPILE):
         return None
-    program = model.once(loaded)
+    program = model.cached(loaded)
     if isinstance(program, MechanismError):
         if executor == "c":
             raise program

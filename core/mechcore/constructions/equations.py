@@ -101,7 +101,7 @@ class EquilibriumSystem:
         self.unknowns, values = [], []
         for what, i, direction in labels:
             name = model.relations[i].name if what == "tie" else model.joints[i].name
-            force = forces.pressed(name)[:, :2] @ PLANE
+            force = forces.normal_reaction(name)[:, :2] @ PLANE
             if what == "tie":
                 along = frames_of(model.relations[i].contact(motion, flanks.get(i, 1.0))[1], motion.frames)
                 self.unknowns.append(ForceUnknown("R", name, "", "N"))
@@ -111,7 +111,7 @@ class EquilibriumSystem:
             if what == "couple":
                 turning = driven and joint.coordinate == "angle"
                 self.unknowns.append(ForceUnknown("T" if turning else "M", name, "", "N m"))
-                values.append(forces.effort(name) if turning else forces.pressed(name)[:, 2])
+                values.append(forces.effort(name) if turning else forces.normal_reaction(name)[:, 2])
             elif joint.slide is None:
                 self.unknowns.append(ForceUnknown("R", name, "x" if direction == 1 else "y", "N"))
                 values.append(force.real if direction == 1 else force.imag)
@@ -283,7 +283,7 @@ class EquilibriumSystem:
 def _flank(forces: Forces, relation: Relation) -> Real:
     """The multiplier's sign (F,) for the flank or span that carries: that one of both lines of contact along which the reaction
     points."""
-    motion, force = forces.motion, forces.pressed(relation.name)[:, :2] @ PLANE
+    motion, force = forces.motion, forces.normal_reaction(relation.name)[:, :2] @ PLANE
     ones = np.ones(motion.frames)
     if relation.name in motion.model.joint_index:
         return ones

@@ -77,7 +77,7 @@ def _cam(motion: Motion, joint: CamJoint) -> Equivalent:
     if isinstance(guide, Oscillating):
         place["P"] = np.full_like(linkage.centre, guide.pivot)
         bars.append(("T", "P"))
-    pins = {name: frames_of(placed.place(motion, z), motion.frames) for name, z in place.items()}
+    pins = {name: frames_of(placed.to_world(motion, z), motion.frames) for name, z in place.items()}
     world = placed.axes * motion.rotation(motion.model.index[placed.carrier])
     along = frames_of(1j * s.ground_normal * world, motion.frames)
     straight = np.isnan(linkage.centre)
@@ -89,7 +89,7 @@ def _cam(motion: Motion, joint: CamJoint) -> Equivalent:
 
 def _inverse(motion: Motion, placed: PlacedInverse) -> Equivalent:
     """A rod from the roller's centre T to the centre of curvature K of the slot's centre line, on the driven link."""
-    cam, (angle, known) = placed.cam, placed.known(placed.argument(motion))
+    cam, (angle, known) = placed.cam, placed.known_arguments(placed.argument(motion))
     line, first, second = cam.pitch(angle, 2)
     along = first / np.abs(first)
     bend = np.where(known, np.imag(np.conj(first) * second) / np.abs(first) ** 3, np.nan)
@@ -106,7 +106,7 @@ def _inverse(motion: Motion, placed: PlacedInverse) -> Equivalent:
     if cam.turns:
         place["P"] = np.zeros_like(centre)
         bars.append(("K", "P"))
-    pins = {name: frames_of(np.where(known, placed.place(motion, z), np.nan), motion.frames) for name, z in place.items()}
+    pins = {name: frames_of(np.where(known, placed.to_world(motion, z), np.nan), motion.frames) for name, z in place.items()}
     slot = np.where(known & ~curved, turn * along * placed.world(motion), np.nan)
     blocks = (SlidingBlock(pins["T"], frames_of(slot, motion.frames)),) if np.isfinite(slot).any() else ()
     return Equivalent(placed.name, pins, tuple(bars), blocks)

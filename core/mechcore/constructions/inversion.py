@@ -108,12 +108,12 @@ def _constructed(placed: PlacedCam, steps: int) -> CamInversion:
         gap = away - radius if not cam.outer else radius - away
 
     def into_link(z: Complex) -> Complex:
-        return np.asarray(placed.own + placed.mount * z)
+        return np.asarray(placed.mount_origin + placed.mount * z)
 
     return CamInversion(
         joint=placed.name,
         link=placed.links[0],
-        centre=complex(placed.own),
+        centre=complex(placed.mount_origin),
         angles=angles,
         origins=into_link(turn * foot + shift),
         starts=into_link(turn * rest + shift),

@@ -31,7 +31,7 @@ def moved_on(cam: Any, nominal: Motion, later: float = 0.0) -> Any:
     on its piece of the law."""
     place = cam.argument(nominal) + later
     if later:
-        law, beyond = cam.cam.law, cam.ahead * later
+        law, beyond = cam.cam.law, cam.law_scale * later
         pieces = tuple(piece.beginning(beyond, piece.length) for piece in law.pieces)
         other = replace(law, pieces=pieces, start=law.start + beyond, extended=True)
         moved = replace(cam, cam=replace(cam.cam, law=other))
@@ -61,21 +61,21 @@ def by_argument(values: Callable[[Any], Sequence[Any]], cam: Placed, nominal: Mo
 
 def third_derivative(cam: Placed, argument: Real) -> Real:
     """Third derivative (F,) of the follower's coordinate in metres by the argument of the law."""
-    x, _ = cam.known(argument)
-    return np.asarray(cam.scale * cam.ahead * cam.cam.law(x, 3)[3])
+    x, _ = cam.known_arguments(argument)
+    return np.asarray(cam.scale * cam.law_scale * cam.cam.law(x, 3)[3])
 
 
 PARTS = ("place", "along", "twist", "rate")
 
 
-def rubbing_parts(cam: PlacedSpatial, motion: Motion, flank: Values) -> list[Any]:
-    """The numbers (F,) of `PlacedSpatial.rubbing`, one after the other."""
-    across, along, seen = cam.rubbing(motion, flank)
+def sliding_parts(cam: PlacedSpatial, motion: Motion, flank: Values) -> list[Any]:
+    """The numbers (F,) of `PlacedSpatial.sliding`, one after the other."""
+    across, along, seen = cam.sliding(motion, flank)
     return [*(getattr(sliding, part) for sliding in (across, along) for part in PARTS), seen]
 
 
-def rubbing_of(parts: Sequence[Any]) -> tuple[FlankSliding, FlankSliding, Any]:
-    """`PlacedSpatial.rubbing` from its numbers."""
+def sliding_of(parts: Sequence[Any]) -> tuple[FlankSliding, FlankSliding, Any]:
+    """`PlacedSpatial.sliding` from its numbers."""
     across, along = (FlankSliding(**dict(zip(PARTS, parts[k : k + 4], strict=True))) for k in (0, 4))
     return across, along, parts[8]
 

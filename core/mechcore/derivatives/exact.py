@@ -20,7 +20,7 @@ import numpy as np
 
 from mechcore.arrays import Index, Real, Values
 from mechcore.branches.unwrapped import LinkAngles
-from mechcore.derivatives.cams import by_argument, key_of_signs, moved_on, rubbing_of, rubbing_parts, shape_of, third_derivative
+from mechcore.derivatives.cams import by_argument, key_of_signs, moved_on, shape_of, sliding_of, sliding_parts, third_derivative
 from mechcore.derivatives.friction import forces_with_friction
 from mechcore.derivatives.knots import with_nominal_knots
 from mechcore.derivatives.model_numbers import (
@@ -51,7 +51,7 @@ from mechcore.numerics.frames import QUIET, lazy
 from mechcore.numerics.tape import Traced, Untraced, regular_inverses, value_of
 from mechcore.numerics.tape_functions import new_tape
 from mechcore.records import NumberPlace, with_numbers
-from mechcore.spec.mechanism import Mechanism, braked
+from mechcore.spec.mechanism import Mechanism, joints_with_friction
 from mechcore.topology.graph import vector_loops
 
 T = TypeVar("T")
@@ -252,7 +252,7 @@ class Derivatives:
     def _forces(self) -> Forces:
         motion, mechanism = self.motion, self.nominal.mechanism
         force, moment, formed = totals(motion)
-        if "friction" in mechanism.effects and braked(motion.mechanism.joints):
+        if "friction" in mechanism.effects and joints_with_friction(motion.mechanism.joints):
             nominal = with_friction(self.nominal, [p[1:] for p in self.leaves if p[:2] == ("mechanism", "joints")])
             return forces_with_friction(self.tape, nominal, motion, formed(), force, moment)
         return Forces(motion, formed, *joint_forces(motion, force, moment)[:2])
@@ -343,10 +343,10 @@ class Derivatives:
 
             return self._of_cam(r, ("couple", *(np.asarray(x).tobytes() for x in under)), motion, values)[0]
 
-        def rubbing(motion: Motion, flank: Values) -> Any:
+        def sliding(motion: Motion, flank: Values) -> Any:
             sign = np.real(np.asarray(flank))
-            return rubbing_of(
-                self._of_cam(r, ("rubbing", key_of_signs(sign)), motion, lambda cam, motion: rubbing_parts(cam, motion, flank))
+            return sliding_of(
+                self._of_cam(r, ("sliding", key_of_signs(sign)), motion, lambda cam, motion: sliding_parts(cam, motion, flank))
             )
 
         bearing = own.bearing if own.bearing is None else replace(own.bearing, couple=couple)
@@ -355,7 +355,7 @@ class Derivatives:
             geometry = copy(geometry)
             vars(geometry)["contact"] = contact
             if bearing is not None:
-                vars(geometry)["rubbing"] = rubbing
+                vars(geometry)["sliding"] = sliding
         return replace(own, contact=contact, bearing=bearing, geometry=geometry)
 
     @cached_property

@@ -178,7 +178,7 @@ class _Crossing(ImpactCrossing):
         exact.set_states(self.whole_states[None])
         if exact.undetermined:
             raise refusal(f"at t = {self.t:.6g} s one of several joints that stick comes loose.", SWEEP_INSTEAD)
-        (slope,) = exact.of(abs(exact.rubbing[i]) - exact.limit(i))
+        (slope,) = exact.of(abs(exact.friction_values[i]) - exact.limit(i))
         return np.asarray(-slope[:, 0] / pace)
 
     def _passed(self) -> Real | None:

@@ -21,7 +21,7 @@ from mechcore.derivatives.exact import Derivatives
 from mechcore.derivatives.friction import TracedFriction
 from mechcore.derivatives.model_numbers import Parameter, refusal
 from mechcore.dynamics.contact.dry_friction import Dry, DrySystem
-from mechcore.dynamics.equations.charts import Chart, named
+from mechcore.dynamics.equations.charts import Chart, with_named_drive
 from mechcore.dynamics.equations.curve import CurveEquations
 from mechcore.dynamics.equations.reduced import coordinate_scales, free_of, integrating, motion_at
 from mechcore.dynamics.integration.collocation import gauss, integrals
@@ -133,7 +133,7 @@ def parameters_in_chart(compiled: Compiled, original: Compiled, parameters: Sequ
             laws = {d.joint: d.law for d in varied.drives}
             drives = tuple(d if isinstance(d.law, Free) else Drive(joint=d.joint, law=laws[d.joint]) for d in own.drives)
             joints = tuple(j for j in varied.joints if j.name in names)
-            return replace(named(varied), joints=joints, drives=drives, modes={}, sketch=own.sketch)
+            return replace(with_named_drive(varied), joints=joints, drives=drives, modes={}, sketch=own.sketch)
 
         return mechanism
 
@@ -157,13 +157,13 @@ class PhaseDerivatives(Derivatives):
         if phase.segment.resting:
             assert isinstance(system, Chart | DrySystem)  # other systems have no stops
             self.efforts = [self._leaf(effort, nothing) for effort in system.holding(q, v, times).T]
-        self.rubbing: list[Any] = []  # friction of what sticks, normal loads of what slides
+        self.friction_values: list[Any] = []  # friction of what sticks, normal loads of what slides
         if self._dry is not None:
             for i, element in enumerate(self._elements):
                 value = self._dry.value[:, i]
                 with np.errstate(all="ignore"):
                     load = np.nan_to_num(-value / (element.sign * np.asarray(_plain(element.factor))))
-                self.rubbing.append(self._leaf(value if self._sticks[i] else load, nothing))
+                self.friction_values.append(self._leaf(value if self._sticks[i] else load, nothing))
 
     @property
     def _sticks(self) -> list[bool]:
@@ -189,7 +189,8 @@ class PhaseDerivatives(Derivatives):
         if self._dry is None:
             return Forces(motion, applied, *joint_forces(motion, force, moment)[:2])
         values = [
-            x if sticks else -e.sign * e.factor * x for e, x, sticks in zip(self._elements, self.rubbing, self._sticks, strict=True)
+            x if sticks else -e.sign * e.factor * x
+            for e, x, sticks in zip(self._elements, self.friction_values, self._sticks, strict=True)
         ]
         for element, value in zip(self._elements, values, strict=True):
             element.load(motion, force, moment, value)
@@ -201,10 +202,10 @@ class PhaseDerivatives(Derivatives):
         """Residuals (n,) that vanish in the phase, one for each unknown: accelerations, efforts of stops, friction."""
         motion, forces = self.motion, self.forces
         left: list[Any] = [forces.effort(joint) for joint in self.phase.free]
-        states = [e for e in motion.model.once(applied_effects) if e.integrates]
+        states = [e for e in motion.model.cached(applied_effects) if e.integrates]
         left += [rate - e.state_rate(motion) for e, rate in zip(states, self._state_rates, strict=True)]
         left += [motion.coordinate(stop.joint)[:, 2] for stop in self.phase.segment.resting]
-        for i, load in enumerate(self.rubbing):
+        for i, load in enumerate(self.friction_values):
             e = self._elements[i]
             left.append(
                 relative_rate(motion, motion.accelerations, e.what, e.index, e.links)
@@ -234,7 +235,7 @@ class PhaseDerivatives(Derivatives):
     def unknowns(self) -> list[Any]:
         """Accelerations of the free coordinates, rates of states, efforts of stops and friction on the tape."""
         accelerations = [self.leaves["drive", d, 2] for d in free_of(self.nominal)]
-        return [*accelerations, *self._state_rates, *self.efforts, *self.rubbing]
+        return [*accelerations, *self._state_rates, *self.efforts, *self.friction_values]
 
     undetermined = False  # whether the efforts of joints that stick are statically indeterminate: they have no derivatives then
 
@@ -335,8 +336,8 @@ class Changes:
         h = self.widths[:, None, None, None]
         a = by_state[:, :f].reshape(count, WINDOW_NODES, f, 2 * f)
         by_q, by_v = a[..., :f], a[..., f:]
-        matrix = -np.einsum("w,wiab,ij->wiajb", self.widths**2, by_q, rule.twice)
-        matrix -= np.einsum("w,wiab,ij->wiajb", self.widths, by_v, rule.once)
+        matrix = -np.einsum("w,wiab,ij->wiajb", self.widths**2, by_q, rule.double_integral)
+        matrix -= np.einsum("w,wiab,ij->wiajb", self.widths, by_v, rule.integral)
         matrix = matrix.reshape(count, WINDOW_NODES * f, WINDOW_NODES * f) + np.eye(WINDOW_NODES * f)
         right = np.concatenate(
             [by_q, h * rule.nodes[:, None, None] * by_q + by_v, by_parameter[:, :f].reshape(count, WINDOW_NODES, f, varied)],

@@ -18,7 +18,7 @@ from mechcore.dynamics.contact.separation import (
     first_beyond,
     pressing,
 )
-from mechcore.dynamics.equations.charts import Chart, enter
+from mechcore.dynamics.equations.charts import Chart, reenter
 from mechcore.dynamics.equations.contacts import Ending, contact_program
 from mechcore.dynamics.equations.curve import CurveEquations
 from mechcore.dynamics.equations.reduced import motion_at
@@ -37,7 +37,7 @@ from mechcore.dynamics.events import (
     first_zero,
 )
 from mechcore.dynamics.integration.collocation import System, Window
-from mechcore.dynamics.integration.refinement import Known, refine
+from mechcore.dynamics.integration.refinement import KnownMotion, refine
 from mechcore.dynamics.integration.windows import Integrator, Solution
 from mechcore.dynamics.phases import run_phases
 from mechcore.dynamics.segments import MotionSegment, segment_forces
@@ -76,10 +76,10 @@ class EventIntegrator:
         separable_cams: Sequence[SeparableCam],
         progress: Callable[[float], None] | None,
         observe: Callable[[Simulation], None] | None = None,
-        like: Simulation | None = None,
+        initial_guess: Simulation | None = None,
     ):
         self.duration, self.tolerance, self.method = duration, tolerance, method
-        self.like = like
+        self.initial_guess = initial_guess
         self.observe = observe
         self.progress = progress
         self.original = compiled
@@ -113,7 +113,7 @@ class EventIntegrator:
         self.stops.use(compiled)
         self.watch.use(compiled, read)
 
-    def go(self, q: Real, v: Real) -> Simulation:
+    def run(self, q: Real, v: Real) -> Simulation:
         """Run from q, v (f,) to the end."""
         q, v = (np.append(x, np.zeros(len(self.chart.scale) - len(x))) for x in (q, v))
         self.stops.check_start(q, v)
@@ -126,7 +126,7 @@ class EventIntegrator:
         while t < self.duration * (1.0 - 1e-13):
             began = t
             t, q, v = self._integrate_segment(t, q, v)
-            if self.watch.over:
+            if self.watch.ended:
                 break
             standing = standing + 1 if t <= began else 0
             if standing > MOST_AT_ONCE:
@@ -140,7 +140,7 @@ class EventIntegrator:
     def _integrate_segment(self, t: float, q: Real, v: Real) -> tuple[float, Real, Real]:
         """Integrate until the first event; time, position and speed after it."""
         q, v = self._meet_stops(t, q, v)
-        if self.watch.over:
+        if self.watch.ended:
             return t, q, v
         by_program = self._phases(t, q, v)
         if by_program is not None:
@@ -150,7 +150,7 @@ class EventIntegrator:
         possible = self._possible_events(t, q, v, begun, system)
         self.chart.leave_waypoint(q, t)
         first: list[tuple[float, Reaction]] = []
-        limited = [e for e in self.compiled.model.once(applied_effects) if e.limited]
+        limited = [e for e in self.compiled.model.cached(applied_effects) if e.limited]
         reported = bool(limited) or self.observe is not None or self.progress is not None
 
         def after(window: Window) -> float | None:
@@ -210,10 +210,10 @@ class EventIntegrator:
             assert self.separation is not None
             pace = partial(self.separation.window_length, self.compiled, q, v, duration=self.duration)
             return driven_windows(t, self.duration, pace, after, self.chart.breakpoints)
-        keeps = None
+        speed_by_integral = None
         if isinstance(system, CurveEquations) and (len(self.chart.tables) > 1 or system.beside_singular):
-            keeps = partial(system.kept, begun)
-        integrator = self._integrator(system, after, passed, keeps)
+            speed_by_integral = partial(system.speed_by_energy, begun)
+        integrator = self._integrator(system, after, passed, speed_by_integral)
         known = self._known(t)
         return integrator.run(q, v, t, self.duration) if known is None else refine(integrator, q, v, t, self.duration, known)
 
@@ -222,7 +222,7 @@ class EventIntegrator:
         system: System,
         after: Callable[[Window], float | None] | None = None,
         passed: Callable[[Sequence[Window]], bool] | None = None,
-        keeps: Callable[[Real, Real], Real] | None = None,
+        speed_by_integral: Callable[[Real, Real], Real] | None = None,
     ) -> Integrator:
         return Integrator(
             system,
@@ -231,10 +231,10 @@ class EventIntegrator:
             stiff=self.method == "radau",
             nodes=self.original.accuracy.nodes,
             most=self.original.accuracy.window,
-            after=after,
-            passed=passed,
+            on_window=after,
+            on_windows=passed,
             breakpoints=self.chart.breakpoints,
-            keeps=keeps,
+            speed_by_integral=speed_by_integral,
         )
 
     def _phases(self, t: float, q: Real, v: Real) -> tuple[float, Real, Real] | None:
@@ -252,7 +252,7 @@ class EventIntegrator:
         if friction is None or not (len(friction[1]) or self.stops.stops):
             return None
         program = contact_program(self.compiled, (), long=len(self.segments) >= MANY)
-        stops = None if program is None or not program.has_phases else self.stops.known(program.stopped)
+        stops = None if program is None or not program.has_phases else self.stops.program_rows(program.stopped)
         if program is None or stops is None:
             return None
         by = self._integrator(self.chart.system)
@@ -261,10 +261,10 @@ class EventIntegrator:
         if not run.phases:
             return None
         made: list[MotionSegment] = []
-        limited = [e for e in self.compiled.model.once(applied_effects) if e.limited]
+        limited = [e for e in self.compiled.model.cached(applied_effects) if e.limited]
         systems: dict[bytes, System] = {}
         for phase in run.phases:
-            self.friction.go_on(phase.start, phase.signs)
+            self.friction.adopt_signs(phase.start, phase.signs)
             key = phase.signs.tobytes()
             if key not in systems:
                 systems[key] = self._system()
@@ -274,7 +274,7 @@ class EventIntegrator:
                 self._tell(segment, limited)
             if phase.ending is Ending.IMPACT and phase.decided:
                 self.stops.record_bounce(phase.number, phase.end, phase.rate, phase.lost)
-        self.friction.go_on(run.time, run.signs)
+        self.friction.adopt_signs(run.time, run.signs)
         self.segments += made
         self.chart.leave_waypoint(q, t)
         self.chart.leave_waypoints_of(made)
@@ -333,14 +333,14 @@ class EventIntegrator:
             for effect in limited:
                 effect.check(motion)
 
-    def _known(self, t: float) -> Known | None:
-        """The segment that begins at ``t`` [s] in the nearly equal motion ``like``, as a start for `refine`; None where its
-        segments differ."""
-        segments = () if self.like is None else self.like.segments[len(self.segments) : len(self.segments) + 1]
+    def _known(self, t: float) -> KnownMotion | None:
+        """The segment that begins at ``t`` [s] in the nearly equal motion ``initial_guess``, as a start for `refine`; None where
+        its segments differ."""
+        segments = () if self.initial_guess is None else self.initial_guess.segments[len(self.segments) : len(self.segments) + 1]
         for segment in segments:
             same = segment.independent == list(self.chart.coordinates) and segment.separated == tuple(sorted(self.separated))
             if same and abs(segment.start - t) <= SEGMENT_SHIFT * (segment.end - segment.start):
-                return segment.known(self.chart.scale)
+                return segment.as_known_motion(self.chart.scale)
         return None
 
     def _take_over(self, q: Real, v: Real, before: tuple[float, float]) -> tuple[Real, Real]:
@@ -386,8 +386,8 @@ class EventIntegrator:
             dry = self.friction.equations_of(self.compiled, q, rates, t, rests=rests)
             return Chart(self.compiled, rests) if dry is None else dry
 
-        after, changed = self.stops.meet(q, v, t, equations)
-        self.watch.leap(t, q, v, after)
+        after, changed = self.stops.resolve_impacts(q, v, t, equations)
+        self.watch.record_jumps(t, q, v, after)
         return q, self._settle(t, q, after) if changed else after
 
     def _system(self) -> System:
@@ -446,7 +446,7 @@ class EventIntegrator:
                 continue
             if cam != name and not float(self._parting(cam)(q[None], v[None], np.array([t]))[0]) > 0.0:
                 continue
-            where = self.separation.where(cam, self.compiled, q, v, t)
+            where = self.separation.cam_position_words(cam, self.compiled, q, v, t)
             more = self.separated | {cam}
             compiled, q, v = self.separation.compiled(more, q, v, t, cam)
             self.separated = more
@@ -468,7 +468,7 @@ class EventIntegrator:
         """Impact of a follower that returns to its cam: it bounces or stays; coordinates and rates after it."""
         assert self.separation is not None
         e = self.separation.contacts[name].restitution
-        k, fewer = self.separation.place(name, self.separated), self.separated - {name}
+        k, fewer = self.separation.coordinate_number(name, self.separated), self.separated - {name}
         rebound, hit, lost = self.separation.landing(name, self.separated, t, q, v, e)
         held = np.delete(q, k)
         stay, _, all_lost = self.separation.landing(name, self.separated, t, q, v, 0.0)
@@ -476,8 +476,8 @@ class EventIntegrator:
         stays = pull <= 0.0 and 2.0 * e * hit <= -pull * LEAST_BOUNCE * self.duration
         energy_lost = all_lost if stays else lost
         account_for_impact(self.log, self.compiled, t, q, v, stay if stays else rebound, energy_lost)
-        self.watch.leap(t, q, v, stay if stays else rebound)
-        where = self.separation.where(name, self.compiled, q, v, t)
+        self.watch.record_jumps(t, q, v, stay if stays else rebound)
+        where = self.separation.cam_position_words(name, self.compiled, q, v, t)
         pace = as_quantity(hit, "angular speed" if self.separation.contacts[name].rotary else "linear speed", 4)
         what = "contact regained" if stays else "bounces"
         kind = EventKind.LANDING if stays else EventKind.IMPACT
@@ -485,8 +485,8 @@ class EventIntegrator:
         if not stays:
             return q, self._settle(t, q, rebound)
         self.separated = fewer
-        compiled = self.separation.known[fewer]
-        enter(compiled, held, t, motion_at(self.compiled, q[None], v[None], np.array([t])))
+        compiled = self.separation.compiled_by_separated[fewer]
+        reenter(compiled, held, t, motion_at(self.compiled, q[None], v[None], np.array([t])))
         self._use_chart(compiled)
         v = np.delete(stay, k)
         self.friction.begin(self.compiled, t, held, v)

@@ -26,7 +26,7 @@ T = TypeVar("T")
 class JoinedMotion(Motion):
     """A `Motion` whose results by name are joined: its frames come from several motions of the same mechanism.
 
-    ``mechanism``: the one to present, if it is not the one that was solved; ``again``: the same motion at other times (n,);
+    ``mechanism``: the one to present, if it is not the one that was solved; ``at_times``: the same motion at other times (n,);
     ``coordinates``: joints whose coordinate and its rates (F, 3) are known, whole turns included. ``model``: one with all joints,
     where some parts lack a cam that its follower has left; by default the first part's.
     """
@@ -37,7 +37,7 @@ class JoinedMotion(Motion):
         parts: Sequence[tuple[Index, Motion]],
         *,
         mechanism: Mechanism | None = None,
-        again: Callable[[Real], JoinedMotion] | None = None,
+        at_times: Callable[[Real], JoinedMotion] | None = None,
         coordinates: Mapping[str, Real] | None = None,
         model: Model | None = None,
     ):
@@ -46,7 +46,7 @@ class JoinedMotion(Motion):
         self.model = parts[0][1].model if model is None else model
         self.accuracy = parts[0][1].accuracy
         self.singular_points = tuple(c for _, m in parts for c in m.singular_points)
-        self.again = again
+        self.at_times = at_times
         self._mechanism = mechanism
         self._coordinates = coordinates or {}
 
@@ -73,7 +73,7 @@ class JoinedMotion(Motion):
         return self._parts
 
     def over_parts(self, compute: Callable[..., T], *values: Any) -> T:
-        return together(self.frames, [(rows, compute(m, *(v[rows] for v in values))) for rows, m in self._parts])
+        return join_parts(self.frames, [(rows, compute(m, *(v[rows] for v in values))) for rows, m in self._parts])
 
     def _relation(self, joint: str) -> Any:
         """The relation of this name; None where it is a joint."""
@@ -128,21 +128,23 @@ class JoinedMotion(Motion):
         return self.over_parts(lambda m: m.condition)
 
 
-def together(frames: int, parts_have: Sequence[tuple[Index, T]]) -> T:
+def join_parts(frames: int, parts_have: Sequence[tuple[Index, T]]) -> T:
     """Values of parts joined at their frames: arrays (F, ...), or dictionaries, tuples or dataclasses of such."""
     first: Any = parts_have[0][1]
     many: Any = parts_have
     out: Any
     if isinstance(first, dict):
-        out = {name: together(frames, [(rows, f[name]) for rows, f in many]) for name in first}
+        out = {name: join_parts(frames, [(rows, f[name]) for rows, f in many]) for name in first}
     elif isinstance(first, tuple):
-        out = tuple(together(frames, [(rows, f[k]) for rows, f in many]) for k in range(len(first)))
+        out = tuple(join_parts(frames, [(rows, f[k]) for rows, f in many]) for k in range(len(first)))
     elif isinstance(first, np.ndarray):
         out = np.empty((frames, *first.shape[1:]), first.dtype)
         for rows, values in many:
             out[rows] = values
     else:
-        out = replace(first, **{x.name: together(frames, [(rows, getattr(f, x.name)) for rows, f in many]) for x in fields(first)})
+        out = replace(
+            first, **{x.name: join_parts(frames, [(rows, getattr(f, x.name)) for rows, f in many]) for x in fields(first)}
+        )
     return cast("T", out)
 
 
@@ -150,7 +152,7 @@ class JoinedForces(Forces):
     """`Forces` whose results by name are joined: their frames come from several motions of the same mechanism.
 
     ``stops``: end stops on which joints may rest; ``energies``: time (n,) -> kinetic and potential energy, work done and
-    energy dissipated so far (n, 4) [J]; ``again``: the forces at other times; ``jumps``, ``impacts``: see `Forces`.
+    energy dissipated so far (n, 4) [J]; ``at_times``: the forces at other times; ``jumps``, ``impacts``: see `Forces`.
     """
 
     def __init__(
@@ -160,23 +162,23 @@ class JoinedForces(Forces):
         *,
         stops: Sequence[EndStop] = (),
         energies: Callable[[Real], Real] | None = None,
-        again: Callable[[Real], Forces] | None = None,
+        at_times: Callable[[Real], Forces] | None = None,
         jumps: Callable[[float], Real] | None = None,
         impacts: tuple[tuple[float, float, float], ...] = (),
     ):
         self.motion: JoinedMotion = motion
         self._parts = tuple(parts)
         self._stops = {stop_load(s): s for s in stops}
-        self._energies, self._again = energies, again
+        self._energies, self._at_times = energies, at_times
         self.jumps, self.impacts = jumps, impacts
         self.friction = None if all(f.friction is None for _, f in parts) else JoinedFriction(self)
 
     def _join(self, value: Callable[[Forces], Real]) -> Real:
-        return together(self.motion.frames, [(rows, value(f)) for rows, f in self._parts])
+        return join_parts(self.motion.frames, [(rows, value(f)) for rows, f in self._parts])
 
-    def again(self, t: Real) -> Forces:
-        assert self._again is not None
-        return self._again(t)
+    def at_times(self, t: Real) -> Forces:
+        assert self._at_times is not None
+        return self._at_times(t)
 
     @property
     def parts(self) -> Sequence[tuple[Index, Forces]]:
@@ -187,9 +189,9 @@ class JoinedForces(Forces):
         effort is zero. Zero while a follower has left its cam."""
         return self._join(lambda f: _transmitted(f, joint) if _has(f, joint) else np.zeros((f.motion.frames, 3)))
 
-    def pressed(self, joint: str) -> Real:
+    def normal_reaction(self, joint: str) -> Real:
         """Force [N] and couple [N m] that the joint transmits, without the share of friction (F, 3)."""
-        return self._join(lambda f: f.pressed(joint) if _has(f, joint) else np.zeros((f.motion.frames, 3)))
+        return self._join(lambda f: f.normal_reaction(joint) if _has(f, joint) else np.zeros((f.motion.frames, 3)))
 
     def position(self, joint: str) -> Real:
         relation = self.motion._relation(joint)

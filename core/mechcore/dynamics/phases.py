@@ -54,13 +54,13 @@ def run_phases(
     duration: float,
     friction: tuple[Real, Real],
     stops: Real,
-    soon: float,
+    sense_delay: float,
 ) -> PhaseRun:
     """Consecutive phases from a ``start`` (time [s], position, speed (f,)) on, up to the first event that the program does not
     decide.
 
-    ``friction``: scales and signs (e,) of the elements, all of them moved by free coordinates; ``stops`` (k, 5) as `EndStops.known`
-    has them; ``soon`` [s] as in `friction_state.FrictionPhases`.
+    ``friction``: scales and signs (e,) of the elements, all of them moved by free coordinates; ``stops`` (k, 5) as
+    `EndStops.program_rows` has them; ``sense_delay`` [s] as in `friction_state.FrictionPhases`.
     """
     t, q, v = start
     rule, f = by.rule(), len(q)
@@ -69,7 +69,7 @@ def run_phases(
     least = by.least(t, duration)
     at = np.concatenate([[t], np.zeros(HEAD - 1), q, v, np.zeros(f * (len(rule.nodes) + 1))])
     limits = by.limits(t, duration, least, MOST_WINDOWS)
-    known = program.phases(rule, at, limits, (duration, soon, REST, STRAINED_RATE), (*friction, stops))
+    known = program.phases(rule, at, limits, (duration, sense_delay, REST, STRAINED_RATE), (*friction, stops))
     if known is None:
         return PhaseRun([], t, q, v, friction[1], 0)
     marks, signs, batch = known

@@ -18,7 +18,7 @@ from mechcore.dynamics.equations.program import Programmed
 from mechcore.dynamics.equations.reduced import forms_of, free_of, motion_at, tangents
 from mechcore.dynamics.events import EndStop
 from mechcore.dynamics.integration.collocation import System, Window
-from mechcore.dynamics.integration.refinement import Known
+from mechcore.dynamics.integration.refinement import KnownMotion
 from mechcore.dynamics.integration.windows import Solution
 from mechcore.effects.base import joint_wrench, sum_up
 from mechcore.effects.registry import effects_of
@@ -101,16 +101,16 @@ class MotionSegment:
         """Joints whose coordinates are independent."""
         return [self.compiled.mechanism.drives[i].joint for i in free_of(self.compiled)]
 
-    def known(self, scale: Real) -> Known:
+    def as_known_motion(self, scale: Real) -> KnownMotion:
         """The segment as a start for `refine`; ``scale`` (f,): typical sizes of its coordinates."""
         if isinstance(self.solution, Solution):
             windows = self.solution.windows
             boundaries = np.array([*(w.start for w in windows), self.solution.end])
-            return Known(boundaries, np.array([w.cut for w in windows]), lambda t: self.solution(t)[2])
+            return KnownMotion(boundaries, np.array([w.cut for w in windows]), lambda t: self.solution(t)[2])
         t = np.linspace(self.start, self.end, SEGMENT_SAMPLES)
         far = float((np.abs(self.solution(t)[1]).mean(axis=0) / scale).max()) * (self.end - self.start)
         boundaries = np.linspace(self.start, self.end, int(np.ceil(far)) + 5)
-        return Known(boundaries, np.zeros(len(boundaries) - 1, bool), lambda t: self.solution(t)[2])
+        return KnownMotion(boundaries, np.zeros(len(boundaries) - 1, bool), lambda t: self.solution(t)[2])
 
     def is_continued_by(self, later: MotionSegment) -> bool:
         """Whether a ``later`` segment continues this one: windows of the same integration."""

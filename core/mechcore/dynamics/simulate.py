@@ -17,7 +17,7 @@ from mechcore.arrays import Real
 from mechcore.constants import MOST_TURNS, TURN
 from mechcore.dynamics.active_chart import table_tolerance
 from mechcore.dynamics.equations.charts import Chart, curve_around
-from mechcore.dynamics.equations.contacts import contact_program, rubs
+from mechcore.dynamics.equations.contacts import contact_program, has_dry_friction
 from mechcore.dynamics.equations.curve import CurveEquations
 from mechcore.dynamics.equations.energy import by_energy
 from mechcore.dynamics.equations.program import EquationsProgram
@@ -26,12 +26,19 @@ from mechcore.dynamics.event_integrator import EventIntegrator, Method
 from mechcore.dynamics.events import EndStop, EventKind, EventTrigger, SeparableCam, SimulationEvent, with_slot_ends
 from mechcore.dynamics.integration.collocation import Window
 from mechcore.dynamics.integration.windows import Solution
-from mechcore.dynamics.rest.equilibrium import MANY_PERIODS, Fastest, check_periods, fastest_vibration, places_beside, vibrations
+from mechcore.dynamics.rest.equilibrium import (
+    MANY_PERIODS,
+    FastestVibration,
+    check_periods,
+    difference_positions,
+    fastest_vibration,
+    vibrations,
+)
 from mechcore.dynamics.segments import MotionSegment
 from mechcore.dynamics.simulation import Simulation
 from mechcore.effects.registry import effects_of
 from mechcore.errors import Fault, MechanismError
-from mechcore.laws.course import early_ends, knocks
+from mechcore.laws.course import early_end_faults, velocity_jump_faults
 from mechcore.laws.curve import MotionCurve
 from mechcore.laws.factors import VELOCITY_JUMP, jumps
 from mechcore.laws.signals import Chirp, Sine
@@ -64,7 +71,7 @@ def simulate(
     separable_cams: Sequence[SeparableCam] = (),
     progress: Callable[[float], None] | None = None,
     observe: Callable[[Simulation], None] | None = None,
-    like: Simulation | None = None,
+    initial_guess: Simulation | None = None,
     warn: Callable[[str], None] | None = None,
 ) -> Simulation:
     """The motion for ``duration`` [s] from the start of the mechanism's free coordinates (drives with a `Free` law).
@@ -73,9 +80,9 @@ def simulate(
     and forces that depend on its position alone; "radau" is for stiff forces; "auto" chooses. Followers may leave
     ``separable_cams``; with these, all drives may be prescribed. The other settings of the integrator are those of the compiled
     mechanism's `Accuracy`. ``progress`` gets the time reached. ``observe`` gets every segment of the motion in order, as soon as it
-    is known, with the events at its beginning; `Simulation.followed_by` joins them. ``like``: the same motion to another tolerance
-    or by its energy, from which collocation starts (see `refine`). ``warn`` gets a message as soon as a long computation is
-    predicted; with it, a motion of more windows than memory holds is refused. Raises `MechanismError`.
+    is known, with the events at its beginning; `Simulation.followed_by` joins them. ``initial_guess``: the same motion to another
+    tolerance or by its energy, from which collocation starts (see `refine`). ``warn`` gets a message as soon as a long computation
+    is predicted; with it, a motion of more windows than memory holds is refused. Raises `MechanismError`.
     """
     original = compiled = mechanism if isinstance(mechanism, Compiled) else compile_mechanism(mechanism)
     stops = with_slot_ends(compiled.mechanism, stops)
@@ -89,7 +96,7 @@ def simulate(
     system: Chart | CurveEquations = Chart(compiled)
     valid_range: tuple[float, float] | None = None
     alone = len(q) == len(compiled.mechanism.drives) == 1 and not separable_cams and not integrating(compiled)
-    if alone and not rubs(compiled) and not _by_program(compiled, method, stops):
+    if alone and not has_dry_friction(compiled) and not _by_program(compiled, method, stops):
         system, valid_range = _curve(original, compiled, q[0], table_tolerance(tolerance), keep=not stops)
     around = _around(compiled, q, system)
     if len(q):
@@ -124,10 +131,10 @@ def simulate(
                 'Choose "auto", "gauss" or "radau".',
             )
         )
-    unseen: Fastest | None = None
+    skipped: FastestVibration | None = None
     fast = None if _calm(compiled, around, duration) else fastest_vibration(compiled, q, v)
     if fast is not None and method != "gauss" and _steps_over(compiled, fast, duration, tolerance, method):
-        method, unseen = "radau", fast if fast.amplitude <= tolerance else None
+        method, skipped = "radau", fast if fast.amplitude <= tolerance else None
     elif fast is not None:
         words = check_periods(fast, duration, tolerance)
         if words is not None and warn is not None:
@@ -136,13 +143,23 @@ def simulate(
     if swings is not None and warn is not None:
         warn(swings)
     integrator = EventIntegrator(
-        compiled, (system, valid_range), duration, tolerance, method, stops, triggers, separable_cams, progress, observe, like
+        compiled,
+        (system, valid_range),
+        duration,
+        tolerance,
+        method,
+        stops,
+        triggers,
+        separable_cams,
+        progress,
+        observe,
+        initial_guess,
     )
-    run = integrator.go(q, v)
-    if unseen is None:
+    run = integrator.run(q, v)
+    if skipped is None:
         return run
-    events = (SimulationEvent(0.0, EventKind.STIFF, unseen.load, unseen.stepped_over), *run.events)
-    return replace(run, unseen=(unseen.amplitude, unseen.frequency), events=events)
+    events = (SimulationEvent(0.0, EventKind.STIFF, skipped.load, skipped.stepped_over), *run.events)
+    return replace(run, skipped_vibration=(skipped.amplitude, skipped.frequency), events=events)
 
 
 def _check_signals(mechanism: Mechanism, duration: float) -> str | None:
@@ -176,7 +193,7 @@ def _curve(
 ) -> tuple[Chart | CurveEquations, tuple[float, float] | None]:
     """The mechanism on its configuration curve around its start, and the valid range of its coordinate. ``keep``: keep the table
     for further motions of the ``original``, which start at the same position."""
-    kept = original.once(_tables)
+    kept = original.cached(_tables)
     if not keep or tolerance not in kept:
         system, valid_range = curve_around(compiled, q, tolerance)
         if not (keep and isinstance(system, CurveEquations)):
@@ -220,7 +237,7 @@ def _counted(duration: float, warn: Callable[[str], None], reported: Callable[[f
     return progress
 
 
-def _steps_over(compiled: Compiled, fast: Fastest, duration: float, tolerance: float, method: Method) -> bool:
+def _steps_over(compiled: Compiled, fast: FastestVibration, duration: float, tolerance: float, method: Method) -> bool:
     """Whether the run steps over its fastest vibration by an L-stable rule: with ``method`` "radau", or if neither prescribed
     drives nor dry friction can excite the vibration."""
     alone = len(free_of(compiled)) == len(compiled.mechanism.drives) and "friction" not in compiled.mechanism.effects
@@ -243,7 +260,7 @@ def _validate(compiled: Compiled, duration: float, tolerance: float, separable_c
     _check_turns(compiled, free, duration, faults)
     laws = {f"joints.{d.joint}.drive": d.law for d in mechanism.drives if not isinstance(d.law, Free)}
     targets = {f"loads.{x.name}.target": x.target for x in mechanism.loads if isinstance(x, Servo)}
-    faults += [*early_ends({**laws, **targets}, duration), *knocks(laws, duration)]
+    faults += [*early_end_faults({**laws, **targets}, duration), *velocity_jump_faults(laws, duration)]
     if not free and not separable_cams:
         faults.append(Fault("joints", "every drive is prescribed: no coordinate is free.", "Give a joint a free start."))
     if faults:
@@ -282,16 +299,16 @@ def _refuse_knocks(compiled: Compiled, q: Real, v: Real, separable_cams: Sequenc
 
 
 def _around(compiled: Compiled, q: Real, system: Chart | CurveEquations) -> tuple[Real, Real] | None:
-    """M (n, f, f) and Q - h (n, f) at rest, by a C program: at the start (f,), at the other `places_beside` it, then at
+    """M (n, f, f) and Q - h (n, f) at rest, by a C program: at the start (f,), at its other `difference_positions`, then at
     `FORCE_DISTANCE` to either side. None where there is no program that covers all positions, or a table has all forces."""
-    if not len(q) or (isinstance(system, CurveEquations) and not system.rest):
+    if not len(q) or (isinstance(system, CurveEquations) and not system.untabulated_effects):
         return None
-    contacts = contact_program(compiled, ()) if rubs(compiled) else None
+    contacts = contact_program(compiled, ()) if has_dry_friction(compiled) else None
     program: EquationsProgram | None = system.program() if contacts is None else contacts if contacts.has_phases else None
     if program is None or not (program.everywhere or (program.followed and not program.partial)):
         return None
-    away = FORCE_DISTANCE * compiled.once(coordinate_scales)
-    places = np.vstack([places_beside(compiled, q), q - away, q + away])
+    away = FORCE_DISTANCE * compiled.cached(coordinate_scales)
+    places = np.vstack([difference_positions(compiled, q), q - away, q + away])
     return program.reduced(places, np.zeros_like(places), np.zeros(len(places)))
 
 
@@ -339,11 +356,11 @@ def _rest(
         return None
     if any("time" in e.needs for e in effects_of(compiled.mechanism)):
         return None
-    if isinstance(system, CurveEquations) and not system.rest:
+    if isinstance(system, CurveEquations) and not system.untabulated_effects:
         largest = np.abs(system.table.coefficients[:, :, 1]).max()
         if abs(system.table(q)[0, 1]) > LEAST_PUSH * largest:
             return None
-    scale = compiled.once(coordinate_scales)
+    scale = compiled.cached(coordinate_scales)
     if around is None:
         near = np.array([q, q - FORCE_DISTANCE * scale, q + FORCE_DISTANCE * scale])
         force = reduce(compiled, near, np.zeros_like(near), np.zeros(3)).force

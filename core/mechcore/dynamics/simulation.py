@@ -33,8 +33,8 @@ from mechcore.laws.timed import Free
 from mechcore.motion.compiled import Compiled
 from mechcore.motion.motion import Motion
 from mechcore.records import dataclass
-from mechcore.spec.clearance import as_drawn
-from mechcore.spec.mechanism import braked
+from mechcore.spec.clearance import with_ideal_joints
+from mechcore.spec.mechanism import joints_with_friction
 
 NO_MOTION = 1e-9  # part of the energies available at the start: the least reference of the energy drift
 
@@ -44,8 +44,8 @@ class Simulation:
     """A motion found by forward dynamics. Call it with times (n,) [s] for positions, speeds, accelerations (n, f) of the free
     coordinates.
 
-    ``method`` of integration; ``evaluations``: calls of the equations of motion, each for many nodes; ``unseen``: amplitude,
-    relative to one radian or the mechanism's size, and frequency [Hz] of a vibration that was stepped over.
+    ``method`` of integration; ``evaluations``: calls of the equations of motion, each for many nodes; ``skipped_vibration``:
+    amplitude, relative to one radian or the mechanism's size, and frequency [Hz] of a vibration that was stepped over.
     """
 
     compiled: Compiled
@@ -54,17 +54,17 @@ class Simulation:
     method: str
     tolerance: float
     evaluations: int
-    lost: tuple[tuple[float, float], ...] = ()  # time and energy [J] of every impact
+    impact_losses: tuple[tuple[float, float], ...] = ()  # time and energy [J] of every impact
     stops: tuple[EndStop, ...] = ()
-    pushed: tuple[tuple[float, float], ...] = ()  # time and work [J] that prescribed drives do in impacts
+    impact_works: tuple[tuple[float, float], ...] = ()  # time and work [J] that prescribed drives do in impacts
     separable_cams: tuple[SeparableCam, ...] = ()
-    unseen: tuple[float, float] = (0.0, 0.0)
+    skipped_vibration: tuple[float, float] = (0.0, 0.0)
     joined_works: WorkIntegrals | None = None  # of joined segments, if the works of all were known
 
     @property
-    def rubbing(self) -> tuple[str, ...]:
+    def joints_with_friction(self) -> tuple[str, ...]:
         """Joints with dry friction, in the order of the mechanism's joints."""
-        return braked(self.compiled.mechanism.joints) if "friction" in self.compiled.mechanism.effects else ()
+        return joints_with_friction(self.compiled.mechanism.joints) if "friction" in self.compiled.mechanism.effects else ()
 
     @property
     def start(self) -> float:
@@ -90,8 +90,8 @@ class Simulation:
             self,
             segments=tuple(same[0].with_windows(same[1:]) for same in runs),
             events=tuple(h for s in parts for h in s.events),
-            lost=tuple(e for s in parts for e in s.lost),
-            pushed=tuple(e for s in parts for e in s.pushed),
+            impact_losses=tuple(e for s in parts for e in s.impact_losses),
+            impact_works=tuple(e for s in parts for e in s.impact_works),
             joined_works=known[0].followed_by(known[1:]) if len(known) == len(parts) else None,
         )
 
@@ -145,13 +145,13 @@ class Simulation:
 
     def view(self, t: ArrayLike) -> JoinedMotion:
         """The motion at times (F,) [s] for recorders and viewers: only prescribed drives count as drives, free coordinates are
-        joint motion. Its ``again`` gives it at other times."""
+        joint motion. Its ``at_times`` gives it at other times."""
         t = numbers(t)
         parts = [(rows, segment.motion(t[rows])) for segment, rows in self._rows(t)]
         mechanism = self.compiled.mechanism
         shown = replace(mechanism, drives=tuple(d for d in mechanism.drives if not isinstance(d.law, Free)))
-        shown = as_drawn(shown)
-        return JoinedMotion(t, parts, mechanism=shown, again=self.view, coordinates=self.coordinates(t), model=self._model)
+        shown = with_ideal_joints(shown)
+        return JoinedMotion(t, parts, mechanism=shown, at_times=self.view, coordinates=self.coordinates(t), model=self._model)
 
     def coordinates(self, t: Real) -> dict[str, Real]:
         """The free coordinates with their rates (n, 3) [rad or m, and per s], by joint, whole turns included."""
@@ -174,7 +174,7 @@ class Simulation:
             parts,
             stops=self.stops,
             energies=self.energies,
-            again=lambda t: self.forces(self.view(t)),
+            at_times=lambda t: self.forces(self.view(t)),
             jumps=self.jumps,
             impacts=self.impacts,
         )
@@ -182,13 +182,15 @@ class Simulation:
     @property
     def impacts(self) -> tuple[tuple[float, float, float], ...]:
         """Time [s], energy lost [J] and work of prescribed drives [J] of every impact; loss and work are separate entries."""
-        return tuple(sorted([*((t, lost, 0.0) for t, lost in self.lost), *((t, 0.0, work) for t, work in self.pushed)]))
+        return tuple(
+            sorted([*((t, lost, 0.0) for t, lost in self.impact_losses), *((t, 0.0, work) for t, work in self.impact_works)])
+        )
 
     def gap(self, cam: str, motion: Motion) -> Real:
         """Gap (F,) between a cam and its follower in a `view` of this simulation, in the guide's coordinate [m or rad]."""
         separation = FollowerSeparation(self.compiled, self.separable_cams)
         guide = separation.contacts[cam].guide
-        wanted = motion.over_parts(lambda m: separation.followed(cam, m))
+        wanted = motion.over_parts(lambda m: separation.touching_coordinate(cam, m))
         away = separation.contacts[cam].away * (motion.coordinate(guide)[:, 0] - wanted)
         return np.asarray(np.mod(away + np.pi, TURN) - np.pi if separation.contacts[cam].rotary else away)
 
@@ -216,7 +218,7 @@ class Simulation:
         """Work of all forces but inertia since the start (n,) [J], by Gauss quadrature over the windows; impacts count by the work
         of prescribed drives in them less the energy lost."""
         t = numbers(t)
-        return np.asarray(self._work_integrals(t).sum(axis=1) - _until(self.lost, t) + _until(self.pushed, t))
+        return np.asarray(self._work_integrals(t).sum(axis=1) - _until(self.impact_losses, t) + _until(self.impact_works, t))
 
     def energies(self, t: ArrayLike) -> Real:
         """Kinetic and potential energy, work done by drives and process forces so far, energy dissipated so far, impacts
@@ -227,7 +229,12 @@ class Simulation:
         for segment, rows in self._rows(t):
             stored[rows] = potential(segment.motion(t[rows]))
         return np.column_stack(
-            [self.kinetic_energy(t), stored, works[:, 1] + _until(self.pushed, t), _until(self.lost, t) - works[:, 2]]
+            [
+                self.kinetic_energy(t),
+                stored,
+                works[:, 1] + _until(self.impact_works, t),
+                _until(self.impact_losses, t) - works[:, 2],
+            ]
         )
 
     def kinetic_energy(self, t: ArrayLike) -> Real:
@@ -244,7 +251,7 @@ class Simulation:
         vibration was stepped over."""
         t = numbers(t)
         kinetic, work = self.kinetic_energy(np.append(t, self.start)), self.work(t)
-        standing = self._standing * (1.0 if self.unseen[0] else NO_MOTION)
+        standing = self._standing * (1.0 if self.skipped_vibration[0] else NO_MOTION)
         size = max(float(np.abs(kinetic).max()), float(np.abs(work).max(initial=0.0)), standing, 1e-300)
         return np.asarray((kinetic[:-1] - kinetic[-1] - work) / size)
 

@@ -23,11 +23,11 @@ from mechcore.motion.compiled import Compiled
 
 
 class Watch:
-    """The triggers of a motion; their events are recorded in a ``log``. ``over``: a trigger has ended the motion."""
+    """The triggers of a motion; their events are recorded in a ``log``. ``ended``: a trigger has ended the motion."""
 
     def __init__(self, triggers: Sequence[EventTrigger], log: Log):
         self.triggers, self._log = tuple(triggers), log
-        self.over = False
+        self.ended = False
 
     def use(self, compiled: Compiled, coordinates: Mapping[str, int]) -> None:
         """Continue in another chart, ``coordinates``: the number of each free joint's coordinate."""
@@ -41,11 +41,11 @@ class Watch:
             for trigger, function in zip(self.triggers, self._functions, strict=True)
         ]
 
-    def leap(self, t: float, q: Real, before: Real, after: Real) -> None:
+    def record_jumps(self, t: float, q: Real, before: Real, after: Real) -> None:
         """Record the velocity triggers that an impact at ``t`` [s] carries past their values, as it changes the rates (f,) at q
         (f,)."""
         for trigger, function in zip(self.triggers, self._functions, strict=True):
-            if trigger.of == "velocity" and t > 0.0 and not self.over:
+            if trigger.of == "velocity" and t > 0.0 and not self.ended:
                 low, high = self._side(function, t, q, before), self._side(function, t, q, after)
                 if low * high < 0.0 and (trigger.rising is None or (high > 0.0) == trigger.rising):
                     self._pass(trigger, t, q, after)
@@ -58,5 +58,5 @@ class Watch:
         rotary = trigger.joint is not None and self._compiled.model.rotary(trigger.joint)
         kind = EventKind.END if trigger.ends else EventKind.TRIGGER
         self._log.add(SimulationEvent(t, kind, trigger.name, trigger.passed(rotary=rotary)))
-        self.over = self.over or trigger.ends
+        self.ended = self.ended or trigger.ends
         return q, v

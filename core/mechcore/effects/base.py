@@ -15,7 +15,7 @@ from mechcore.kinematics.rates import Rates
 from mechcore.kinematics.state import State
 from mechcore.laws.timed import Law
 from mechcore.motion.motion import Motion
-from mechcore.numerics.frames import added, crossed, less, nothing
+from mechcore.numerics.frames import added, crossed, is_zero, subtracted
 from mechcore.records import dataclass
 from mechcore.spec.loads import Load
 
@@ -81,23 +81,23 @@ class KnownLoad(NamedTuple):
         force = load.force
         if opposed is not None:
             force = added(at.summed(opposed, 2), force)
-        elif not nothing(load.mass):
+        elif not is_zero(load.mass):
             force = added(-load.mass * at.of_point(load.link, load.point, 2), force)
         return force, -load.inertia * at.accelerations.angular[rotation_class] if rotary else 0.0
 
 
 def known_load(model: Model, load: PointLoad) -> KnownLoad:
     """A load at a point as a `KnownLoad`."""
-    place = model.point_sum(load.link, load.point) if not nothing(load.mass) else None
+    place = model.point_sum(load.link, load.point) if not is_zero(load.mass) else None
     opposed = None if place is None else place.scaled(-load.mass)
-    arm = None if nothing(load.point) else load.point * model.turn[load.link]
-    return KnownLoad(load, load.link, model.angles.rotation_class[load.link], arm, opposed, not nothing(load.inertia))
+    arm = None if is_zero(load.point) else load.point * model.turn[load.link]
+    return KnownLoad(load, load.link, model.angles.rotation_class[load.link], arm, opposed, not is_zero(load.inertia))
 
 
 def wrench_point(at: Configuration, wrench: Wrench) -> Plane:
     """Point at which a wrench acts, in the world."""
     origin = at.origins[wrench.link]
-    return origin if nothing(wrench.arm) else origin + wrench.arm
+    return origin if is_zero(wrench.arm) else origin + wrench.arm
 
 
 def power_of(at: Configuration, wrench: Wrench) -> Values:
@@ -108,9 +108,9 @@ def power_of(at: Configuration, wrench: Wrench) -> Values:
         if not k:  # no link, or the frame
             continue
         omega = at.speeds.angular[at.model.angles.rotation_class[k]]
-        if not nothing(wrench.force):
+        if not is_zero(wrench.force):
             velocity = at.origin_velocities[k]
-            if not nothing(arm):
+            if not is_zero(arm):
                 velocity = velocity + 1j * omega * arm
             total = total + sign * np.real(np.conj(wrench.force) * velocity)
         total = total + sign * wrench.moment * omega
@@ -126,18 +126,18 @@ def sum_up(wrenches: Iterable[Wrench], links: int) -> tuple[list[Plane], list[Va
     moment: list[Values] = [0.0] * links
     by_arm: dict[tuple[int, int], list[Any]] = {}  # (link, arm by identity): link, arm, constant force, force
     for w in wrenches:
-        for k, arm, add in ((w.link, w.arm, added), (w.other, w.other_arm, less)):
+        for k, arm, add in ((w.link, w.arm, added), (w.other, w.other_arm, subtracted)):
             if k is None:
                 continue
             moment[k] = add(moment[k], w.moment)
-            at = by_arm.setdefault((k, 0 if nothing(arm) else id(arm)), [k, arm, 0j, 0j])
+            at = by_arm.setdefault((k, 0 if is_zero(arm) else id(arm)), [k, arm, 0j, 0j])
             which = 3 if isinstance(w.force, np.ndarray) else 2
             at[which] = add(at[which], w.force)
     for k, arm, constant, f in by_arm.values():
         f = added(f, constant)
-        if not nothing(f):
+        if not is_zero(f):
             force[k] = added(force[k], f)
-            if not nothing(arm):
+            if not is_zero(arm):
                 moment[k] = added(moment[k], crossed(arm, f))
     return force, moment
 

@@ -8,7 +8,7 @@ from mechcore.arrays import Real, Values
 from mechcore.effects.base import Configuration, Effect, PointLoad
 from mechcore.kinematics.model import Model
 from mechcore.motion.motion import Motion
-from mechcore.numerics.frames import nothing, plane
+from mechcore.numerics.frames import is_zero, plane
 
 
 def weights(model: Model) -> tuple[tuple[int, complex, complex], ...]:
@@ -16,7 +16,7 @@ def weights(model: Model) -> tuple[tuple[int, complex, complex], ...]:
     out = []
     for k, (mass, centre, _) in enumerate(model.masses):
         own = model.bodies[model.links[k]].gravity
-        if k and not nothing(mass):
+        if k and not is_zero(mass):
             out.append((k, mass * plane(*(model.mechanism.gravity if own is None else own)), centre))
     return tuple(out)
 
@@ -28,11 +28,12 @@ class Gravity(Effect):
 
     def point_loads(self, model: Model) -> list[PointLoad]:
         return [
-            PointLoad(f"gravity/{model.links[k]}", "gravity", k, centre, force=weight) for k, weight, centre in model.once(weights)
+            PointLoad(f"gravity/{model.links[k]}", "gravity", k, centre, force=weight)
+            for k, weight, centre in model.cached(weights)
         ]
 
     def potential(self, at: Configuration) -> Real | float:
-        return sum((-np.real(np.conj(w) * at.of_point(k, centre)) for k, w, centre in at.model.once(weights)), 0.0)
+        return sum((-np.real(np.conj(w) * at.of_point(k, centre)) for k, w, centre in at.model.cached(weights)), 0.0)
 
 
 class Inertia(Effect):
@@ -46,7 +47,7 @@ class Inertia(Effect):
         return [
             PointLoad(f"inertia/{link}", "inertia", k, centre, mass=mass, inertia=inertia)
             for k, (link, (mass, centre, inertia)) in enumerate(named)
-            if k and not (nothing(mass) and nothing(inertia))
+            if k and not (is_zero(mass) and is_zero(inertia))
         ]
 
 
@@ -61,10 +62,10 @@ def link_energies(motion: Motion) -> list[Values]:
     energies: list[Values] = []
     for k, (mass, centre, inertia) in enumerate(motion.model.masses):
         own: Values = 0.0
-        if k and not nothing(mass):
+        if k and not is_zero(mass):
             v = motion.of_point(k, centre, 1)
             own = 0.5 * mass * (v.real**2 + v.imag**2)
-        if k and not nothing(inertia):
+        if k and not is_zero(inertia):
             own = own + 0.5 * inertia * motion.speeds.angular[motion.model.angles.rotation_class[k]] ** 2
         energies.append(own)
     return energies

@@ -11,7 +11,7 @@ from enum import Enum
 from mechcore.effects.registry import effects_of
 from mechcore.laws.timed import Free
 from mechcore.records import dataclass
-from mechcore.spec.mechanism import EFFECTS, METRICS, Mechanism, braked
+from mechcore.spec.mechanism import EFFECTS, METRICS, Mechanism, joints_with_friction
 
 OUTPUTS = ("positions", "velocities", "accelerations", "forces", "energy", "health")
 """Outputs that can be requested; a recording requests all that the scene requires."""
@@ -105,7 +105,7 @@ def make_plan(mechanism: Mechanism, outputs: Iterable[str] = OUTPUTS) -> Plan:
         why = f"{load.cause}, from {_listed(sorted(load.needs))}"
         step(StageKind.LOAD, do_forces, why, "forces are not asked for", load.name)
     none = "forces are not asked for" if effects else "the scene lists no effects and no loads: pure kinematics"
-    rubbing = ", ".join(braked(mechanism.joints))
+    rubbing = ", ".join(joints_with_friction(mechanism.joints))
     do_friction = do_forces and "friction" in mechanism.effects and bool(rubbing)
     how = "kinetostatics under the effects and loads above, "
     how += "solved together with the friction in the joints" if do_friction else "frictionless"

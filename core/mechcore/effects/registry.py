@@ -18,7 +18,7 @@ from mechcore.effects.prescribed import AppliedForce, AppliedTorque, ConstantThr
 from mechcore.effects.resistance import BeltPull, DryFriction, JournalFriction, JournalPressure, MediumDrag, ViscousFriction
 from mechcore.effects.springs import AngleDamper, AngleSpring, BushingDampers, BushingSprings, LineDamper, LineGasSpring, LineSpring
 from mechcore.kinematics.model import Model
-from mechcore.numerics.frames import QUIET, added, crossed, nothing
+from mechcore.numerics.frames import QUIET, added, crossed, is_zero
 from mechcore.spec.loads import (
     Actuator,
     BeltTension,
@@ -81,7 +81,7 @@ def effects_of(mechanism: Mechanism) -> tuple[Effect, ...]:
 
 
 def applied_effects(model: Model) -> tuple[Effect, ...]:
-    """The effects and loads that put wrenches on links without knowledge of the reactions; call it through `Model.once`."""
+    """The effects and loads that put wrenches on links without knowledge of the reactions; call it through `Model.cached`."""
     return tuple(effect for effect in effects_of(model.mechanism) if "reactions" not in effect.needs)
 
 
@@ -93,8 +93,8 @@ class KnownLoads(NamedTuple):
 
 
 def known_loads(model: Model) -> KnownLoads:
-    """The loads of a model that are known beforehand; call it through `Model.once`."""
-    stated = [(effect, effect.point_loads(model)) for effect in model.once(applied_effects)]
+    """The loads of a model that are known beforehand; call it through `Model.cached`."""
+    stated = [(effect, effect.point_loads(model)) for effect in model.cached(applied_effects)]
     sums: dict[tuple[int, Any], PointLoad] = {}
     for a in (a for _, own in stated for a in own or () if a.link):
         key = a.link, a.point if isinstance(a.point, complex) else id(a.point)
@@ -105,7 +105,7 @@ def known_loads(model: Model) -> KnownLoads:
 
 def wrenches(at: Any) -> list[Wrench]:
     """All wrenches that the mechanism's effects and loads put on its links, apart from those that need reactions."""
-    return [w for effect in at.model.once(applied_effects) for w in effect.wrenches(at)]
+    return [w for effect in at.model.cached(applied_effects) for w in effect.wrenches(at)]
 
 
 def totals(at: Any) -> tuple[list[Any], list[Any], Callable[[], list[Wrench]]]:
@@ -114,7 +114,7 @@ def totals(at: Any) -> tuple[list[Any], list[Any], Callable[[], list[Wrench]]]:
     Wrenches that the sums do not need (of inertia and constant forces) are formed only if that function is called.
     """
     model, rot = at.model, at.state.rot
-    known = model.once(known_loads)
+    known = model.cached(known_loads)
     evaluated: dict[Effect, list[Wrench]] = {}
     if known.others:
         with np.errstate(**QUIET):
@@ -123,13 +123,15 @@ def totals(at: Any) -> tuple[list[Any], list[Any], Callable[[], list[Wrench]]]:
     for load in known.loads:
         _, k, rotation_class, arm, *_ = load
         f, couple = load.acting(at)
-        if arm is not None and not nothing(f):
+        if arm is not None and not is_zero(f):
             couple = added(couple, crossed(arm * rot[rotation_class], f))
         force[k], moment[k] = added(force[k], f), added(moment[k], couple)
 
     def formed() -> list[Wrench]:
         return [
-            w for effect in model.once(applied_effects) for w in (evaluated[effect] if effect in evaluated else effect.wrenches(at))
+            w
+            for effect in model.cached(applied_effects)
+            for w in (evaluated[effect] if effect in evaluated else effect.wrenches(at))
         ]
 
     return force, moment, formed

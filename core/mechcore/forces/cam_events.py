@@ -36,7 +36,7 @@ def cam_events(motion: Motion, forces: Forces | None, touches: Mapping[str, Flag
         events += met if on is None else [e for e in met if on[np.searchsorted(motion.time, e.time, side="right") - 1]]
         events += _beyond(motion, cam)
         events += limit_events(motion, cam, on)
-        if forces is not None and not cam.form and on is None:  # a follower that may leave its cam has its own events
+        if forces is not None and not cam.form_closed and on is None:  # a follower that may leave its cam has its own events
             events += _lost(forces, cam)
         joint = joint_of(motion, cam)
         if forces is not None and joint.rating is not None:
@@ -61,7 +61,7 @@ def _rated(forces: Forces, cam: AnyCam, rating: CamRating, touches: Flags) -> It
                 f"the most at {_where(cam, x[k])}. {remedy if np.isfinite(pressure[k]) else 'Round it'}"
             )
             yield Event(float(motion.time[first]), "WARN", cam.name, text, float(pressure[k]))
-    if rating.margin is not None and not cam.form:
+    if rating.margin is not None and not cam.form_closed:
         force = contact_force(forces, cam)
         for first, last in runs(touches & (force < rating.margin)):
             if force[first : last + 1].min() < 0.0:
@@ -105,7 +105,7 @@ def _range(cam: AnyCam, first: float, last: float) -> str:
 
 def _at(motion: Motion, values: Callable[[Motion], Real], t: float) -> float:
     """A quantity at one time."""
-    return float(values(motion.again(np.array([t])))[0] if motion.again else np.interp(t, motion.time, values(motion)))
+    return float(values(motion.at_times(np.array([t])))[0] if motion.at_times else np.interp(t, motion.time, values(motion)))
 
 
 def _arguments(motion: Motion, cam: AnyCam) -> Real:
@@ -169,14 +169,14 @@ def _shocks(motion: Motion, cam: AnyCam) -> Iterator[Event]:
         named.append(step.angle)
         what = "the velocity jumps: a knock" if step.order == 1 else "the acceleration jumps: infinite jerk"
         for t in _passes(motion, cam, step.angle):
-            text = f"{what} at {_where(cam, step.angle * cam.ahead)}{_drives_at(motion, t)}"
+            text = f"{what} at {_where(cam, step.angle * cam.law_scale)}{_drives_at(motion, t)}"
             yield Event(t, "WARN" if step.order == 1 else "INFO", cam.name, text)
 
 
 def _passes(motion: Motion, cam: AnyCam, place: float) -> list[float]:
     """Times at which the law's argument passes a place of the law, that at the end of the run included, that at its start not."""
     law = cam.cam.law
-    x = _arguments(motion, cam) * cam.ahead
+    x = _arguments(motion, cam) * cam.law_scale
     if not np.isfinite(x).all():
         return []
     period = law.length if law.repeats else 2.0 * np.pi if cam.bed is None else np.inf
@@ -195,9 +195,9 @@ def _passes(motion: Motion, cam: AnyCam, place: float) -> list[float]:
 
     def rows(m: Motion) -> Real:
         """Distance from the place, and its rate (F, 2)."""
-        off = cam.argument(m) * cam.ahead - place
+        off = cam.argument(m) * cam.law_scale - place
         near = off if np.isinf(period) else off - period * np.rint(off / period)
-        return np.stack([near, cam.ahead * argument_rate_of(cam, m)], axis=-1)
+        return np.stack([near, cam.law_scale * argument_rate_of(cam, m)], axis=-1)
 
     return sorted(map(float, zeros(motion, rows, np.array(places).reshape(-1, 3))))
 
@@ -234,7 +234,7 @@ def _beyond(motion: Motion, cam: AnyCam) -> Iterator[Event]:
     law = cam.cam.law
     if law.repeats:
         return
-    low, high = sorted(float(k) * cam.ahead + 0.0 for k in law.knots[[1, -2]])  # between the level pieces that were added
+    low, high = sorted(float(k) * cam.law_scale + 0.0 for k in law.knots[[1, -2]])  # between the level pieces that were added
     x = _arguments(motion, cam)
     for far in (low - x, x - high):
         out = np.flatnonzero(far > 1e-9 * (high - low))
@@ -254,7 +254,7 @@ def lost_ranges(cam: AnyCam) -> list[tuple[float, float, float, float]]:
     """Ranges of the law that are lost by undercut: start, end, position of the largest deviation of the follower, and this
     deviation."""
     ranges = []
-    for first, last in cam.lost if cam.intended is not None else ():
+    for first, last in cam.lost_ranges if cam.intended is not None else ():
         grid = np.linspace(first, last, 181)
         deviation = cam.cam.law(grid, 0)[0] - cam.intended.law(grid, 0)[0]  # type: ignore[union-attr]  # not None here
         k = int(np.argmax(np.abs(deviation)))

@@ -25,7 +25,7 @@ from mechcore.motion.motion import Motion
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
 from mechcore.records import dataclass
 from mechcore.spec.loads import Spring
-from mechcore.spec.mechanism import CamDrawn, CamJoint, CamRating, Joint, Mechanism, Prismatic, braked
+from mechcore.spec.mechanism import CamDrawn, CamJoint, CamRating, Joint, Mechanism, Prismatic, joints_with_friction
 from mechcore.texts import as_length, as_pressure
 
 PULL_ROUNDING = 1e-9  # pull below this part of the largest force is rounding
@@ -44,7 +44,7 @@ def joint_of(motion: Motion, cam: AnyCam) -> CamJoint:
 
 def contact_force(forces: Forces, cam: AnyCam) -> Real:
     """Force along the common normal (F) [N], positive where the cam presses on the follower."""
-    reaction = forces.pressed(cam.name)
+    reaction = forces.normal_reaction(cam.name)
     return cam.pressing(forces.motion, reaction[:, 0] + 1j * reaction[:, 1])
 
 
@@ -65,7 +65,7 @@ def contact_stress(forces: Forces, cam: AnyCam, rating: CamRating) -> HertzConta
         raise MechanismError(Fault("rating.width", "it is not known how wide the contact is.", "Give it a width."))
     force = contact_force(forces, cam)
     radius, roller = _radii(forces.motion, cam, force)
-    size = np.abs(force) if cam.form else force
+    size = np.abs(force) if cam.form_closed else force
     stresses = [
         hertz(size[mask], radius[mask], float(r), rating.width, rating.modulus, rating.poisson)
         for r in np.unique(roller)
@@ -129,7 +129,7 @@ def least_springs(forces: Forces, cam: AnyCam, margin: float) -> list[LeastSprin
     """
     motion = forces.motion
     mechanism = motion.mechanism
-    if "friction" in mechanism.effects and braked(mechanism.joints):
+    if "friction" in mechanism.effects and joints_with_friction(mechanism.joints):
         raise MechanismError(
             Fault(
                 "effects",
@@ -140,7 +140,7 @@ def least_springs(forces: Forces, cam: AnyCam, margin: float) -> list[LeastSprin
     now = contact_force(forces, cam)
     springs = []
     for load in mechanism.loads:
-        if not isinstance(load, Spring) or cam.form:
+        if not isinstance(load, Spring) or cam.form_closed:
             continue
         a, b = (motion.point(*end) for end in zip(load.links, load.points, strict=True))
         length = np.hypot(*(b - a).T)
@@ -185,14 +185,14 @@ def drawn_lift(cam: AnyCam, drawn: CamDrawn) -> Graphical:
     divisions = round(2.0 * np.pi / drawn.step)
     construction = graphical(cam.contour, cam.cam.follower, divisions, drawn.lines, drawn.resolution, cam.cam.turn)
     shift = np.array([[cam.zero], [0.0], [0.0]])
-    sign = np.array([[1.0], [cam.ahead], [1.0]])
+    sign = np.array([[1.0], [cam.law_scale], [1.0]])
     return Graphical(construction.angle, (construction.drawn - shift) * sign, (construction.exact - shift) * sign)
 
 
 def drawn_rows(motion: Motion, cam: PlacedCam, construction: Graphical) -> Real:
     """Drawn values at every frame, by straight lines between the drawing's points, and their errors (F, 6): lift, first and second
     derivative by the cam's angle, each drawn, then each drawn less exact."""
-    x = cam.argument(motion) * cam.ahead
+    x = cam.argument(motion) * cam.law_scale
     angle = np.append(construction.angle, 2.0 * np.pi)
     at = np.mod(x, 2.0 * np.pi)
     values = [np.interp(at, angle, np.append(row, row[0])) for row in construction.drawn]

@@ -21,7 +21,7 @@ from mechcore.kinematics.model import Model
 from mechcore.kinematics.program import Block, Unknown, moved_by
 from mechcore.motion.at_once import least_norm
 from mechcore.motion.motion import Motion
-from mechcore.numerics.frames import QUIET, added, crossed, less, nothing, summed
+from mechcore.numerics.frames import QUIET, added, crossed, is_zero, subtracted, summed
 from mechcore.topology.graph import FRAME, leaves_first
 
 
@@ -88,7 +88,7 @@ class BalanceProgram(NamedTuple):
 
 
 def balance_program(model: Model) -> BalanceProgram:
-    """All balances of a model, in order; call it through `Model.once`."""
+    """All balances of a model, in order; call it through `Model.cached`."""
     joint, parent, outwards = model.tree.joint, model.tree.parent, model.tree.order
     sides = {k: 1 if model.ends[joint[k]][1] == k else 0 for k in outwards}  # of each link in the joint that leads to it
     child = {joint[k]: k for k in outwards}
@@ -171,7 +171,7 @@ def solution_order(model: Model) -> list[str]:
 
     Loops are numbered as among the loop equations.
     """
-    program, back = model.program, model.once(balance_program)
+    program, back = model.program, model.cached(balance_program)
     steps = [f"{_drives(model, turned.drives)} turn{'s' * (len(turned.drives) == 1)} {_turned(model, turned.rotation_class)}"
              for turned in program.driven_rotations]  # fmt: skip
     steps += [f"drive {model.joints[j].name} moves along its guide" for j, _ in program.driven_slides]
@@ -250,7 +250,7 @@ def joint_forces(
     model = motion.model
     if model.needs_global_solve:
         return least_norm(motion, force, moment, flanks)
-    program = model.once(balance_program)
+    program = model.cached(balance_program)
     contacts: dict[str, tuple[Plane, Plane]] = {}  # relation -> place, force on its second link
     cuts, multipliers = _cut_forces(motion, program.blocks, *_subtree_wrenches(motion, force, moment, program.subtrees_of_cuts))
     for r, multiplier in multipliers.items():
@@ -274,7 +274,7 @@ def joint_forces(
         j, on = program.cuts[c]
         transmitted[j] = cut, 0.0
         for k, side, arm in on:
-            add = added if side else less
+            add = added if side else subtracted
             force[k] = add(force[k], cut)
             if arm is not None:
                 moment[k] = add(moment[k], crossed(_vector(motion, arm), cut))
@@ -297,10 +297,10 @@ def _subtree_wrenches(
     total, unbalanced = list(force), list(moment)
     for k, p, arm, parent_arm in steps:
         f = total[k]
-        if nothing(f):
+        if is_zero(f):
             continue
         if arm is not None:
-            unbalanced[k] = less(unbalanced[k], crossed(_vector(motion, arm), f))
+            unbalanced[k] = subtracted(unbalanced[k], crossed(_vector(motion, arm), f))
         if p:
             total[p] = added(total[p], f)
             if parent_arm is not None:
@@ -330,7 +330,7 @@ def _cut_forces(
             total: Values = 0.0
             for k in links:
                 total = added(total, unbalanced[k])
-            if child and not nothing(subtree[child]):
+            if child and not is_zero(subtree[child]):
                 total = added(total, (sign * motion.guide(unknown[1]).conjugate() * subtree[child]).real)
             for c, numbers in loops:
                 arms, slides = motion.loop_vectors[c]
@@ -338,10 +338,10 @@ def _cut_forces(
                     work = (slides[numbers[0]][2].conjugate() * cuts[c]).real
                 else:
                     work = crossed(summed([arms[i][1] for i in numbers]), cuts[c])
-                total = less(total, work)
+                total = subtracted(total, work)
             for r in relations:
                 coefficient = constraint_coefficient(motion.model, r, unknown, motion.state.curve_values)
-                total = less(total, coefficient * multipliers[r])
+                total = subtracted(total, coefficient * multipliers[r])
             q.append(total)
         forces, solved = transposed(block, motion.columns[number], q)
         cuts.update(zip(block.loops, forces, strict=True))

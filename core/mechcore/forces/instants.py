@@ -57,7 +57,7 @@ def instants(forces: Forces) -> Instants:
     every = np.concatenate([np.where(apart, time, np.nan), pairs.ravel()])
     order = np.argsort(every, kind="stable")[: int(apart.sum()) + pairs.size]  # NaN comes last
     return Instants(every[order], np.flatnonzero(np.isin(order, len(time) + 2 * np.arange(len(pairs)))),
-                    (forces, forces.again(pairs.ravel())), order)  # fmt: skip
+                    (forces, forces.at_times(pairs.ravel())), order)  # fmt: skip
 
 
 def energies(forces: Forces) -> Real:
@@ -80,7 +80,7 @@ def energies(forces: Forces) -> Real:
 def sides_of_jumps(motion: Motion, under_forces: Callable[[float], Real] | None = None) -> Real:
     """Times (n, 2) [s] just before and just after the jumps of a run, in order and apart from each other; none where the motion is
     not available at other times. ``under_forces``: gives those of a motion under forces up to a time, see `Simulation.jumps`."""
-    if motion.again is None or motion.frames < 2:
+    if motion.at_times is None or motion.frames < 2:
         return np.zeros((0, 2))
     start, end = float(motion.time[0]), float(motion.time[-1])
     if under_forces is not None:
@@ -88,7 +88,7 @@ def sides_of_jumps(motion: Motion, under_forces: Callable[[float], Real] | None 
         return pairs_of_run[pairs_of_run[:, 0] > start]
     near = max(NEAR * (end - start) / (motion.frames - 1), NEAR_IN_RUN * (end - start), ROUNDING * float(np.spacing(end)))
     pairs: list[list[float]] = []
-    for t in sorted([*_breaks(motion, start, end), *_changes(motion, motion.again, near)]):
+    for t in sorted([*_breaks(motion, start, end), *_changes(motion, motion.at_times, near)]):
         low, high = max(t - near, start), min(t + near, end)
         if pairs and low <= pairs[-1][1]:
             pairs[-1][1] = high
@@ -120,14 +120,14 @@ def _forms(motion: Motion) -> list[Real]:
     return [np.broadcast_to(x, motion.shape) for x in numbers]
 
 
-def _changes(motion: Motion, again: Callable[[Real], Motion], near: float) -> Iterator[float]:
+def _changes(motion: Motion, motion_at: Callable[[Real], Motion], near: float) -> Iterator[float]:
     """Times [s] at which one of the `_forms` changes, except forms that change at many frames."""
     frames = _forms(motion)
     if not frames:
         return
     start, end = motion.time[0], motion.time[-1]
     ends = np.array([start, start + near, end - near, end])
-    for number, (inner, outer) in enumerate(zip(frames, _forms(again(ends)), strict=True)):
+    for number, (inner, outer) in enumerate(zip(frames, _forms(motion_at(ends)), strict=True)):
         t = np.concatenate([ends[:2], motion.time[1:-1], ends[2:]])
         form = np.concatenate([outer[:2], inner[1:-1], outer[2:]])
         while len(k := np.flatnonzero((form[1:] != form[:-1]) & np.isfinite(form[1:] - form[:-1]))):
@@ -138,4 +138,4 @@ def _changes(motion: Motion, again: Callable[[Real], Motion], near: float) -> It
                 yield from 0.5 * (low + high)
                 break
             t = (low[:, None] + (high - low)[:, None] * _WITHIN).ravel()
-            form = _forms(again(t))[number]
+            form = _forms(motion_at(t))[number]

@@ -21,12 +21,12 @@ from mechcore.forces.friction.solve import FrictionResult, solve_friction
 from mechcore.forces.program import forces_program, rubbing_forces
 from mechcore.kinematics.dyads import cross
 from mechcore.motion.motion import Motion
-from mechcore.numerics.frames import PLAIN, added, lazy, less, plane_rows, stacked
+from mechcore.numerics.frames import PLAIN, added, lazy, plane_rows, stacked, subtracted
 from mechcore.numerics.interpolation import integral_so_far
 from mechcore.numerics.tape import Traced
 from mechcore.numerics.tape_functions import integral
 from mechcore.records import dataclass
-from mechcore.spec.mechanism import Mechanism, braked
+from mechcore.spec.mechanism import Mechanism, joints_with_friction
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,10 +76,10 @@ class Forces:
     jumps: Callable[[float], Real] | None = None
     impacts: tuple[tuple[float, float, float], ...] = ()
 
-    def again(self, t: Real) -> Forces:
-        """The forces at other times (n,) [s], of a motion that has `again`."""
-        assert self.motion.again is not None
-        return solve_forces(self.motion.again(t))
+    def at_times(self, t: Real) -> Forces:
+        """The forces at other times (n,) [s], of a motion that has `at_times`."""
+        assert self.motion.at_times is not None
+        return solve_forces(self.motion.at_times(t))
 
     @property
     def parts(self) -> Sequence[tuple[Index, Forces]]:
@@ -94,10 +94,10 @@ class Forces:
     # -- results by name ----------------------------------------------------------------------------------------------
     def reaction(self, joint: str) -> Real:
         """Fx, Fy [N] on the joint's second link at `position`, and couple [N m], friction included, without the drive (F, 3)."""
-        rows = self.pressed(joint)
+        rows = self.normal_reaction(joint)
         return rows if self.friction is None else rows + self.friction.applied(joint)
 
-    def pressed(self, joint: str) -> Real:
+    def normal_reaction(self, joint: str) -> Real:
         """The reaction of a joint without the share of friction: Fx, Fy [N], couple [N m] (F, 3)."""
         if joint in self._contacts:
             force: Plane = self._contacts[joint][1]
@@ -114,7 +114,7 @@ class Forces:
         if model.joints[j].coordinate == "angle":  # the drive is the whole couple
             return plane_rows(self._shape, force, self._carried(joint) if model.relations else 0.0)
         drive_force, drive_moment = self._drive(j)
-        return plane_rows(self._shape, less(force, drive_force), less(couple, drive_moment))
+        return plane_rows(self._shape, subtracted(force, drive_force), subtracted(couple, drive_moment))
 
     def position(self, joint: str) -> Real:
         """Point at which the reaction of a joint is stated (F, 2) [m]: the pin, the sliding point, the pitch point, the contact."""
@@ -298,7 +298,7 @@ def undriven(mechanism: Mechanism, joint: str) -> MechanismError:
 def solve_forces(motion: Motion) -> Forces:
     """Joint reactions and drive efforts that the motion needs under the mechanism's effects and loads."""
     model = motion.model
-    for effect in model.once(applied_effects):
+    for effect in model.cached(applied_effects):
         if effect.limited:
             effect.check(motion)
     if motion.compiled:
@@ -306,7 +306,7 @@ def solve_forces(motion: Motion) -> Forces:
         computed = None if isinstance(program, str) else program(motion)
         if computed is not None:
             return Forces(motion, partial(wrenches, motion), *computed)
-    if "friction" in model.mechanism.effects and braked(model.mechanism.joints):
+    if "friction" in model.mechanism.effects and joints_with_friction(model.mechanism.joints):
         if motion.peak is not None:
             force, moment, formed = totals(motion)
             return Forces(motion, formed, *rubbing_forces(motion, force, moment))

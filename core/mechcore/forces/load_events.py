@@ -127,11 +127,11 @@ def _squeezed(motion: Motion, load: Spring, solid: float) -> Iterator[Event]:
 def crossing(forces: Forces, values: Callable[[Forces], Real], t0: float, t1: float, n0: float, n1: float) -> float:
     """The time [s] at which ``values`` (F,) turn from ``n0`` >= 0 at ``t0`` to ``n1`` < 0 at ``t1`` (earlier or later); where a jam
     lies between, the edge of the jam next to ``t1``."""
-    for _ in range(SEARCH_ROUNDS if forces.motion.again is not None else 0):
+    for _ in range(SEARCH_ROUNDS if forces.motion.at_times is not None else 0):
         t = np.sort(np.linspace(t0, t1, INTERVAL_PARTS + 1))
         if not np.all(np.diff(t) > 0.0):
             break
-        loads = values(forces.again(t))
+        loads = values(forces.at_times(t))
         if t1 < t0:
             t, loads = t[::-1], loads[::-1]
         k = int(np.argmax(loads < 0.0)) or INTERVAL_PARTS
@@ -182,7 +182,9 @@ def belt_events(forces: Forces) -> list[Event]:
             return most - asked(f)
 
         time, left = motion.time, margin(forces)
-        peak, most = largest_maximum(motion, lambda m: asked(forces if m is motion else forces.again(m.time)))  # between two frames
+        peak, most = largest_maximum(
+            motion, lambda m: asked(forces if m is motion else forces.at_times(m.time))
+        )  # between two frames
         if np.isfinite(peak) and peak not in time:
             k = int(np.searchsorted(time, peak))
             time, left = np.insert(time, k, peak), np.insert(left, k, grip.most - most)

@@ -23,7 +23,7 @@ from mechcore.forces.friction.solve import FrictionResult, check_friction
 from mechcore.kinematics.model import Model
 from mechcore.kinematics.state import State
 from mechcore.motion.motion import Motion
-from mechcore.spec.mechanism import braked
+from mechcore.spec.mechanism import joints_with_friction
 
 TransmittedSymbols = list[tuple[Plane, Values]]
 Contacts = dict[str, tuple[Plane, Plane]]
@@ -103,7 +103,7 @@ class ForcesProgram:
         vars(motion).update(drives=drives, shape=())
         with on_symbols("a load"):
             force, moment, _ = totals(motion)
-            if "friction" in model.mechanism.effects and braked(model.mechanism.joints):
+            if "friction" in model.mechanism.effects and joints_with_friction(model.mechanism.joints):
                 signs = (kernel.real(f"sign {i}") for i in itertools.count())
                 transmitted, contacts, self._solution = with_friction(motion, force, moment, signs, kernel.real("tolerance"))
             else:
@@ -181,7 +181,7 @@ class _GivenAngles(GivenLinkAngles):
 
 def forces_program(model: Model, *, exact: bool) -> ForcesProgram | str:
     """The program of a model, or the reason why C has none; ``exact`` as of `LinkAngles`."""
-    known = model.once(_known)
+    known = model.cached(_known)
     if exact not in known:
         try:
             program = ForcesProgram(model, exact)

@@ -85,9 +85,9 @@ def check_run_back(forces: Forces) -> None:
         return Fault("flywheel", why, f"Run {cycles} cycles of the drive: mechviz forces --cycles {cycles}.")
 
     laws = [d.law for d in motion.mechanism.drives]
-    if forces.jumps is None and motion.again and not any(isinstance(x, TableLaw) and not x.periodic for x in laws):
+    if forces.jumps is None and motion.at_times and not any(isinstance(x, TableLaw) and not x.periodic for x in laws):
         beside = frozenset(load.name for load in motion.mechanism.loads if _runs_out(load, forces))
-        check_back(lambda x: forces.again(start + x), span, motion.mechanism.cycle, fault, beside)
+        check_back(lambda x: forces.at_times(start + x), span, motion.mechanism.cycle, fault, beside)
         return
     model = motion.model
     masses = [link for link, (mass, *_) in zip(model.links[1:], model.masses[1:], strict=True) if np.any(mass)]

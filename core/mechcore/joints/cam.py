@@ -69,7 +69,7 @@ def build_cam(joint: CamJoint, builder: Builder) -> None:
     except MechanismError as error:
         raise MechanismError([renamed(joint, f) for f in error.faults]) from None
     if isinstance(placed, PlacedSpatial):
-        check_shaft(joint, builder, placed.own)
+        check_shaft(joint, builder, placed.mount_origin)
     if isinstance(guide, Prismatic):
         sign, zero = _along_guide(joint, builder, carrier, guide, placed)
         angles: tuple[tuple[str, float], ...] = ()
@@ -83,10 +83,12 @@ def build_cam(joint: CamJoint, builder: Builder) -> None:
         towards = placed.centre - pivot if joint.spatial is None else -placed.axes  # direction of the arm at coordinate zero
         home = cmath.phase(towards / (point_of(follower, joint.point) - own))
         constant = c * home
-        if joint.spatial is not None and placed.pace:  # a turret never returns: the curve is the deviation from its mean speed
-            step = placed.scale * placed.sense * placed.pace
+        if (
+            joint.spatial is not None and placed.mean_slope
+        ):  # a turret never returns: the curve is the deviation from its mean speed
+            step = placed.scale * placed.sense * placed.mean_slope
             angles += ((joint.links[0], step), (carrier, -step))
-            constant -= placed.scale * placed.pace * placed.phase
+            constant -= placed.scale * placed.mean_slope * placed.phase
     cam_angles: tuple[tuple[str, float], ...] = ()
     cam_slides: tuple[tuple[str, float], ...] = ()
     if joint.bed:
@@ -145,7 +147,7 @@ def _disc(joint: CamJoint, builder: Builder, carrier: str, guide: Prismatic | Re
         profile, given = _given(joint.contour, own, axes, follower)
         made = _common(joint, carrier, Cam(given.law, follower), centre, axes)
         return made | {
-            "own": own, "mount": axes, "arm": arm, "given": profile, "bridges": given.bridges, "knot_angles": given.ends,
+            "mount_origin": own, "mount": axes, "arm": arm, "given": profile, "bridges": given.bridges, "knot_angles": given.ends,
             "sense": 1, "phase": 0.0,
         }  # fmt: skip
     law = joint.lift
@@ -165,10 +167,16 @@ def _disc(joint: CamJoint, builder: Builder, carrier: str, guide: Prismatic | Re
         base, decides = _least_base(law, follower, required(joint), joint.sense, joint.hub, second, groove)
     cam = cam_on_base(law, follower, base, turn=joint.sense)
     mount = axes * cmath.exp(1j * joint.sense * joint.phase)
-    made = _common(joint, carrier, cam, centre, axes) | {"own": own, "mount": mount, "arm": arm, "base": base, "decides": decides}
+    made = _common(joint, carrier, cam, centre, axes) | {
+        "mount_origin": own,
+        "mount": mount,
+        "arm": arm,
+        "base": base,
+        "decides": decides,
+    }
     if second is not None:
         flip = -1.0 if second.arm is None else 1.0  # rotated by half a turn, the lower roller is an ordinary follower
-        other = {"cam": second.cam(cam), "axes": axes * flip, "mount": mount * flip, "form": False, "arm": second.arm or 0.0}
+        other = {"cam": second.cam(cam), "axes": axes * flip, "mount": mount * flip, "form_closed": False, "arm": second.arm or 0.0}
         made |= {"mate": PlacedCam(**(made | other)), "second": second}
     if joint.undercut == "cut" and find_limits(cam, count=720).undercut:
         if joint.closure == "form":
@@ -176,7 +184,7 @@ def _disc(joint: CamJoint, builder: Builder, carrier: str, guide: Prismatic | Re
         left, given = _as_cut(law, follower, base, joint.sense)
         made |= {
             "cam": Cam(given.law, follower, joint.sense), "given": left.contour, "bridges": given.bridges,
-            "knot_angles": given.ends, "intended": cam, "lost": left.lost,
+            "knot_angles": given.ends, "intended": cam, "lost_ranges": left.lost,
         }  # fmt: skip
     return made
 
@@ -284,7 +292,7 @@ def _wedge(joint: CamJoint, builder: Builder, carrier: str, guide: Prismatic | R
     turn = cmath.exp(1j * (-bed.angle if first else bed.angle))  # from the carrier's axes to the cam's
     # the cam's point is at start + s direction, a point z of the profile at centre + axes (z - x), x = ahead (s sense + phase)
     own += turn * (centre - start - axes * ahead * joint.phase)
-    return _common(joint, carrier, cam, centre, axes) | {"own": own, "mount": turn * axes, "arm": arm, "ahead": ahead}
+    return _common(joint, carrier, cam, centre, axes) | {"mount_origin": own, "mount": turn * axes, "arm": arm, "law_scale": ahead}
 
 
 def _common(joint: CamJoint, carrier: str, cam: Cam, centre: complex, axes: complex) -> dict[str, Any]:
@@ -297,7 +305,7 @@ def _common(joint: CamJoint, carrier: str, cam: Cam, centre: complex, axes: comp
         "base": joint.base,
         "centre": centre,
         "axes": axes,
-        "form": joint.closure == "form",
+        "form_closed": joint.closure == "form",
         "bed": joint.bed,
         "sense": joint.sense,
         "phase": joint.phase,
@@ -369,7 +377,7 @@ def _build_inverse(joint: CamJoint, builder: Builder, carrier: str, guide: Prism
     cam = InverseCam(law, hub, arm, joint.face.radius, not isinstance(guide, Prismatic), phase, straight)
     placed = PlacedInverse(
         name=joint.name, links=joint.links, carrier=carrier, guide=joint.guide, cam=cam, travel=travel, centre=centre, axes=axes,
-        own=origin,
+        mount_origin=origin,
         mount=mount, tip=point_of(driving, joint.point), sense=joint.sense, bed=joint.bed, pressure_limit=joint.pressure_limit,
     )  # fmt: skip
     try:

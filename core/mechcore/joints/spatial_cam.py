@@ -41,9 +41,9 @@ def relate(
 
     def lift(argument: Values) -> Real:
         values: Real = placed.law(argument)
-        if placed.pace:
-            values[0] -= placed.pace * argument
-            values[1] -= placed.pace
+        if placed.mean_slope:
+            values[0] -= placed.mean_slope * argument
+            values[1] -= placed.mean_slope
         return placed.scale * values
 
     angles, slides, constant = follower
@@ -193,9 +193,9 @@ def place_spatial(joint: CamJoint, builder: Builder, carrier: str, guide: Prisma
         _check_room(joint, blank, mount, r, arm, inner)
     placed = PlacedSpatial(
         name=joint.name, links=joint.links, carrier=carrier, guide=joint.guide,
-        cam=SpatialCam(law.raised(start), mount, r, inner, outer, joint.sense), blank=blank, centre=centre, axes=axes, own=own,
-        pivot=pivot, arm=arm, base=joint.base, form=joint.closure == "form", sense=joint.sense, phase=joint.phase,
-        pressure_limit=joint.pressure_limit,
+        cam=SpatialCam(law.raised(start), mount, r, inner, outer, joint.sense), blank=blank, centre=centre, axes=axes,
+        mount_origin=own, pivot=pivot, arm=arm, base=joint.base, form_closed=joint.closure == "form", sense=joint.sense,
+        phase=joint.phase, pressure_limit=joint.pressure_limit,
     )  # fmt: skip
     placed.check()
     return placed

@@ -17,7 +17,7 @@ from mechcore.kinematics.dyads import cross
 from mechcore.kinematics.model import Model
 from mechcore.kinematics.program import Block, LoopEquation, Unknown
 from mechcore.kinematics.state import State
-from mechcore.numerics.frames import determined, imaginary, less, nothing, stacked, summed
+from mechcore.numerics.frames import determined, imaginary, is_zero, stacked, subtracted, summed
 from mechcore.numerics.newton import solve_many
 
 
@@ -151,7 +151,7 @@ def transposed(block: Block, cols: Columns, q: list[Values]) -> tuple[list[Plane
         return [], [q[0] / cols.constraints[0][0]]
     if cols.direct is not None:
         (u, v), (a, b) = cols.direct, q
-        return [less(0j if nothing(a) else v * (a * cols.inverse), 0j if nothing(b) else u * (b * cols.inverse))], []
+        return [subtracted(0j if is_zero(a) else v * (a * cols.inverse), 0j if is_zero(b) else u * (b * cols.inverse))], []
     if len(cols.table) == 1 and len(cols.table[0]) == 1 and not cols.constraints:  # one redundant equation: minimum-norm force
         ((c,),) = cols.table
         return [c * (q[0] / determined(c.real**2 + c.imag**2))], []
@@ -170,7 +170,7 @@ def matrix_of(cols: Columns) -> tuple[Real, tuple[int, ...]]:
         for k, c in enumerate(cols.direct):  # turned back by a right angle: i c is the column
             matrix[..., 0, k], matrix[..., 1, k] = -np.imag(c), np.real(c)
         return matrix, shape
-    shape = np.broadcast_shapes(*(np.shape(c) for row in cols.table for c in row if not nothing(c)))
+    shape = np.broadcast_shapes(*(np.shape(c) for row in cols.table for c in row if not is_zero(c)))
     width = len(cols.table[0] if cols.table else cols.constraints[0])
     rows = [[part(c) for c in row] for row in cols.table for part in (np.real, np.imag)]
     entries: list[Any] = [x for row in (*rows, *cols.constraints) for x in row]

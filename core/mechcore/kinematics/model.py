@@ -16,7 +16,7 @@ import numpy as np
 from mechcore.errors import Named
 from mechcore.joints.base import LoopJoint, Relation
 from mechcore.kinematics.program import Block, DrivenSlide, LinearConstraint, Program, VectorSum, compile_program, vector_sum
-from mechcore.numerics.frames import nothing
+from mechcore.numerics.frames import is_zero
 from mechcore.records import dataclass
 from mechcore.spec.mechanism import Link, Mechanism
 from mechcore.topology.graph import Angles, Loop, Tree
@@ -63,7 +63,7 @@ class Model:
     varied_masses: Mapping[str, tuple[Any, Any, Any]] = field(default_factory=dict)  # link -> `masses` in a sweep (designs, 1)
     bodies: Mapping[str, Link] = field(default_factory=dict)  # all links, including those that joints create
 
-    all_together: bool = False  # whether reactions are solved for all joints together even where blocks would do
+    solves_globally: bool = False  # whether reactions are solved for all joints together even where blocks would do
 
     @property
     def redundant(self) -> bool:
@@ -73,7 +73,7 @@ class Model:
     @cached_property
     def needs_global_solve(self) -> bool:
         """Whether the reactions are solved for all joints together, instead of block by block."""
-        return self.all_together or self.redundant or any(b.relations and b.kind == "general" for b in self.blocks)
+        return self.solves_globally or self.redundant or any(b.relations and b.kind == "general" for b in self.blocks)
 
     @cached_property
     def connections(self) -> tuple[Connection, ...]:
@@ -137,7 +137,7 @@ class Model:
     @cached_property
     def designs(self) -> tuple[int, ...]:
         """(D,) where D designs are computed together, else ()."""
-        sums = (a for loop in self.loop_sums for a in (loop.still, *(a for _, a in loop.arms)))
+        sums = (a for loop in self.loop_sums for a in (loop.constant, *(a for _, a in loop.arms)))
         return next((np.shape(a)[:-1] for a in (*self.varied.values(), *sums) if np.ndim(a) > 1), ())
 
     @cached_property
@@ -149,14 +149,14 @@ class Model:
         return {key: total for key, total in sums.items() if total is not None}
 
     @cached_property
-    def _once(self) -> dict[Callable[[Model], Any], Any]:
+    def _cache(self) -> dict[Callable[[Model], Any], Any]:
         return {}
 
-    def once(self, work: Callable[[Model], T]) -> T:
+    def cached(self, work: Callable[[Model], T]) -> T:
         """``work(self)``, computed at the first call and kept, for what later stages look up repeatedly."""
-        if work not in self._once:
-            self._once[work] = work(self)
-        done: T = self._once[work]
+        if work not in self._cache:
+            self._cache[work] = work(self)
+        done: T = self._cache[work]
         return done
 
     @cached_property
@@ -177,7 +177,7 @@ class Model:
         slides: list[tuple[int, int, complex]] = []
 
         def add_term(link: int, vector: Any, sign: float) -> None:
-            if not nothing(vector):
+            if not is_zero(vector):
                 rotation_class = self.angles.rotation_class[link]
                 arms[rotation_class] = arms.get(rotation_class, 0j) + sign * vector * self.turn[link]
 

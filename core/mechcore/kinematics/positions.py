@@ -16,7 +16,7 @@ from mechcore.kinematics import dyads
 from mechcore.kinematics.model import Model
 from mechcore.kinematics.program import Block
 from mechcore.kinematics.state import Interpolant, Newton, State, initial_state, relation_sum, value
-from mechcore.numerics.frames import QUIET, nothing
+from mechcore.numerics.frames import QUIET, is_zero
 from mechcore.numerics.newton import newton
 
 LoopTerms: TypeAlias = tuple[Plane, list[Plane], list[Plane]]
@@ -99,7 +99,7 @@ def loop_terms(model: Model, block: Block, state: State, number: int = 0) -> Loo
     """
     loop = model.program.loop_equations[block.loops[number]]
     rot, delta, slide = state.rot, state.delta, state.slide
-    arms = [value(arm, delta, slide) if arm.arms or arm.slides else arm.still for arm in loop.arms]
+    arms = [value(arm, delta, slide) if arm.arms or arm.slides else arm.constant for arm in loop.arms]
     guides = [d * (rot if carrier < 0 else delta)[rotation_class] for _, carrier, rotation_class, d in loop.slides]
     return value(loop.target, rot, slide), arms, guides
 
@@ -210,7 +210,7 @@ def block_equations(
     for number, c in enumerate(block.loops):
         target, arms, guides = loop_terms(model, block, state, number)
         own = model.program.loop_equations[c]
-        turned = [(k, at(a)) for k, a in enumerate(arms) if not nothing(a)]
+        turned = [(k, at(a)) for k, a in enumerate(arms) if not is_zero(a)]
         slid = [(column["slide", s.joint], s.carrier, at(d, 1.0)) for s, d in zip(own.slides, guides, strict=True)]
         loops.append(OpenLoop(-at(target), turned, slid))
     linear = []

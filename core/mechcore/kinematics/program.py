@@ -26,13 +26,13 @@ Unknown = tuple[str, int]  # ("angle", group) or ("slide", joint)
 
 
 class VectorSum(NamedTuple):
-    """``still + sum of A E`` over rotation classes that turn ``+ sum of d E s`` over sliding joints, d a unit vector in the axes of
-    its rotation class.
+    """``constant + sum of A E`` over rotation classes that turn ``+ sum of d E s`` over sliding joints, d a unit vector in the axes
+    of its rotation class.
 
-    In a sweep the vectors ``still`` and A are arrays (designs, 1).
+    In a sweep the vectors ``constant`` and A are arrays (designs, 1).
     """
 
-    still: Plane
+    constant: Plane
     arms: tuple[tuple[int, Plane], ...]  # (class, A)
     slides: tuple[tuple[int, int, complex], ...]  # (joint, class, d)
 
@@ -40,7 +40,7 @@ class VectorSum(NamedTuple):
         """The sum times a number; in a sweep times one of each design (designs, 1)."""
         arms = tuple((s, factor * a) for s, a in self.arms)
         slides = tuple((j, s, cast(complex, factor * d)) for j, s, d in self.slides)
-        return VectorSum(factor * self.still, arms, slides)
+        return VectorSum(factor * self.constant, arms, slides)
 
 
 @dataclass(frozen=True)
@@ -215,7 +215,7 @@ def _equation(total: VectorSum, block: Block, angles: Angles) -> LoopEquation:
     constant = dict(total.arms)
     return LoopEquation(
         target=VectorSum(
-            -total.still,
+            -total.constant,
             tuple((s, -a) for s, a in total.arms if group[s] not in block.angles),
             tuple((j, s, -d) for j, s, d in known_slides if group[s] not in block.angles),
         ),
@@ -245,6 +245,6 @@ def moved_by(total: VectorSum, angles: Angles) -> dict[Unknown, tuple[int, ...]]
 
 
 def vector_sum(arms: Mapping[int, Any], slides: Sequence[tuple[int, int, complex]]) -> VectorSum:
-    """A `VectorSum` from vectors by rotation class; that of the frame's class is its ``still``, zero vectors are dropped."""
+    """A `VectorSum` from vectors by rotation class; that of the frame's class is its ``constant``, zero vectors are dropped."""
     turning = tuple((s, a) for s, a in arms.items() if s != FRAME and (a != 0 if isinstance(a, complex) else np.any(a != 0)))
     return VectorSum(arms.get(FRAME, 0j), turning, tuple(slides))

@@ -13,7 +13,7 @@ from mechcore.arrays import Plane, Real, Values
 from mechcore.kinematics.columns import Columns, LoopVectors, rates
 from mechcore.kinematics.model import Model
 from mechcore.kinematics.program import Block, LoopEquation, NonlinearTerm
-from mechcore.numerics.frames import imaginary, lazy, nothing, purely_imaginary, summed
+from mechcore.numerics.frames import imaginary, is_zero, lazy, purely_imaginary, summed
 
 
 class RateReplacement(Protocol):
@@ -84,7 +84,7 @@ class Rates:
             terms = [factor[rotation_class] * z for rotation_class, z in arms]
         if slides and before is not None:
             turns = before.factor
-            terms += [(2.0 * before.slide[j]) * (turns[s] * d) for j, s, d in slides if not nothing(turns[s])]  # Coriolis
+            terms += [(2.0 * before.slide[j]) * (turns[s] * d) for j, s, d in slides if not is_zero(turns[s])]  # Coriolis
         if loop.known_guides:
             terms += [self.slide[slides[i][0]] * slides[i][2] for i in loop.known_guides]
         return summed(terms)

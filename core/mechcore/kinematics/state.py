@@ -113,11 +113,11 @@ def initial_state(
 
 def value(total: VectorSum, rot: Sequence[Plane], slide: Mapping[int, Values]) -> Plane:
     """The value of a sum of vectors for rotations ``rot`` of the rotation classes and displacements ``slide`` along the guides."""
-    still, arms, slides = total
+    constant, arms, slides = total
     terms = [a * rot[s] for s, a in arms]
     if slides:
         terms += [(d * rot[s]) * slide[j] for j, s, d in slides]
-    return added(summed(terms), still) if terms else still
+    return added(summed(terms), constant) if terms else constant
 
 
 def relation_sum(

@@ -16,15 +16,15 @@ BESIDE = 1e-11  # of a cycle: times at which a law changes its form are known be
 SAMPLES = 257  # of a cycle, for its largest velocity
 
 
-def end_of(law: Law) -> float:
+def end_time(law: Law) -> float:
     """Time [s] beyond which a law says nothing, as a table that does not repeat; infinite where it goes on."""
     if isinstance(law, CurveOverMaster):
-        return end_of(law.master)
+        return end_time(law.master)
     ends = (isinstance(law, TableLaw) and not law.periodic) or (isinstance(law, ConstantSpeed) and law.ends)
     return law.duration if ends else math.inf
 
 
-def first_knock(law: Law, until: float) -> float | None:
+def first_velocity_jump(law: Law, until: float) -> float | None:
     """The first time [s], later than zero and before ``until``, at which the velocity of a law jumps; None where it does not."""
     cycle = law.duration
     if not math.isfinite(cycle):
@@ -41,19 +41,19 @@ def first_knock(law: Law, until: float) -> float | None:
     return float(knocks[0]) if len(knocks) else None
 
 
-def early_ends(laws: Mapping[str, Law], duration: float) -> Iterator[Fault]:
+def early_end_faults(laws: Mapping[str, Law], duration: float) -> Iterator[Fault]:
     """Laws, by what follows them, that end before a motion under forces of a ``duration`` [s] does."""
     for path, law in laws.items():
-        end = end_of(law)
+        end = end_time(law)
         if duration > end * (1.0 + 1e-9):
             why = f"{duration:.6g} s are wanted, and {path} ends after {end:.6g} s."
             yield Fault("run.duration", why, f"Give at most {end:.6g} s, or a law that goes on.")
 
 
-def knocks(laws: Mapping[str, Law], duration: float) -> Iterator[Fault]:
+def velocity_jump_faults(laws: Mapping[str, Law], duration: float) -> Iterator[Fault]:
     """Laws of drives whose velocity jumps within a motion under forces of a ``duration`` [s]: the impact is not computed."""
     for path, law in laws.items():
-        knock = first_knock(law, min(duration, end_of(law)))
+        knock = first_velocity_jump(law, min(duration, end_time(law)))
         if knock is not None:
             why = f"its speed jumps at {knock:.6g} s: on what forces move it would be an impact, which is not computed."
             remedy = f"Choose laws of continuous velocity, end at the speed of the start, or run at most {knock:.6g} s."

@@ -70,10 +70,10 @@ class Law(Protocol):
 
 @dataclass(frozen=True)
 class Rest:
-    """A constant coordinate, a held input. ``lasts``: time of a cycle where the drive states one, else 0 [s]."""
+    """A constant coordinate, a held input. ``cycle``: time of a cycle where the drive states one, else 0 [s]."""
 
     position: float
-    lasts: float = 0.0
+    cycle: float = 0.0
 
     @property
     def duration(self) -> float:

@@ -43,15 +43,15 @@ class Compiled:
     paths: list[BranchPath] = field(default_factory=list)  # already followed, kept for further frames on them
     accuracy: Accuracy = DEFAULT
     executor: Executor = "numpy"  # of the program of steps
-    kept: dict[Callable[[Compiled], Any], Any] = field(default_factory=dict, init=False, repr=False)  # see `once`
+    cache: dict[Callable[[Compiled], Any], Any] = field(default_factory=dict, init=False, repr=False)  # see `cached`
 
     @cached_property
-    def near(self) -> float:
+    def travel_bound(self) -> float:
         """Bound of drive positions [rad or m] below which no drive can have travelled too far from its start for a run."""
         return TURN * MOST_TURNS * min(1.0, self.model.length_scale) - max((abs(q) for q in self.start), default=0.0)
 
     @cached_property
-    def followed(self) -> bool:
+    def needs_path(self) -> bool:
         """Whether groups must be followed along a path; with gears a turn of the drive need not return all links to their start."""
         return bool(self.assembly.starts) or (bool(self.model.relations) and any(b.kind in TWO_MODES for b in self.model.blocks))
 
@@ -59,11 +59,11 @@ class Compiled:
     def mechanism(self) -> Mechanism:
         return self.model.mechanism
 
-    def once(self, work: Callable[[Compiled], T]) -> T:
-        """``work(self)``, computed at the first call and stored in ``kept``, like `Model.once`."""
-        if work not in self.kept:
-            self.kept[work] = work(self)
-        result: T = self.kept[work]
+    def cached(self, work: Callable[[Compiled], T]) -> T:
+        """``work(self)``, computed at the first call and stored in ``cache``, like `Model.cached`."""
+        if work not in self.cache:
+            self.cache[work] = work(self)
+        result: T = self.cache[work]
         return result
 
 
@@ -84,7 +84,7 @@ def drive_values(
     return values
 
 
-def follow(
+def motion_or_nan(
     compiled: Compiled, time: ArrayLike, drives: Mapping[str, tuple[ArrayLike, ArrayLike, ArrayLike]] | None = None
 ) -> Motion:
     """Motion at times (F,) [s], or at given ``drives`` as in `solve_motion`; frames that cannot be assembled are NaN."""
@@ -114,14 +114,14 @@ def place(compiled: Compiled, time: Real, values: DriveValues, *, given: bool) -
     still = not given and not model.mechanism.moving
     if still:
         starts = {name: np.broadcast_to(x, (len(time), *np.shape(x))) for name, x in compiled.assembly.starts.items()}
-    elif compiled.followed and given and len(positions) > 1 and len(time):
+    elif compiled.needs_path and given and len(positions) > 1 and len(time):
         starts = compiled.angles.path.starts(model, compiled.assembly, time, np.stack(positions, axis=-1))
-    elif compiled.followed and len(time):
+    elif compiled.needs_path and len(time):
         path = _path(compiled, time, positions, given=given)
         solved, singular_points = path.model, path.singular_points
         parameter = time if path.by_time else positions[0]
         starts = path.starts(parameter)
-    elif not given and len(time) and model.once(needs_span) and _beyond(singular_points, span := float(np.max(time))):
+    elif not given and len(time) and model.cached(needs_span) and _beyond(singular_points, span := float(np.max(time))):
         singular_points = find_singular_points(model, compiled.assembly.modes, compiled.assembly.starts, span=span)
         compiled = replace(compiled, singular_points=singular_points)  # for further times within that span
     if singular_points is not None and singular_points.points:
@@ -140,13 +140,13 @@ def place(compiled: Compiled, time: Real, values: DriveValues, *, given: bool) -
     else:
         state, origins = program.place_all(positions, modes, starts, constants, len(time), compiled.accuracy.position)
     source = compiled if compiled.accuracy.differentiation == "exact" else replace(compiled, accuracy=DEFAULT)  # at any times
-    again: Callable[[Real], Motion] | None = None if given else lambda t: follow(source, t)
+    at_times: Callable[[Real], Motion] | None = None if given else lambda t: motion_or_nan(source, t)
     in_time = path.by_time if path is not None else len(positions) > 1 or not (singular_points is None or singular_points.by_drive)
     frames = positions, state, (*model.designs, len(time))
-    near = source.angles.still if still else partial(_angles, source, frames[0], time, in_time=not given and in_time)
+    near = source.angles.at_rest if still else partial(_angles, source, frames[0], time, in_time=not given and in_time)
     angles = source.angles.at_frames(frames, near)
     by_c = None if program is None else (program, origins)
-    motion = Motion(model, time, values, state, angles, interpolants, passed, again, compiled.accuracy, by_c)
+    motion = Motion(model, time, values, state, angles, interpolants, passed, at_times, compiled.accuracy, by_c)
     return PlacedMotion(motion, path, parameter, singular_points)
 
 
@@ -162,14 +162,14 @@ def _angles(compiled: Compiled, positions: Sequence[Values], time: Real, raw: Re
     def placed(time: Real, given: Real | None = None) -> SolvedFrames:
         rest = np.zeros(len(time))
         wanted = None if given is None else {d.joint: (q, rest, rest) for d, q in zip(drives, given.T, strict=True)}
-        motion = follow(compiled, time, wanted)
+        motion = motion_or_nan(compiled, time, wanted)
         return [d[0] for d in motion.drives], motion.state, motion.shape
 
     if in_time:
-        return unwrapped.along(raw, time, lambda x: placed(x[:, 0]), tuple(d.law for d in drives))
+        return unwrapped.along_parameter(raw, time, lambda x: placed(x[:, 0]), tuple(d.law for d in drives))
     if len(drives) > 1:
-        return unwrapped.through(raw, positions, time, lambda x: placed(x[:, 0], x[:, 1:]))
-    return unwrapped.along(raw, np.asarray(positions[0]), lambda x: placed(np.zeros(len(x)), x))
+        return unwrapped.along_drives(raw, positions, time, lambda x: placed(x[:, 0], x[:, 1:]))
+    return unwrapped.along_parameter(raw, np.asarray(positions[0]), lambda x: placed(np.zeros(len(x)), x))
 
 
 def _path(compiled: Compiled, time: Real, positions: Sequence[Real], *, given: bool) -> BranchPath:

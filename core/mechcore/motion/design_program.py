@@ -24,7 +24,7 @@ from mechcore.laws.timed import ConstantSpeed, Law
 from mechcore.motion.compiled import Compiled, DriveValues, drive_values
 from mechcore.motion.motion import Motion
 from mechcore.records import NumberPlace
-from mechcore.spec.mechanism import Mechanism, braked
+from mechcore.spec.mechanism import Mechanism, joints_with_friction
 
 FRAMES_TO_LOAD = 200_000  # frames of all designs from which generating a program and loading it from the cache pays
 FRAMES_TO_COMPILE = 3_000_000  # from which compiling it pays: 0.3 s and half a millisecond per line, for 0.6 ns per line and frame
@@ -38,34 +38,36 @@ VariedModel = Callable[[Compiled, Mapping[Any, Any], Mapping[str, Any], Mapping[
 class DrivenDesigns:
     """The drives of several designs computed together.
 
-    ``pace`` (D, 1): factor on the speed at which each design runs through the laws of the mechanism; None: 1 for all. ``own``:
-    drives (by number) that have a start position and a constant speed (D, 1) for each design.
+    ``speed_factor`` (D, 1): factor on the speed at which each design runs through the laws of the mechanism; None: 1 for all.
+    ``constant_speeds``: drives (by number) that have a start position and a constant speed (D, 1) for each design.
     """
 
     mechanism: Mechanism
-    pace: Real | None
-    own: Mapping[int, tuple[Real, Real]]
+    speed_factor: Real | None
+    constant_speeds: Mapping[int, tuple[Real, Real]]
 
     def some(self, which: Flags) -> DrivenDesigns:
         """The drives of the designs ``which`` (D,)."""
-        own = {d: (q[which], v[which]) for d, (q, v) in self.own.items()}
-        return replace(self, pace=None if self.pace is None else self.pace[which], own=own)
+        own = {d: (q[which], v[which]) for d, (q, v) in self.constant_speeds.items()}
+        return replace(self, speed_factor=None if self.speed_factor is None else self.speed_factor[which], constant_speeds=own)
 
     @property
     def laws(self) -> tuple[Law, ...]:
         """A law for each drive, as fast as in the fastest design, over the times of the compiled design."""
         laws: list[Law] = [drive.law for drive in self.mechanism.drives]
-        for d, (_, v) in self.own.items():
-            laws[d] = ConstantSpeed(0.0, float(np.max(np.abs(v if self.pace is None else v / self.pace), initial=0.0)))
+        for d, (_, v) in self.constant_speeds.items():
+            laws[d] = ConstantSpeed(
+                0.0, float(np.max(np.abs(v if self.speed_factor is None else v / self.speed_factor), initial=0.0))
+            )
         return tuple(laws)
 
     def values(self, time: Real) -> DriveValues:
         """Positions, speeds and accelerations, (n,) or (D, n), of all drives at times (n,) of the compiled design."""
         values = drive_values(self.mechanism, time)
-        if self.pace is not None:
-            values = [(q, v * self.pace, a * self.pace**2) for q, v, a in values]
-        for d, (start, speed) in self.own.items():
-            values[d] = start + (speed if self.pace is None else speed / self.pace) * time, speed, 0.0
+        if self.speed_factor is not None:
+            values = [(q, v * self.speed_factor, a * self.speed_factor**2) for q, v, a in values]
+        for d, (start, speed) in self.constant_speeds.items():
+            values[d] = start + (speed if self.speed_factor is None else speed / self.speed_factor) * time, speed, 0.0
         return values
 
 
@@ -73,8 +75,9 @@ class DesignProgram:
     """A program for values collected from the motions of designs in which some numbers vary. Raises `Untraceable` if these values
     cannot be computed in C.
 
-    ``varied`` makes the model from the numbers that vary, those of ``points``, ``masses`` and ``loads``. The drives ``own`` (by
-    number) have a start and a speed for each design. ``paced``: designs differ in the speed at which they run through their laws.
+    ``varied`` makes the model from the numbers that vary, those of ``points``, ``masses`` and ``loads``. The drives
+    ``constant_speeds`` (by number) have a start and a speed for each design. ``paced``: designs differ in the speed at which they
+    run through their laws.
     """
 
     def __init__(
@@ -84,7 +87,7 @@ class DesignProgram:
         points: Sequence[tuple[str, str]],
         masses: Sequence[str],
         loads: Sequence[NumberPlace],
-        own: Sequence[int],
+        constant_speeds: Sequence[int],
         paced: bool,
         time: Real,
         collect: Collect,
@@ -94,7 +97,7 @@ class DesignProgram:
             raise Untraceable("rates are differences")
         self._peaks: list[Symbol] = []
         self._compiled, self._kernel = compiled, (kernel := Kernel("designs"))
-        self._own, self._pace = frozenset(own), kernel.real("pace") if paced else None
+        self._constant_speeds, self._speed_factor = frozenset(constant_speeds), kernel.real("speed factor") if paced else None
         place = {key: kernel.plane(f"point {key}") for key in points}
         weights = {k: (kernel.real(f"mass {k}"), kernel.plane(f"centre {k}"), kernel.real(f"inertia {k}")) for k in masses}
         model = varied(compiled, place, weights, {key: kernel.real(f"load {key}") for key in loads})
@@ -122,26 +125,28 @@ class DesignProgram:
         self.source = KERNEL_HELPERS + kernel.source() + (first.source() if self._peaks else "")
 
     def _motion(self, model: Model, values: DriveValues) -> Motion:
-        kernel, pace = self._kernel, self._pace
+        kernel, speed_factor = self._kernel, self._speed_factor
         time: Any = kernel.real_of_frame("time")
         drives: list[Any] = []
         for d, known in enumerate(values):
-            if d in self._own:
+            if d in self._constant_speeds:
                 speed: Any = kernel.real(f"speed {d}")
-                drives.append((kernel.real(f"start {d}") + (speed if pace is None else speed / pace) * time, speed, 0.0))
+                drives.append(
+                    (kernel.real(f"start {d}") + (speed if speed_factor is None else speed / speed_factor) * time, speed, 0.0)
+                )
                 continue
             still = [isinstance(x, float) and x == 0.0 for x in known]
             q, v, a = (0.0 if s else kernel.real_of_frame(f"drive {d} {k}") for k, s in enumerate(still))
-            drives.append((q, v, a) if pace is None else (q, v * pace, a * pace**2))
+            drives.append((q, v, a) if speed_factor is None else (q, v * speed_factor, a * speed_factor**2))
         delta: list[Any] = [1 + 0j] * len(model.angles.class_drives)
         for s, terms in enumerate(model.angles.class_drives):
-            if any(d in self._own for d, _ in terms):
+            if any(d in self._constant_speeds for d, _ in terms):
                 delta[s] = rotation(sum((sign * drives[d][0] for d, sign in terms), 0.0))
             elif terms:
                 delta[s] = kernel.plane_of_frame(f"delta {s}")
         modes: list[Any] = [Symbol(kernel.code, float(mode), 0.0) for mode in self._compiled.assembly.modes]
         state = placed_state(model, drives, delta, constants=self._compiled.assembly.constants, modes=modes)
-        angles = _Followed(self._compiled, model, kernel, state, self._own)
+        angles = _Followed(self._compiled, model, kernel, state, self._constant_speeds)
         motion = Motion(model, time, drives, state, angles, accuracy=self._compiled.accuracy)
         vars(motion).update(drives=drives, shape=(), peak=self._peak)
         return motion
@@ -183,9 +188,11 @@ class DesignProgram:
         given: dict[str, Any] = {f"drive {d} {k}": x for d, known in enumerate(values) for k, x in enumerate(known)}
         given |= {f"start {d}": q[0] for d, (q, _, _) in enumerate(values)}
         given |= {
-            f"{what} {d}": x[:, 0] for d, both in driven.own.items() for what, x in zip(("start", "speed"), both, strict=True)
+            f"{what} {d}": x[:, 0]
+            for d, both in driven.constant_speeds.items()
+            for what, x in zip(("start", "speed"), both, strict=True)
         }
-        given |= {} if driven.pace is None else {"pace": driven.pace[:, 0]}
+        given |= {} if driven.speed_factor is None else {"speed factor": driven.speed_factor[:, 0]}
         given |= {f"delta {s}": x for s, x in enumerate(state.delta)}
         given |= {"time": time, "first": np.arange(len(time)) == 0}
         given |= {f"function {k}": function(time) for k, function in enumerate(self._kernel.code.of_time)}
@@ -223,12 +230,12 @@ def design_program(
     if compiled.executor == "numpy":
         return "as asked for"
     frames, auto = count * len(time), compiled.executor == "auto"
-    rubs = "friction" in compiled.mechanism.effects and bool(braked(compiled.mechanism.joints))
+    rubs = "friction" in compiled.mechanism.effects and bool(joints_with_friction(compiled.mechanism.joints))
     some, many = (FRAMES_TO_COMPILE_FRICTION, FRAMES_TO_COMPILE_FRICTION) if rubs else (FRAMES_TO_LOAD, FRAMES_TO_COMPILE)
     few = f"{frames:,} frames of all designs were planned; compiling pays from about {many:,} on"
     if auto and frames < some:
         return few
-    known = compiled.once(_known)
+    known = compiled.cached(_known)
     key = collect, *(tuple(k) if isinstance(k, Sequence) else k for k in keys)
     if key not in known:
         try:
@@ -267,8 +274,8 @@ def _operands(value: object) -> tuple[list[Any], int | None]:
 class _Followed(GivenLinkAngles):
     """Unwrapped angles of links as symbols: each design carries them from one time to the next."""
 
-    def __init__(self, compiled: Compiled, model: Model, kernel: Kernel, state: State, own: Collection[int]):
-        self._kernel, self._state, self._own = kernel, state, own
+    def __init__(self, compiled: Compiled, model: Model, kernel: Kernel, state: State, constant_speeds: Collection[int]):
+        self._kernel, self._state, self._constant_speeds = kernel, state, constant_speeds
         self.steps: list[Any] = []  # by which angles changed from the time before
         self._groups: dict[int, tuple[Any, Any]] = {}
         start = replace(compiled.angles.start, angles=_Starts(self))
@@ -284,7 +291,7 @@ class _Followed(GivenLinkAngles):
         now, start = self._of_group(turning.class_group[rotation_class])
         for d, sign in turning.class_drives[rotation_class]:
             now = now + sign * self._state.drives[d]
-            of = self._kernel.real if d in self._own else self._kernel.real_of_frame
+            of = self._kernel.real if d in self._constant_speeds else self._kernel.real_of_frame
             start = start + sign * of(f"start {d}")
         return now + offset, start + offset
 

@@ -122,7 +122,7 @@ def _cubic(u: Real, v0: Real, d0: Real, v1: Real, d1: Real) -> Real:
     return np.asarray(w * w * ((1.0 + 2.0 * u) * v0 + u * d0) + u * u * ((1.0 + 2.0 * w) * v1 - w * d1))
 
 
-def _at(motion: Motion, rows: Real, t: float) -> float:
+def _coordinate_at(motion: Motion, rows: Real, t: float) -> float:
     """Estimate of a coordinate between frames by Taylor's formula from the nearest frame's value, speed and acceleration (F, 3)."""
     k = int(np.argmin(np.abs(motion.time - t)))
     d = t - motion.time[k]
@@ -145,8 +145,8 @@ def at_drive(motion: Motion, t: float) -> str:
     """The positions of the drives at a time, as text."""
     places = []
     for d in motion.mechanism.drives:
-        by_laws = motion.again is not None  # by the laws, which are exact between frames too
-        value = float(d.law(t)[0]) if by_laws else _at(motion, motion.coordinate(d.joint), t)
+        by_laws = motion.at_times is not None  # by the laws, which are exact between frames too
+        value = float(d.law(t)[0]) if by_laws else _coordinate_at(motion, motion.coordinate(d.joint), t)
         places.append(f"drive {d.joint} at {_words(motion, d.joint, value)}")
     return ", ".join(places)
 
@@ -168,7 +168,7 @@ def limit_positions(motion: Motion) -> Iterator[tuple[str, Real, Real]]:
         if joint.name in driven or motion.mechanism.frame not in joint.links:
             continue
         rows = motion.coordinate(joint.name)
-        if not np.isfinite(rows).all() or np.abs(rows[:, 1]).max(initial=0.0) <= _still(motion, joint.name, rows):
+        if not np.isfinite(rows).all() or np.abs(rows[:, 1]).max(initial=0.0) <= _rest_speed(motion, joint.name, rows):
             continue
         places = turning_places(motion.time, rows[:, 1], rows[:, 2], end=going)
         turned = np.abs(reversals - places[:, 1:2]) < near
@@ -178,16 +178,16 @@ def limit_positions(motion: Motion) -> Iterator[tuple[str, Real, Real]]:
     every = np.concatenate([np.zeros((0, 3)), *places_of.values()])
     owner = np.repeat(np.arange(len(places_of)), [len(places) for places in places_of.values()])
     times, values = every[:, 1], np.zeros(len(every))
-    if motion.again is not None and len(every) and len(every) * len(motion.model.links) <= MOST_SOLVED:
+    if motion.at_times is not None and len(every) and len(every) * len(motion.model.links) <= MOST_SOLVED:
         times = zeros(motion, partial(_coordinates, list(places_of), slice(1, 3)), every, owner)
         order = np.argsort(times, kind="stable")
-        values[order] = _coordinates(list(places_of), 0, motion.again(times[order]))[np.arange(len(order)), owner[order]]
+        values[order] = _coordinates(list(places_of), 0, motion.at_times(times[order]))[np.arange(len(order)), owner[order]]
     else:
         for k, name in enumerate(places_of):
             rows = motion.coordinate(name)
             own = times[owner == k]
-            if motion.again is None:
-                values[owner == k] = [_at(motion, rows, float(t)) for t in own]
+            if motion.at_times is None:
+                values[owner == k] = [_coordinate_at(motion, rows, float(t)) for t in own]
             else:
                 values[owner == k] = between(motion.time, rows[:, 0], own, 5, rows[:, 1], rows[:, 2])
     for k, name in enumerate(places_of):
@@ -219,7 +219,7 @@ def _limits(motion: Motion) -> Iterator[Event]:
             yield Event(float(times[k]), "INFO", joint, _placed(words, motion, float(times[k])), float(values[k]))
 
 
-def _still(motion: Motion, joint: str, rows: Real) -> float:
+def _rest_speed(motion: Motion, joint: str, rows: Real) -> float:
     """The speed below which a coordinate (F, 3) counts as at rest: it moves by no more than ``REST`` of its scale over the run."""
     least = 1.0 if motion.model.rotary(joint) else motion.model.length_scale
     scale = max(least, float(np.abs(rows[:, 0]).max(initial=0.0)))
@@ -233,7 +233,7 @@ def _drive_events(motion: Motion) -> Iterator[Event]:
         rows = motion.coordinate(drive.joint)
         q = rows[:, 0]
         for t in turning_points(motion.time, rows[:, 1], rows[:, 2]):
-            where = _words(motion, drive.joint, _at(motion, rows, float(t)))
+            where = _words(motion, drive.joint, _coordinate_at(motion, rows, float(t)))
             yield Event(float(t), "INFO", drive.joint, f"drive reverses at {where}")
         followed = np.array_equal(drive.law(motion.time)[0], rows[:, 0])  # else the motion has other drive values than the law's
         most = float(np.abs(rows[:, 1]).max(initial=0.0))
@@ -264,8 +264,10 @@ def _drive_events(motion: Motion) -> Iterator[Event]:
                 continue
             what = shock(float(t))
             between = not len(breaks) or np.all(np.abs(np.mod(t, drive.law.duration) - breaks) > 1e-9 * drive.law.duration)
-            told = between or np.any(np.abs(edges - t) <= step * (1.0 + 1e-9))  # as a start or a stop, or just the end of a cycle
-            if what or not told:
+            reported_elsewhere = between or np.any(
+                np.abs(edges - t) <= step * (1.0 + 1e-9)
+            )  # as a start or a stop, or just the end of a cycle
+            if what or not reported_elsewhere:
                 where = _words(motion, drive.joint, float(drive.law(t)[0]))
                 words = f"zone boundary of the drive's law at {where}" + (f": {what}" if what else "")
                 yield Event(float(t), "WARN" if what == JUMPS[0] else "INFO", drive.joint, words)
@@ -305,18 +307,18 @@ def _changes(motion: Motion) -> Iterator[Event]:
 
 def _extremes(motion: Motion) -> Iterator[Event]:
     """Extremes of the metrics that the mechanism requests, between frames too."""
-    asked = motion.mechanism.metrics
-    if "transmission_angle" in asked:
+    requested = motion.mechanism.metrics
+    if "transmission_angle" in requested:
         for joint in transmission_angles(motion):
             t, flat = largest_maximum(motion, partial(_squared_cosine, joint))
             if np.isfinite(t):
-                angle = float(_there(motion, partial(_transmission_angle, joint), t))
+                angle = float(_value_at(motion, partial(_transmission_angle, joint), t))
                 level: Literal["INFO", "WARN"] = "WARN" if flat > np.cos(np.radians(POOR_TRANSMISSION)) ** 2 else "INFO"
                 text = _placed(f"worst transmission angle of the run, {as_angle(angle, 4)}", motion, t)
                 yield Event(t, level, joint, text, angle)
-    if "velocity_ratio" in asked or "mechanical_advantage" in asked:
-        yield from _ratios(motion, asked)
-    if "curvature" in asked:
+    if "velocity_ratio" in requested or "mechanical_advantage" in requested:
+        yield from _ratios(motion, requested)
+    if "curvature" in requested:
         for link, point in motion.mechanism.traced:
             t, value = largest_maximum(motion, partial(_curvature, link, point))
             if np.isfinite(t) and value > 0.0:
@@ -324,7 +326,7 @@ def _extremes(motion: Motion) -> Iterator[Event]:
                 yield Event(t, "INFO", f"{link}.{point}", text, value)
 
 
-def _ratios(motion: Motion, asked: Sequence[str]) -> Iterator[Event]:
+def _ratios(motion: Motion, requested: Sequence[str]) -> Iterator[Event]:
     """Extremes of velocity ratios, and of mechanical advantages, the reciprocals of the ratios of joints at the frame link."""
     first = motion.mechanism.drives[0].joint
     at_frame = {c.name for c in motion.model.connections if motion.mechanism.frame in c.links and c.name != first}
@@ -340,11 +342,11 @@ def _ratios(motion: Motion, asked: Sequence[str]) -> Iterator[Event]:
             words = "velocity ratio without bound at the drive's dead point"
         else:
             t, _ = largest_maximum(motion, partial(_squared_ratio, joint))
-            value = float(_there(motion, partial(_ratio, joint), t))
+            value = float(_value_at(motion, partial(_ratio, joint), t))
             words = f"largest velocity ratio of the run, {value:.5g}"
-        if "velocity_ratio" in asked:
+        if "velocity_ratio" in requested:
             yield Event(t, "INFO", joint, _placed(words, motion, t), value)
-        if "mechanical_advantage" in asked and joint in at_frame:
+        if "mechanical_advantage" in requested and joint in at_frame:
             least = 0.0 if np.isinf(value) else 1.0 / abs(value)
             words = f"smallest mechanical advantage of the run, {least:.5g}"
             yield Event(t, "INFO", joint, _placed(words, motion, t), least)
@@ -354,11 +356,11 @@ def _ratios(motion: Motion, asked: Sequence[str]) -> Iterator[Event]:
 def _unbounded(motion: Motion, joint: str, dead: float, step: float) -> bool:
     """Whether the velocity ratio of a joint grows beyond bounds at a time [s] at which the drive is in a dead point: there it is
     inversely proportional to the time from it. Joints that another group moves have a ratio."""
-    if motion.again is None:
+    if motion.at_times is None:
         return True
     off = step * np.array([0.1, 0.001])
     before = dead - step >= motion.time[0]
-    ratio = np.abs(_ratio(joint, motion.again(dead - off if before else dead + off[::-1])))
+    ratio = np.abs(_ratio(joint, motion.at_times(dead - off if before else dead + off[::-1])))
     far, near = ratio if before else ratio[::-1]
     return bool(near >= GROWTH * far)
 
@@ -376,8 +378,8 @@ def _toggles(motion: Motion, joint: str) -> Iterator[Event]:
     with np.errstate(invalid="ignore"):
         bounded, slope = (np.nan_to_num(x) for x in (ratio * part / usual, rate * part**2 / usual))
     times = zeros(motion, rows, turning_places(motion.time, bounded, slope, end=True))
-    if motion.again is not None and len(times):
-        times = times[np.abs(rows(motion.again(times))[:, 0]) <= TOGGLE * usual]
+    if motion.at_times is not None and len(times):
+        times = times[np.abs(rows(motion.at_times(times))[:, 0]) <= TOGGLE * usual]
     for t in times:
         text = _placed("mechanical advantage without bound (toggle)", motion, float(t))
         yield Event(float(t), "INFO", joint, text, np.inf)
@@ -405,11 +407,11 @@ def _curvature(link: str, point: str, m: Motion) -> Real:
     return np.asarray(np.abs(curvature(m, link, point)))
 
 
-def _there(motion: Motion, quantity: Callable[[Motion], Real], t: float) -> float:
+def _value_at(motion: Motion, quantity: Callable[[Motion], Real], t: float) -> float:
     """A quantity at one time."""
-    if motion.again is None:
+    if motion.at_times is None:
         return float(quantity(motion)[int(np.argmin(np.abs(motion.time - t)))])
-    return float(quantity(motion.again(np.array([t])))[0])
+    return float(quantity(motion.at_times(np.array([t])))[0])
 
 
 def _indeterminate(motion: Motion) -> Iterator[Event]:

@@ -313,7 +313,7 @@ def largest_maximum(motion: Motion, metric: Metric) -> tuple[float, float]:
     if not np.isfinite(values).any():
         return np.nan, np.nan
     highest = _first_highest(motion.time, values)
-    if motion.again is None or motion.frames < 3 or np.nanmin(values) >= highest[1] - EQUAL * abs(highest[1]):
+    if motion.at_times is None or motion.frames < 3 or np.nanmin(values) >= highest[1] - EQUAL * abs(highest[1]):
         return highest
     filled = np.where(np.isfinite(values), values, -np.inf)
     around = np.concatenate([[-np.inf], filled, [-np.inf]])
@@ -354,10 +354,10 @@ def _highest(values: Real) -> float:
 
 def _again(motion: Motion, metric: Metric, times: Real) -> Real:
     """A quantity at other times (...) [s], in any order; values of several parts have these as their last axes."""
-    assert motion.again is not None
+    assert motion.at_times is not None
     flat = np.ravel(times)
     order = np.argsort(flat, kind="stable")
-    values = metric(motion.again(flat[order]))
+    values = metric(motion.at_times(flat[order]))
     out = np.empty(values.shape)
     out[order] = values
     return out.reshape((*np.shape(times), *values.shape[1:]))
@@ -372,7 +372,7 @@ def zeros(motion: Motion, rows: Metric, places: Real, which: Index | None = None
     again.
     """
     low, at, high = np.array(places, float).reshape(-1, 3).T
-    if motion.again is None or not len(at) or motion.frames < 2:
+    if motion.at_times is None or not len(at) or motion.frames < 2:
         return at
     tolerance = motion.accuracy.event * float(np.max(np.diff(motion.time)))
 

@@ -20,7 +20,7 @@ from mechcore.kinematics.model import Model
 from mechcore.kinematics.program import VectorSum
 from mechcore.kinematics.rates import Rates, accelerations, velocities
 from mechcore.kinematics.state import Interpolant, State, value
-from mechcore.numerics.frames import PLAIN, added, lazy, less, nothing, plane_rows, stacked
+from mechcore.numerics.frames import PLAIN, added, is_zero, lazy, plane_rows, stacked, subtracted
 from mechcore.numerics.interpolation import differentiate
 from mechcore.spec.mechanism import Mechanism
 from mechcore.topology.graph import FRAME
@@ -48,7 +48,7 @@ class Motion:
         angles: LinkAngles,
         interpolants: Mapping[int, Sequence[Interpolant]] | None = None,
         singular_points: Sequence[SingularPoint] = (),
-        again: Callable[[Real], Motion] | None = None,
+        at_times: Callable[[Real], Motion] | None = None,
         accuracy: Accuracy = DEFAULT,
         by_c: tuple[MotionProgram, Callable[[], list[Plane]]] | None = None,
     ):
@@ -59,7 +59,7 @@ class Motion:
         self.angles = angles  # of the links, continuous from the start pose
         self.states: dict[str, Real] = {}  # of effects with states, integrated over time in a motion under forces
         self.interpolants = interpolants
-        self.again = again  # times -> the same motion there, if it follows laws
+        self.at_times = at_times  # times -> the same motion there, if it follows laws
         self.accuracy = accuracy
         self._program = None if by_c is None else by_c[0]  # compiled, in place of numpy
         self._placed_origins = None if by_c is None else by_c[1]
@@ -271,7 +271,7 @@ class Motion:
                 rotation = self.state.rot[self.model.angles.rotation_class[k]]
                 vector = self._offsets[k, local] = (local * self.model.turn[k]) * rotation if local else 0j
             return vector
-        if nothing(local):
+        if is_zero(local):
             return 0j
         return (local * self.model.turn[k]) * self.turned(derivative)[self.model.angles.rotation_class[k]]
 
@@ -319,7 +319,7 @@ class Motion:
         for link in reversed(chain):
             p, j = tree.parent[link], tree.joint[link]
             side = 1 if ends[j][1] == link else 0
-            place = less(added(place, self.arm(p, j, 1 - side, derivative)), self.arm(link, j, side, derivative))
+            place = subtracted(added(place, self.arm(p, j, 1 - side, derivative)), self.arm(link, j, side, derivative))
             known[link, derivative] = place
         return place
 
@@ -345,16 +345,16 @@ class Motion:
 
     def summed(self, total: VectorSum, derivative: int) -> Plane:
         """The value of a sum of vectors in world axes, or its first or second derivative; if an array, a new one."""
-        still, arms, slides = total
+        constant, arms, slides = total
         turned = self.turned(derivative)
         if len(arms) == 1 and not slides:
             ((s, a),) = arms
-            return a * turned[s] if derivative else added(a * turned[s], still)
+            return a * turned[s] if derivative else added(a * turned[s], constant)
         terms = [a * turned[s] for s, a in arms]
         if slides:
             terms += [d * self.slid(j, derivative) for j, _, d in slides]
         moving = reduce(add, terms) if terms else 0j
-        return moving if derivative else added(moving, still)
+        return moving if derivative else added(moving, constant)
 
     def joint_point(self, j: int, derivative: int = 0) -> Plane:
         """Position of a joint, or its derivative: of its point on the link that does not carry the guide."""

@@ -24,7 +24,7 @@ from mechcore.kinematics.model import Model
 from mechcore.kinematics.positions import dead_point_margin, equations, group_closure_error, loop_terms, place_all, place_block
 from mechcore.kinematics.program import Block
 from mechcore.kinematics.state import State, initial_state
-from mechcore.motion.compiled import Compiled, follow
+from mechcore.motion.compiled import Compiled, motion_or_nan
 from mechcore.motion.metrics import largest_maximum
 from mechcore.motion.motion import Motion
 from mechcore.numerics.newton import Residual, least_squares
@@ -57,7 +57,7 @@ def _ranges(compiled: Compiled) -> list[tuple[float, float]]:
     q0 = compiled.start[0]
     rotary = model.joints[model.joint_index[model.mechanism.drives[0].joint]].coordinate == "angle"
     half = 0.5 * TURN if rotary else 5.0 * model.length_scale
-    if compiled.followed:
+    if compiled.needs_path:
         full = half * (2.0 if rotary else 1.0)
         branch = branch_by_drive(model, compiled.assembly, compiled.start[1:])
         path = branch_path(branch, q0, q0 - full, q0 + full, float(largest_steps(model)[0]))
@@ -75,7 +75,7 @@ def _ranges(compiled: Compiled) -> list[tuple[float, float]]:
         given = {d.joint: (np.full_like(q, s), np.zeros_like(q), np.zeros_like(q)) for d, s in zip(
             model.mechanism.drives, compiled.start, strict=True)}  # fmt: skip
         given[model.mechanism.drives[0].joint] = (q, np.ones_like(q), np.zeros_like(q))
-        return follow(compiled, np.zeros(len(q)), given)
+        return motion_or_nan(compiled, np.zeros(len(q)), given)
 
     def assembled(q: Real) -> Flags:
         motion = solved(q)
@@ -108,20 +108,22 @@ def _ranges(compiled: Compiled) -> list[tuple[float, float]]:
         if inside:
             out.append((float(a), float(b)))
         inside = not inside
-    if rotary and not compiled.followed and len(out) > 1 and out[0][0] == low and out[-1][1] == high:  # both meet half a turn away
+    if (
+        rotary and not compiled.needs_path and len(out) > 1 and out[0][0] == low and out[-1][1] == high
+    ):  # both meet half a turn away
         (_, end), (begin, _) = out[0], out.pop()
         out[0] = (begin, end + TURN) if begin <= q0 else (begin - TURN, end)
     return sorted(out, key=lambda r: not r[0] <= q0 <= r[1])
 
 
-def range_beside(compiled: Compiled, time: Real) -> tuple[float, float] | None:
+def nearest_range(compiled: Compiled, time: Real) -> tuple[float, float] | None:
     """The range of the first drive's position [rad or m] about its start in which every group can be assembled at all positions
     that the laws of the other drives give from the first of ``time`` to the last.
 
     None if there is none, or if groups must be followed.
     """
     model = compiled.model
-    if compiled.followed:
+    if compiled.needs_path:
         return None
     first, *others = model.mechanism.drives
     rotary, q0 = model.rotary(first.joint), compiled.start[0]

@@ -26,10 +26,10 @@ from mechcore.kinematics.model import Model
 from mechcore.kinematics.program import Block
 from mechcore.kinematics.state import relation_sum
 from mechcore.laws.timed import ConstantSpeed, moves
-from mechcore.motion.compiled import Compiled, drive_values, follow, place
+from mechcore.motion.compiled import Compiled, drive_values, motion_or_nan, place
 from mechcore.motion.events import at_drive, runs
 from mechcore.motion.motion import Motion
-from mechcore.motion.reach import SlotOverrun, greatest_closure_error, range_beside, reachable_ranges, slot_overruns
+from mechcore.motion.reach import SlotOverrun, greatest_closure_error, nearest_range, reachable_ranges, slot_overruns
 from mechcore.motion.structure import gruebler, rank_mobility
 from mechcore.numerics.frames import keep_freed_memory
 from mechcore.spec.mechanism import Mechanism, PinSlot, Prismatic
@@ -132,7 +132,7 @@ def solve_motion(
     frames are NaN.
     """
     if not strict:
-        return follow(compiled, time, drives)
+        return motion_or_nan(compiled, time, drives)
     model, given = compiled.model, drives is not None
     time = numbers(time)
     if not given and len(time):
@@ -183,7 +183,7 @@ def _check_statics(motion: Motion) -> None:
 
 def _check_direction(compiled: Compiled, positions: Sequence[Real]) -> None:
     """Raise `MechanismError` if a drive travels so far that following all change points and angles would take too long."""
-    near = compiled.near
+    near = compiled.travel_bound
     for q in positions:
         if not (-near < q.item(0) < near and -near < q.item(-1) < near):
             break
@@ -208,7 +208,7 @@ def _check_direction(compiled: Compiled, positions: Sequence[Real]) -> None:
 def _check_reachable(compiled: Compiled, singular_points: SingularPoints, time: Real) -> None:
     """Raise `MechanismError` if the mechanism cannot be assembled in an interval between the frames, however short."""
     for unreachable in singular_points.unreachable_within(float(np.min(time)), float(np.max(time))):
-        motion = follow(compiled, np.linspace(unreachable.start, unreachable.end, 101))
+        motion = motion_or_nan(compiled, np.linspace(unreachable.start, unreachable.end, 101))
         faults = _faults(compiled, motion, None, None, time)
         if faults:
             raise MechanismError(faults)
@@ -226,11 +226,11 @@ def _check_reachable_on(compiled: Compiled, path: BranchPath, time: Real, parame
             continue
         inside = np.linspace(start + shift, end + shift, 101)
         if path.by_time:
-            motion = follow(compiled, inside)
+            motion = motion_or_nan(compiled, inside)
         else:
             joint = compiled.mechanism.drives[0].joint
             given = {joint: (inside, np.ones_like(inside), np.zeros_like(inside))}
-            motion = follow(compiled, np.zeros(len(inside)), given)
+            motion = motion_or_nan(compiled, np.zeros(len(inside)), given)
         faults = _faults(compiled, motion, path, inside, time)
         if faults:
             raise MechanismError(faults)
@@ -258,8 +258,8 @@ def _faults(compiled: Compiled, motion: Motion, path: BranchPath | None, paramet
                 bad |= ~path.reached(parameter) & ~failed
             worst = greatest_closure_error(compiled.assembly, block, motion, bad) if bad.any() else 0.0
         if bad.any():
-            loose = path is not None and block.name in path.continuation.loose
-            faults.append(_out_of_reach(compiled, block, motion, bad, worst, time, loose=loose))
+            underdetermined = path is not None and block.name in path.continuation.underdetermined
+            faults.append(_out_of_reach(compiled, block, motion, bad, worst, time, underdetermined=underdetermined))
             failed |= bad
     return faults
 
@@ -287,9 +287,11 @@ def _placed(model: Model, block: Block, motion: Motion) -> Flags:
     return ok
 
 
-def _out_of_reach(compiled: Compiled, block: Block, motion: Motion, bad: Flags, error: float, time: Real, *, loose: bool) -> Fault:
+def _out_of_reach(
+    compiled: Compiled, block: Block, motion: Motion, bad: Flags, error: float, time: Real, *, underdetermined: bool
+) -> Fault:
     """The fault of a group that cannot be assembled at frames ``bad`` of a run over ``time``, with its largest closure error
-    ``error`` [m]; ``loose``: it has more than one degree of freedom where its path stopped."""
+    ``error`` [m]; ``underdetermined``: it has more than one degree of freedom where its path stopped."""
     model = compiled.model
     remedy = "Change the length of one of its links by more than that"
     reach = [] if block.redundant else _reach(compiled)
@@ -299,7 +301,7 @@ def _out_of_reach(compiled: Compiled, block: Block, motion: Motion, bad: Flags, 
         remedy = "Change the lengths of several of its links"
     elif error > CLOSURE_LIMIT * model.length_scale:
         words += f": its links miss each other by up to {as_length(error)}."
-    elif loose:
+    elif underdetermined:
         words += ": the group comes to a position with more than one freedom, from which the drive alone does not lead on."
     else:
         words += ": the group reaches a limit of its motion on this branch."
@@ -325,7 +327,7 @@ def _in_other_mode(compiled: Compiled, block: Block, time: Real) -> str:
     for other, remedy in other_modes(compiled.mechanism, beside=block.name):
         try:
             driven = compile_mechanism(other, compiled.accuracy)
-            motion = follow(driven, time)
+            motion = motion_or_nan(driven, time)
         except MechanismError:
             continue
         if all(_placed(driven.model, each, motion).all() for each in driven.model.blocks):
@@ -393,7 +395,7 @@ def _within_reach(compiled: Compiled, motion: Motion, bad: Flags, time: Real, re
     if len(drives) == 1:
         how = ', as range = "reachable" does' if isinstance(drives[0].law, ConstantSpeed) else ""
         return f", or keep the drive within [{shown(reach[0][0])}, {shown(reach[0][1])}]{how}" if reach else ""
-    within = range_beside(compiled, time)
+    within = nearest_range(compiled, time)
     if within is not None:
         return f", or keep drive {drives[0].joint} within [{shown(within[0])}, {shown(within[1])}] beside the others"
     end = float(motion.time[max(int(np.argmax(bad)) - 1, 0)])

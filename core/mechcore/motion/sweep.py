@@ -20,7 +20,7 @@ from mechcore.motion.compiled import Compiled
 from mechcore.motion.design_program import DesignProgram, DrivenDesigns, design_program
 from mechcore.motion.motion import Motion
 from mechcore.records import NumberPlace, dataclass, with_numbers
-from mechcore.spec.mechanism import braked
+from mechcore.spec.mechanism import joints_with_friction
 from mechcore.topology.graph import vector_loops
 
 CHUNK_OF_C = 2**21  # numbers that a program computes in one call
@@ -45,8 +45,8 @@ def sweep(
     collect: Callable[[Motion], Mapping[str, Real]],
     masses: Mapping[str, tuple[ArrayLike, ArrayLike, ArrayLike]] | None = None,
     loads: Mapping[NumberPlace, ArrayLike] | None = None,
-    of: int = 0,
-    pace: ArrayLike | None = None,
+    total: int = 0,
+    speed_factor: ArrayLike | None = None,
     drives: Mapping[str, tuple[ArrayLike, ArrayLike]] | None = None,
 ) -> Sweep:
     """Results of the motions of D variants of a mechanism at times (F,) [s].
@@ -54,14 +54,14 @@ def sweep(
     ``points``: (link, point) -> positions (D, 2) [m] in the link's frame, of points at which the link is joined. All else is as
     compiled, the assembly modes too. ``masses``: link -> mass (D,) [kg], centre of mass (D, 2) [m] and moment of inertia about it
     (D,) [kg m^2], of links whose masses vary as well. ``loads``: numbers (D,) that replace those of the mechanism's loads, by their
-    places in them (`numbers_in`). ``pace`` (D,): factor on the speed at which all drives run through their laws. The designs are
-    compared at the times of the compiled one divided by their pace; no force may depend on time. ``drives``: joint -> start
-    position and constant speed (D,) [rad, rad/s or m, m/s], independent of ``pace``, that replace a law of constant speed.
-    ``collect``: motion -> the values of interest by name, arrays (designs, F, ...).
+    places in them (`numbers_in`). ``speed_factor`` (D,): factor on the speed at which all drives run through their laws. The
+    designs are compared at the times of the compiled one divided by their speed factor; no force may depend on time. ``drives``:
+    joint -> start position and constant speed (D,) [rad, rad/s or m, m/s], independent of ``speed_factor``, that replace a law of
+    constant speed. ``collect``: motion -> the values of interest by name, arrays (designs, F, ...).
 
-    The executor of ``compiled`` computes the designs. ``of``: number of all designs of which these are a part, from which it judges
-    whether compiling pays. With C, ``collect`` gets a motion of symbols and may use only what these support (see `design_program`);
-    otherwise numpy computes the designs.
+    The executor of ``compiled`` computes the designs. ``total``: number of all designs of which these are a part, from which it
+    judges whether compiling pays. With C, ``collect`` gets a motion of symbols and may use only what these support (see
+    `design_program`); otherwise numpy computes the designs.
 
     Designs that cannot be assembled are NaN in the frames concerned and marked; they raise no error. With dry friction only C
     computes several designs together; where it finds no friction forces, as in jams, they are NaN. Raises `MechanismError` for
@@ -90,11 +90,11 @@ def sweep(
             Fault("sweep", "the points are given for different numbers of designs, or for none.", "Give as many of each.")
         )
     count = designs.pop()
-    paces = None if pace is None else np.asarray(pace, float)
+    speed_factors = None if speed_factor is None else np.asarray(speed_factor, float)
     own = {_constant(model, joint): (np.asarray(q, float), np.asarray(v, float)) for joint, (q, v) in (drives or {}).items()}
-    keys = tuple(varied), tuple(masses or ()), tuple(loads or ()), tuple(own), paces is not None
-    program = design_program(compiled, varied_model, keys, time, collect, max(of, count))
-    rubs = "friction" in model.mechanism.effects and bool(braked(model.mechanism.joints))
+    keys = tuple(varied), tuple(masses or ()), tuple(loads or ()), tuple(own), speed_factors is not None
+    program = design_program(compiled, varied_model, keys, time, collect, max(total, count))
+    rubs = "friction" in model.mechanism.effects and bool(joints_with_friction(model.mechanism.joints))
     if rubs and isinstance(program, str):
         why = f"numpy solves dry friction of one design at a time, and C none of these ({program})."
         raise MechanismError(Fault("sweep", why, "Loop over designs."))
@@ -108,7 +108,7 @@ def sweep(
         rows = slice(start, start + chunk)
         driven = DrivenDesigns(
             model.mechanism,
-            None if paces is None else paces[rows, None],
+            None if speed_factors is None else speed_factors[rows, None],
             {d: (q[rows, None], v[rows, None]) for d, (q, v) in own.items()},
         )
         if not isinstance(program, str):

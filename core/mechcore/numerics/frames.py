@@ -41,7 +41,7 @@ class lazy(Generic[Value]):
         return value
 
 
-def nothing(a: Plane | Values) -> bool:
+def is_zero(a: Plane | Values) -> bool:
     """Whether a term is a plain zero (not an array)."""
     return type(a) is not ndarray and bool(a == 0)
 
@@ -53,7 +53,7 @@ def added(a: Scalars, b: Scalars) -> Scalars:
     return a if type(b) is not ndarray and b == 0 else a + b
 
 
-def less(a: Scalars, b: Scalars) -> Scalars:
+def subtracted(a: Scalars, b: Scalars) -> Scalars:
     """a - b; plain zeros are skipped."""
     if type(b) is not ndarray and b == 0:
         return a

@@ -54,9 +54,9 @@ from mechcore.spec.mechanism import (
     Screw,
     SpatialBlank,
     Weld,
-    braked,
     coordinates_of,
     friction_of,
+    joints_with_friction,
 )
 from mechcore.spec.studies import POLYGONS, CrossSection, SectionStudy, ShakingStudy, Studies, SubstituteStudy, SystemStudy
 
@@ -119,7 +119,7 @@ __all__ = [
     "Vec2",
     "Viscous",
     "Weld",
-    "braked",
     "coordinates_of",
     "friction_of",
+    "joints_with_friction",
 ]

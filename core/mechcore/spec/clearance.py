@@ -36,7 +36,7 @@ class Clearance:
     start: tuple[float, float] = (0.0, 0.0)
 
 
-def made_names(joint: str) -> tuple[str, str]:
+def replacement_names(joint: str) -> tuple[str, str]:
     """Names of the two links, and of the two sliding joints, that replace a joint with clearance."""
     return f"{joint}.across", f"{joint}.journal"
 
@@ -68,7 +68,7 @@ def with_clearances(mechanism: Mechanism, clearances: Mapping[str, Clearance]) -
             made.append(joint)
             continue
         assert isinstance(joint, Revolute)
-        c, (across, journal) = clearances[joint.name], made_names(joint.name)
+        c, (across, journal) = clearances[joint.name], replacement_names(joint.name)
         bearing, shaft = joint.links
         links += [Link(name=across, points={"O": (0.0, 0.0)}), Link(name=journal, points={"O": (0.0, 0.0)})]
         made += [
@@ -97,20 +97,20 @@ def journals_of(mechanism: Mechanism) -> dict[str, JournalContact]:
     return {load.joint: load for load in mechanism.loads if type(load) is JournalContact}
 
 
-def made_joints(mechanism: Mechanism) -> frozenset[str]:
+def auxiliary_names(mechanism: Mechanism) -> frozenset[str]:
     """Names of the links and joints that model clearance or planar joints; they are neither drawn nor recorded."""
-    journals = [name for joint in journals_of(mechanism) for name in made_names(joint)]
+    journals = [name for joint in journals_of(mechanism) for name in replacement_names(joint)]
     return frozenset(journals).union(*(p.coordinates for p in mechanism.joints if isinstance(p, Planar)))
 
 
-def as_drawn(mechanism: Mechanism) -> Mechanism:
+def with_ideal_joints(mechanism: Mechanism) -> Mechanism:
     """The mechanism with ideal revolute joints instead of clearance, and without planar joints, which transmit nothing."""
     if any(isinstance(p, Planar) for p in mechanism.joints):
         mechanism = replace(mechanism, joints=tuple(p for p in mechanism.joints if not isinstance(p, Planar)))
     journals = journals_of(mechanism)
     if not journals:
         return mechanism
-    made = made_joints(mechanism)
+    made = auxiliary_names(mechanism)
     joints: list[Joint] = []
     for joint in mechanism.joints:
         if joint.name in journals:

@@ -385,7 +385,7 @@ def friction_of(joint: Joint) -> Friction | None:
     return f if f is not None and (f.lever if isinstance(joint, Rolling | Gear | Rack) else f.coefficient or f.brake) else None
 
 
-def braked(joints: Sequence[Joint]) -> tuple[str, ...]:
+def joints_with_friction(joints: Sequence[Joint]) -> tuple[str, ...]:
     """Names under which the friction of joints is reported, whether or not the effect is named: those of the joints, for a screw
     that of its thread."""
     return tuple(f"{p.name}.thread" if isinstance(p, Screw) else p.name for p in joints if friction_of(p) is not None)

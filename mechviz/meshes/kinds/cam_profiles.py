@@ -85,7 +85,7 @@ def _drawing(
     if placed.bed is not None:
         deep = -0.25 * float(np.ptp(z.real))
         z = np.concatenate([[complex(z[0].real, deep), complex(z[-1].real, deep)], z[::-1]])
-    on_link = (placed.own + placed.mount * z) / size
+    on_link = (placed.mount_origin + placed.mount * z) / size
     tip = point_of(parts.links[joint.links[1]], point)
     theta = placed.cam.law.start
     guide = placed.cam.follower.guide
@@ -105,7 +105,7 @@ def _drawing(
         placed=placed,
         size=size,
         profile=outline.largest(Polygon(np.column_stack([on_link.real, on_link.imag])).buffer(0.0)),
-        bore=(placed.own.real / size, placed.own.imag / size),
+        bore=(placed.mount_origin.real / size, placed.mount_origin.imag / size),
         tip=(tip.real / size, tip.imag / size),
         turn=complex(turn),
         theta=theta,
@@ -152,7 +152,7 @@ def find_inverse_cams(mechanism: Mechanism, parts: Builder, size: float) -> tupl
         low, high = placed.travel
         margin = 0.06 * (high - low)
         theta = np.linspace(low - margin, high + margin, _PROFILE_POINTS)
-        w = (placed.own + placed.mount * placed.cam.pitch(theta, 0)[0]) / size
+        w = (placed.mount_origin + placed.mount * placed.cam.pitch(theta, 0)[0]) / size
         radius = placed.cam.radius / size
         groove = LineString(np.column_stack([w.real, w.imag])).buffer(radius, quad_segs=64)
         out = [w[0] + 1.6 * radius * (w[0] - w[8]) / abs(w[0] - w[8]), w[-1] + 1.6 * radius * (w[-1] - w[-9]) / abs(w[-1] - w[-9])]

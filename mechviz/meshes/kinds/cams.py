@@ -115,14 +115,14 @@ def _outer_flank(cam: CamDrawing) -> Polygon:
     law = cam.placed.cam.law
     theta = law.start + law.length * np.arange(_PROFILE_POINTS) / _PROFILE_POINTS
     z = replace(cam.placed.cam, outer=True).at(theta).working
-    w = (cam.placed.own + cam.placed.mount * z) / cam.size
+    w = (cam.placed.mount_origin + cam.placed.mount * z) / cam.size
     return Polygon(np.column_stack([w.real, w.imag])).buffer(0.0)
 
 
 def _draw_bed(model: ScaledMechanism, draft: SolidsDraft, cam: CamDrawing, group: str) -> None:
     """Add the ground below a wedge, over its travel."""
     r, placed = model.proportions.half_width, cam.placed
-    back = [(complex(x, y) - placed.own / cam.size) / placed.mount for x, y in cam.profile.exterior.coords]
+    back = [(complex(x, y) - placed.mount_origin / cam.size) / placed.mount for x, y in cam.profile.exterior.coords]
     low, high, deep = min(z.real for z in back), max(z.real for z in back), min(z.imag for z in back)
     if model.frames:
         pose = model.poses[cam.cam]

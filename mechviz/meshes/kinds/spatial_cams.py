@@ -92,9 +92,10 @@ def find_spatial_cams(mechanism: Mechanism, parts: Builder, size: float) -> tupl
             loop_joint = next(j for j in parts.joints if j.name == joint.guide)
             first = loop_joint.links[0] == placed.carrier
             up = complex(1j * placed.axes * np.exp(1j * (-loop_joint.angle if first else loop_joint.angle)))
+        at = placed.mount_origin / size
         drawings.append(
             SpatialCamDrawing(
-                joint.name, joint.links[0], joint.links[1], placed, size, (placed.own.real / size, placed.own.imag / size),
+                joint.name, joint.links[0], joint.links[1], placed, size, (at.real, at.imag),
                 (tip.real / size, tip.imag / size), hinge, up,
             )
         )  # fmt: skip
@@ -168,9 +169,9 @@ def _space(drawing: SpatialCamDrawing, p: Real, height: float) -> Real:
     c, s = np.cos(angle), np.sin(angle)
     x, y, z = c * p[:, 0] - s * p[:, 1], s * p[:, 0] + c * p[:, 1], p[:, 2]
     if drawing.flat:
-        w, out = placed.own + placed.axes * (x + 1j * z), -y
+        w, out = placed.mount_origin + placed.axes * (x + 1j * z), -y
     else:
-        w, out = placed.own + placed.axes * (y + 1j * z), x
+        w, out = placed.mount_origin + placed.axes * (y + 1j * z), x
     return np.column_stack([w.real / drawing.size, w.imag / drawing.size, out / drawing.size + height])
 
 
@@ -183,7 +184,7 @@ def spatial_parts(model: ScaledMechanism, levels: Levels) -> tuple[list[Part], d
         parts += _cam_parts(model, drawing, height)
         parts += _rollers(model, levels, drawing, height)
         u = 1j * drawing.placed.axes
-        origin = (drawing.placed.own.real, drawing.placed.own.imag, height * drawing.size)
+        origin = (drawing.placed.mount_origin.real, drawing.placed.mount_origin.imag, height * drawing.size)
         spins[drawing.cam] = Spin(origin, (u.real, u.imag), drawing.placed.carrier)
     return parts, spins
 

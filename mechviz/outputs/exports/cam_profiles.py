@@ -56,7 +56,7 @@ def cam_outlines(run: Run) -> list[Outline]:
 
 
 def _into_link(cam: PlacedCam, z: Complex) -> Complex:
-    return 1e3 * (cam.own + cam.mount * z)
+    return 1e3 * (cam.mount_origin + cam.mount * z)
 
 
 def _profile(cam: PlacedCam) -> Outline:
@@ -81,7 +81,7 @@ def _profile(cam: PlacedCam) -> Outline:
         with np.errstate(divide="ignore", invalid="ignore"):
             radius = 1e3 * size**3 / np.imag(np.conj(d[1]) * d[2])
         runs.append((_into_link(cam, d[0]), cam.mount * d[1] / size, radius, angle))
-    return Outline(cam.name, contour.closed, tuple(runs), 1e3 * complex(cam.own), 1)
+    return Outline(cam.name, contour.closed, tuple(runs), 1e3 * complex(cam.mount_origin), 1)
 
 
 def _steps(piece: SmoothPiece) -> int:
@@ -108,7 +108,7 @@ def _far_flank(cam: PlacedCam) -> Outline:
         w = other.working_curve(inside, 1)
         size = np.abs(w[1])
         runs.append((_into_link(cam, w[0]), cam.mount * w[1] / size, 1e3 * other.at(inside).radius, theta))
-    return Outline(f"{cam.name} outer flank", True, tuple(runs), 1e3 * complex(cam.own), -1)
+    return Outline(f"{cam.name} outer flank", True, tuple(runs), 1e3 * complex(cam.mount_origin), -1)
 
 
 def _check(outline: Outline) -> None:

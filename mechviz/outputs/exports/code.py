@@ -22,7 +22,7 @@ from mechcore.forces.kinetostatics import solve_forces
 from mechcore.motion.compiled import Compiled
 from mechcore.motion.motion import Motion
 from mechcore.motion.solve import compile_mechanism
-from mechcore.spec.mechanism import braked
+from mechcore.spec.mechanism import joints_with_friction
 from mechviz.files import replacing
 from mechviz.quantities.items import joint_unit
 from mechviz.quantities.vectors import point_name
@@ -174,7 +174,7 @@ class _SymbolicResults:
         mechanism = self.compiled.mechanism
         if not (mechanism.effects or mechanism.loads):
             return None
-        if "friction" in mechanism.effects and braked(mechanism.joints):
+        if "friction" in mechanism.effects and joints_with_friction(mechanism.joints):
             return "dry friction depends on the reactions"
         timed = [effect.name for effect in effects_of(mechanism) if "time" in effect.needs]
         if timed:

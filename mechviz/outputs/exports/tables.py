@@ -64,12 +64,12 @@ def _solved(run: Run, times: Real) -> dict[tuple[str, ...], Real]:
     the positions there.
     """
     motion, forces = run.motion, run.forces
-    if motion.again is None or run.accuracy.interpolation == 0 or run.accuracy.differentiation != "exact":
+    if motion.at_times is None or run.accuracy.interpolation == 0 or run.accuracy.differentiation != "exact":
         return {}
     parts: dict[tuple[str, ...], list[Real]] = {}
     for some in np.array_split(times, max(-(-len(times) // ROWS_AT_ONCE), 1)):
-        there = motion.again(some)
-        pressing = None if forces is None else forces.again(some)
+        there = motion.at_times(some)
+        pressing = None if forces is None else forces.at_times(some)
         here = replace(run, motion=there, forces=pressing, studies=compute_studies(there, pressing))
         for path, table in here.numbers.tables.items():
             if path == ENERGY and pressing is not None and run.simulation is None:

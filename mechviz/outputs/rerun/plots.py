@@ -11,7 +11,7 @@ from mechcore.arrays import Real
 from mechcore.forces.friction.events import friction_lanes
 from mechcore.motion.events import Event
 from mechcore.records import dataclass
-from mechcore.spec.clearance import journals_of, made_joints
+from mechcore.spec.clearance import auxiliary_names, journals_of
 from mechcore.spec.mechanism import CamJoint
 from mechviz.outputs.rerun.entities import Static, Stream, Timelines, entity, packed_colors, scalar_rows
 from mechviz.quantities.events import LaneState, lanes_of
@@ -243,7 +243,7 @@ def _speeds(run: Run) -> list[SeriesGroup]:
     if run.simulation is None:
         return []
     speeds = []
-    prescribed = {d.joint for d in run.motion.mechanism.drives} | made_joints(run.scene.mechanism)
+    prescribed = {d.joint for d in run.motion.mechanism.drives} | auxiliary_names(run.scene.mechanism)
     joints = [d.joint for d in run.scene.mechanism.drives if d.joint not in prescribed]
     for unit, path in (("rad", "angular speed"), ("m", "speed")):
         some = [p for p in joints if joint_unit(run.motion, p) == unit]

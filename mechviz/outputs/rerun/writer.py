@@ -19,7 +19,7 @@ from mechcore.effects.plan import OUTPUTS, StageKind, make_plan
 from mechcore.motion.events import Event
 from mechcore.numerics.frames import give_back_memory
 from mechcore.records import dataclass
-from mechcore.spec.clearance import made_joints
+from mechcore.spec.clearance import auxiliary_names
 from mechviz.outputs.drawings import diagram_views, find_diagrams
 from mechviz.outputs.rerun.blueprint import BACKGROUND_COLOR, make_blueprint, spans_of_plots
 from mechviz.outputs.rerun.blueprint import picture as mechanism_view
@@ -329,7 +329,7 @@ def _blueprint(scene: Scene, room: Real) -> Any:
     """A blueprint of the mechanism, and of free coordinates and energies over time, which follows the newest frame."""
     import rerun.blueprint as rrb
 
-    made = made_joints(scene.mechanism)
+    made = auxiliary_names(scene.mechanism)
     free = [d.joint for d in scene.mechanism.drives if d.joint not in made]
     plots = [rrb.TimeSeriesView(name=joint, origin="/", contents=[f"+ /data/joints/{joint}/motion"]) for joint in free[:3]]
     if make_plan(scene.mechanism, set(OUTPUTS)).has(StageKind.FORCES):

@@ -22,7 +22,7 @@ from mechcore.laws.timed import Free
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
 from mechcore.records import dataclass
 from mechcore.reduction.bodies import RigidBody, area_of, combine
-from mechcore.spec.clearance import as_drawn
+from mechcore.spec.clearance import with_ideal_joints
 from mechcore.spec.mechanism import CamJoint, Mechanism
 from mechcore.texts import as_length
 from mechviz.scene.convert import Converter
@@ -337,7 +337,7 @@ def drawn_bodies(mechanism: Mechanism, document: SceneDocument) -> dict[str, Rig
         poses = None
     from mechviz.meshes.solids import drawn_outlines  # few scenes need meshes
 
-    drawn = drawn_outlines(as_drawn(mechanism), poses, links)
+    drawn = drawn_outlines(with_ideal_joints(mechanism), poses, links)
     return {name: combine(_body(p) for p in outlines) for name, outlines in drawn.items()}
 
 

@@ -17,7 +17,7 @@ from mechcore.errors import Fault, MechanismError
 from mechcore.kinematics.build import build_model
 from mechcore.laws.timed import ConstantSpeed, Free, Law, Oscillation, Rest, moves
 from mechcore.motion.compiled import Compiled
-from mechcore.motion.reach import range_beside, reachable_ranges
+from mechcore.motion.reach import nearest_range, reachable_ranges
 from mechcore.motion.solve import compile_mechanism
 from mechcore.records import dataclass
 from mechcore.spec.mechanism import Drive, Mechanism
@@ -131,7 +131,7 @@ def standstill(document: SceneDocument, laws: Iterable[Law], convert: Converter)
     laws state, 0 where none does."""
     laws = tuple(laws)
     if document.run.duration is None:
-        return max((law.lasts for law in laws if isinstance(law, Rest)), default=0.0)
+        return max((law.cycle for law in laws if isinstance(law, Rest)), default=0.0)
     if any(map(moves, laws)):
         remedy = "Leave it out: cycles says how long it goes on. Or let forces move a joint, free = ... instead of its drive."
         convert.note("run.duration", "nothing is free: the drive decides the motion.", remedy)
@@ -329,10 +329,10 @@ def _swing(mechanism: Mechanism, joint: str, cycle: float) -> Law:
     rotary, size = compiled.model.rotary(joint), compiled.model.length_scale
     path = f"joints.{joint}.drive.range"
     if cycle:
-        beside = range_beside(compiled, np.array([0.0, cycle]))
+        beside = nearest_range(compiled, np.array([0.0, cycle]))
         if beside is None:
             why = "at its start it cannot stand while the other drives run through their cycle" + (
-                ", as far as that is known: some groups of it have to be followed." if compiled.followed else "."
+                ", as far as that is known: some groups of it have to be followed." if compiled.needs_path else "."
             )
             raise MechanismError(Fault(path, why, "Let it start elsewhere, or give a range = [least, greatest]."))
         ranges = [beside]

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from mechcore.errors import Fault
-from mechcore.laws.course import early_ends, knocks
+from mechcore.laws.course import early_end_faults, velocity_jump_faults
 from mechcore.laws.program import CurveOverMaster, over_time
 from mechcore.laws.signals import SignalSpeed, Step
 from mechcore.laws.timed import ConstantSpeed, Law, Oscillation, Rest, TableLaw, moves, zones
@@ -144,7 +144,7 @@ def _signalled(
     if cycles > 1 and key != "sine":
         convert.note("run.cycles", f"{cycles} cycles of a {key}, which does not repeat.", f"Write cycles = 1, and {path}.duration.")
     if speed == 0.0:
-        return Rest(start, lasts=duration)
+        return Rest(start, cycle=duration)
     return SignalSpeed(start=start, speed=speed, signal=signal, duration=max(duration, run_duration or 0.0))
 
 
@@ -188,7 +188,7 @@ def _oscillation(drive: DriveDocument, coordinate: _Coordinate, drawn: float, cy
     if any(map(math.isnan, (frequency, centre, amplitude, phase))):
         return None
     if amplitude == 0.0:
-        return Rest(centre, lasts=1.0 / frequency)
+        return Rest(centre, cycle=1.0 / frequency)
     return Oscillation(centre=centre, amplitude=amplitude, frequency=frequency, phase=phase)
 
 
@@ -209,7 +209,7 @@ def _segments(drive: DriveDocument, coordinate: _Coordinate, drawn: float, cycle
             f"Write cycles = 1, or end {path} with the speed that it starts with.",
         )
     if is_at_rest(drive.segments, curve):
-        return Rest(float(right[0, 0]), lasts=sum(durations))
+        return Rest(float(right[0, 0]), cycle=sum(durations))
     return over_time(curve)
 
 
@@ -231,7 +231,7 @@ def _table(drive: DriveDocument, coordinate: _Coordinate, drawn: float, cycles: 
     if not increasing or len(times) != len(positions) or (given.periodic and len(times) < 4):
         return None
     if len(set(positions)) == 1:
-        return Rest(positions[0], lasts=times[-1] - times[0])
+        return Rest(positions[0], cycle=times[-1] - times[0])
     try:
         return TableLaw(t=times, q=positions, periodic=given.periodic)
     except ValueError:  # the spline's equations are singular
@@ -286,7 +286,7 @@ def _program(
     law = over_time(curve) if source is None else CurveOverMaster(curve=curve, master=master, phase=phase)
     if moves(master) and not is_at_rest(given.segments, curve):
         return law
-    return Rest(float(law(0.0)[0]), lasts=law.duration if moves(master) else 0.0)
+    return Rest(float(law(0.0)[0]), cycle=law.duration if moves(master) else 0.0)
 
 
 def _other(name: str, drives: Mapping[str, DriveDocument], convert: Converter, path: str) -> DriveDocument | None:
@@ -322,5 +322,5 @@ def laws_under_forces(laws: Mapping[str, Law], run_duration: float | None) -> It
         else:
             others[f"joints.{name}.drive"] = law
     if run_duration is not None:
-        yield from early_ends(others, run_duration)
-        yield from knocks(others, run_duration)
+        yield from early_end_faults(others, run_duration)
+        yield from velocity_jump_faults(others, run_duration)

@@ -26,7 +26,7 @@ from mechcore.motion.motion import Motion
 from mechcore.motion.solve import compile_mechanism, default_times
 from mechcore.motion.sweep import sweep
 from mechcore.records import dataclass, numbers_in
-from mechcore.spec.mechanism import Link, braked
+from mechcore.spec.mechanism import Link, joints_with_friction
 from mechviz.quantities.catalogue import Catalogue, Quantity
 from mechviz.scene.annotations import Place
 from mechviz.scene.assembly.links import of_shape
@@ -65,7 +65,7 @@ class DesignBatch:
     @property
     def has_friction(self) -> bool:
         """Whether there is dry friction, for which a C program may leave some designs to single runs."""
-        return "friction" in self.compiled.mechanism.effects and bool(braked(self.compiled.mechanism.joints))
+        return "friction" in self.compiled.mechanism.effects and bool(joints_with_friction(self.compiled.mechanism.joints))
 
     @cached_property
     def _constant(self) -> dict[str, ConstantSpeed]:

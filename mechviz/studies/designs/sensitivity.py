@@ -334,7 +334,7 @@ def _of_cam(exact: Derivatives, joint: str, what: str) -> Any:
         first = column("law 1", lambda cam, motion: cam.law(cam.rows(motion).angle)[1])
         second = column("law 2", lambda cam, motion: cam.law(cam.rows(motion).angle)[2])
         return np.stack([column("lift", lambda cam, motion: cam.rows(motion).lift), first, second], axis=-1)
-    pressed, pressing = exact.forces.pressed(joint), _pressing(exact, joint)[1]
+    pressed, pressing = exact.forces.normal_reaction(joint), _pressing(exact, joint)[1]
     force = np.hypot(pressed[:, 0], pressed[:, 1]) / _seen(exact, joint)
     if what == "normal":
         return np.stack([np.where(pressing < 0.0, -1.0, 1.0) * force], axis=-1)
@@ -352,14 +352,14 @@ def _of_cam(exact: Derivatives, joint: str, what: str) -> Any:
 def _seen(exact: Derivatives, joint: str) -> Any:
     """Ratio (F,) of the contact force's component in the plane of the mechanism to the contact force of a cam, on the tape."""
     return exact.contact_of(
-        joint, "seen", lambda cam, motion: cam.seen(motion) if isinstance(cam, PlacedSpatial) else np.ones(motion.frames)
+        joint, "seen", lambda cam, motion: cam.in_plane_share(motion) if isinstance(cam, PlacedSpatial) else np.ones(motion.frames)
     )
 
 
 def _pressing(exact: Derivatives, joint: str) -> tuple[AnyCam, Real]:
     """A cam, and the contact force along its normal (F,) [N], whose sign tells the flank that carries it."""
     (cam,) = (c for c in placed_cams(exact.nominal) if c.name == joint)
-    pressed = value_of(exact.forces.pressed(joint))
+    pressed = value_of(exact.forces.normal_reaction(joint))
     return cam, cam.pressing(exact.nominal, pressed[:, 0] + 1j * pressed[:, 1])
 
 
@@ -374,9 +374,9 @@ def _stress(exact: Derivatives, joint: str) -> Any:
         return np.array([stiff / (np.pi * rating.width), 4.0 / (np.pi * stiff * rating.width)])
 
     of_force, of_width = exact.beside(elastic, elastic(exact.nominal.model), ("rating", joint))
-    pressed, seen = exact.forces.pressed(joint), _seen(exact, joint)
+    pressed, seen = exact.forces.normal_reaction(joint), _seen(exact, joint)
     cam, side = _pressing(exact, joint)
-    loaded = side != 0.0 if cam.form else side > 0.0
+    loaded = side != 0.0 if cam.form_closed else side > 0.0
     bent = exact.contact_of(joint, "bent", lambda cam, motion: contact_curvature(motion, cam, side))
     force = np.hypot(pressed[:, 0] + ~loaded, pressed[:, 1]) / seen
     return np.stack([np.sqrt(force * bent * of_force) * loaded, np.sqrt(force / bent * of_width) * loaded], axis=-1)

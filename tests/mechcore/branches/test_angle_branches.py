@@ -121,7 +121,7 @@ def test_an_angle_is_one_function_of_time_however_it_is_asked_for():
     for joint, q in want.items():
         for at in (mixed, np.array([1080]), np.array([700, 3]), np.arange(0, 1081, 216)):
             assert solve_motion(compiled, dense[at]).coordinate(joint)[:, 0] == pytest.approx(q[at], abs=1e-9)
-            assert motion.again(dense[at]).coordinate(joint)[:, 0] == pytest.approx(q[at], abs=1e-9)
+            assert motion.at_times(dense[at]).coordinate(joint)[:, 0] == pytest.approx(q[at], abs=1e-9)
     given = {"A": (want["A"][mixed], np.ones(1081), np.zeros(1081))}
     apart = solve_motion(compiled, np.zeros(1081), drives=given)
     assert apart.coordinate("E")[:, 0] == pytest.approx(want["E"][mixed], abs=1e-9)

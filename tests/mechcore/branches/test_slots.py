@@ -78,7 +78,7 @@ def test_drives_of_mechanisms_that_are_followed_end_with_the_slot_too():
     text = text.replace("[joints]", "pinion = { points = { Z = [0, 0] } }\n[joints]")
     text += 'Z = { revolute = ["frame", "pinion"] }\nG = { gear = ["crank", "pinion"], teeth = [20, 20] }\n'
     compiled = compile_mechanism(mechviz.loads(text).mechanism)
-    assert compiled.followed
+    assert compiled.needs_path
     (low, high), *_ = reachable_ranges(compiled)
     limit = np.degrees(np.arccos((50.0**2 + 5000.0 - 3600.0) / (2.0 * 50.0 * 70.71067811865476)))
     assert np.degrees([low, high]) == pytest.approx([-limit, limit], abs=1e-6)

@@ -117,7 +117,7 @@ def test_a_roller_that_is_too_large_for_a_hollow_is_knocked():
     motion, forces = solved(text_of("cam-drawing"))
     leaps = [e for e in cam_events(motion, forces) if "leaps" in e.text]
     assert [e.level for e in leaps] == ["WARN", "WARN"] and all("a knock" in e.text for e in leaps)
-    again = motion.again
+    again = motion.at_times
     for e in leaps:  # the slider's velocity really steps there, by what the event says
         v = again(np.array([e.time - 1e-8, e.time + 1e-8])).coordinate("S")[:, 1]
         speed = motion.coordinate("O")[0, 1]
@@ -148,11 +148,11 @@ def test_what_the_cutter_leaves(tmp_path):
     run = run_scene(scene)
     (cam,) = placed_cams(run.motion)
     events = [e for e in cam_events(run.motion, run.forces) if e.text.startswith("undercut")]
-    assert len(events) == len(cam.lost) == 2
+    assert len(events) == len(cam.lost_ranges) == 2
     x = np.linspace(0.0, 2.0 * np.pi, 721)
     miss = cam.cam.law(x, 0)[0] - cam.intended.law(x, 0)[0]
     inside = np.zeros(x.size, bool)
-    for first, last in cam.lost:
+    for first, last in cam.lost_ranges:
         inside |= (x > first - 1e-6) & (x < last + 1e-6)
     assert np.abs(miss[~inside]).max() < 1e-11
     assert np.abs(miss).max() == pytest.approx(max(abs(e.value) for e in events), rel=1e-3)

@@ -66,7 +66,7 @@ def test_the_contact_is_where_the_turned_profile_is(name):
     rows = placed.rows(motion)
     contour = cam_contour(placed.cam)
     z = contour(np.linspace(0.0, contour.count, 20001))[0]
-    on_link = placed.own + placed.mount * z
+    on_link = placed.mount_origin + placed.mount * z
     k = motion.model.index["cam"]
     profile = motion.origins[k] + np.multiply.outer(np.broadcast_to(motion.rotation(k), (25,)), on_link).reshape(25, -1)
     assert np.abs(profile - rows.place[:, None]).min(axis=1).max() < 5e-5  # between two of the samples

@@ -149,7 +149,7 @@ def test_auto_compiles_for_many_designs_and_takes_what_is_kept_for_some(monkeypa
 
     def by_auto(of: int) -> DesignProgram | str:
         compiled = compile_mechanism(load("crank-rocker").mechanism, executor="auto")
-        return sweep(compiled, points, time, lambda motion: {"x": motion.point("coupler", "C")}, of=of).program
+        return sweep(compiled, points, time, lambda motion: {"x": motion.point("coupler", "C")}, total=of).program
 
     assert "compiling pays from about 3,000,000 on" in str(by_auto(10_000))
     assert isinstance(by_auto(30_000), DesignProgram)

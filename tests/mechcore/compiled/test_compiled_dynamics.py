@@ -199,7 +199,7 @@ def test_reduced_equations_are_the_same(made) -> None:
     laws = [d.law for d in compiled.mechanism.drives if isinstance(d.law, Free)]
     places = np.array([[float(law(0.0)[0]) for law in laws]]) + np.array([[0.0], [1e-3], [-2e-3]])
     rates, times = np.full(places.shape, 0.7), np.full(3, 0.1)
-    program = compiled.once(compiled_program)
+    program = compiled.cached(compiled_program)
     assert program is not None
     inertia, force = program.reduced(places, rates, times)
     wanted = reduce(compiled, places, rates, times)

@@ -55,7 +55,7 @@ def crank_rocker(coupler: float = 0.3) -> Mechanism:
 @pytest.mark.parametrize("name", SCENES)
 def test_scenes_move_alike(name: str) -> None:
     compiled = compile_mechanism(load(name).mechanism)
-    assert isinstance(compiled.model.once(written_motion), MotionProgram)
+    assert isinstance(compiled.model.cached(written_motion), MotionProgram)
     assert rounding(compiled, default_times(compiled.mechanism, 90)) < 1e-12
 
 
@@ -63,7 +63,7 @@ def test_scenes_move_alike(name: str) -> None:
 def test_random_mechanisms_move_alike(kind: str, seed: int) -> None:
     case = draw(kind, seed, travel=0.3, forces=False)
     compiled = compile_mechanism(case.mechanism)
-    assert isinstance(compiled.model.once(written_motion), MotionProgram)
+    assert isinstance(compiled.model.cached(written_motion), MotionProgram)
     assert rounding(compiled, case.time) < 1e-10
 
 
@@ -114,7 +114,7 @@ def test_what_cannot_be_assembled_is_missing_at_the_same_frames() -> None:
 
 
 def test_mechanisms_of_one_structure_share_a_program() -> None:
-    first, second = (compile_mechanism(crank_rocker(b)).model.once(written_motion) for b in (0.3, 0.31))
+    first, second = (compile_mechanism(crank_rocker(b)).model.cached(written_motion) for b in (0.3, 0.31))
     assert isinstance(first, MotionProgram) and isinstance(second, MotionProgram)
     assert first.source == second.source
 

@@ -72,7 +72,7 @@ def same(by_numpy: Simulation, by_c: Simulation, duration: float) -> None:
     assert [(e.kind, e.item, e.direction) for e in by_c.events] == [(e.kind, e.item, e.direction) for e in by_numpy.events]
     times = [[e.time for e in s.events] for s in (by_numpy, by_c)]
     np.testing.assert_allclose(times[1], times[0], atol=1e-8 * duration)
-    losses = [np.array([x for _, x in s.lost]) for s in (by_numpy, by_c)]
+    losses = [np.array([x for _, x in s.impact_losses]) for s in (by_numpy, by_c)]
     np.testing.assert_allclose(losses[1], losses[0], atol=1e-8 * losses[0].max(initial=0.0))
     t = np.linspace(0.0, duration, 301)
     for a, b in zip(by_numpy(t)[:2], by_c(t)[:2], strict=True):
@@ -119,7 +119,7 @@ def test_a_block_between_two_stops(friction: Friction | None, restitution: float
         EndStop(name=side, joint="S0", at=at, side=side, restitution=restitution) for side, at in (("upper", 0.1), ("lower", -0.02))
     ]  # type: ignore[arg-type]
     numpy, _ = both(m, 2.0, *stops)
-    assert len(numpy.lost) >= 4 and max(decided) > 4
+    assert len(numpy.impact_losses) >= 4 and max(decided) > 4
 
 
 def test_what_comes_to_rest_on_a_stop_is_left_to_numpy(decided: list[int]) -> None:
@@ -135,7 +135,7 @@ def test_a_stop_of_a_slide_that_is_not_free(decided: list[int]) -> None:
     scene = load("toggle-press-stop")
     assert scene.simulation is not None
     numpy, _ = both(scene.mechanism, 0.8, *scene.simulation.stops)
-    assert len(numpy.lost) >= 2 and max(decided) > 1
+    assert len(numpy.impact_losses) >= 2 and max(decided) > 1
 
 
 @pytest.mark.thorough

@@ -10,7 +10,7 @@ import pytest
 import mechviz
 from mechcore.dynamics.simulate import simulate
 from mechcore.errors import MechanismError
-from mechcore.laws.course import end_of, first_knock
+from mechcore.laws.course import end_time, first_velocity_jump
 from mechcore.laws.timed import ConstantSpeed, Law, Oscillation, Rest, TableLaw, zones
 
 CART = """
@@ -49,7 +49,7 @@ def law_of(drive: str) -> Law:
 )
 def test_a_drive_whose_speed_jumps_beside_a_free_joint_is_refused(drive: str, knock: float):
     """The impact on the pendulum was left out: of the energy up to nine tenths were missing. Up to the jump it balances."""
-    assert first_knock(law_of(drive), 10.0) == pytest.approx(knock, abs=1e-12)
+    assert first_velocity_jump(law_of(drive), 10.0) == pytest.approx(knock, abs=1e-12)
     short, longer = (CART.format(duration=t, cart=f"drive = {drive}", loads="") for t in (knock, 1.1 * knock))
     with pytest.raises(mechviz.SceneError, match=rf"joints.S.drive +its speed jumps at {knock:g} s"):
         mechviz.loads(longer)
@@ -77,13 +77,13 @@ def test_a_drive_whose_speed_jumps_beside_a_free_joint_is_refused(drive: str, kn
     ],
 )
 def test_laws_of_continuous_velocity_do_not_knock(law: Law):
-    assert first_knock(law, 10.0) is None
+    assert first_velocity_jump(law, 10.0) is None
 
 
 @pytest.mark.parametrize(("drive", "end"), [(TABLE, 1.0), (RANGE, 1.0), (RANGE.replace('"0.5', '"-0.5'), 1.0), (ZONES, math.inf)])
 def test_a_law_that_ends_before_the_run_is_refused(drive: str, end: float):
     """A polynomial went on beyond its table, a drive beyond its range; as the target of a servo likewise."""
-    assert end_of(law_of(drive)) == pytest.approx(end)
+    assert end_time(law_of(drive)) == pytest.approx(end)
     servo = f'loads = {{ s = {{ servo = "S", target = {drive}, proportional = "50 N/m" }} }}'
     led, driven = (CART.format(duration=0.9, cart=x, loads="") for x in ("free = {}", f"drive = {drive}"))
     for scene, path in ((servo + led, "loads.s.target"), (driven, "joints.S.drive")):

@@ -137,7 +137,7 @@ def test_the_impact_has_the_stated_restitution():
         assert before < 0 < after
         assert after == pytest.approx(-e * before, rel=1e-3)
         lost = next(
-            energy for t, energy in simulation.lost if t == h.time
+            energy for t, energy in simulation.impact_losses if t == h.time
         )  # the camshaft does not give way: only the follower's mass
         assert lost == pytest.approx(0.5 * MASS * (1 - e**2) * before**2, rel=2e-3)
 
@@ -267,7 +267,7 @@ def test_a_follower_flies_against_the_friction_in_its_guide():
     forces = simulation.forces(view)
     assert simulation.gap("K", view).min() > -1e-11 and contact_force(forces, placed_cams(view)[0]).min() > -1e-7
     way = np.abs(np.diff(simulation.view(np.linspace(0.0, simulation.duration, 20001)).coordinate("S")[:, 0])).sum()
-    impacts = sum(e for _, e in simulation.lost)
+    impacts = sum(e for _, e in simulation.impact_losses)
     assert energies[-1, 3] - impacts == pytest.approx(6.0 * way, rel=1e-4)  # a brake takes the same everywhere
     lanes = lanes_of(simulation)
     assert {"K", "S"} <= set(lanes) and {"flies", "touches"} <= {state for _, state in lanes["K"]}

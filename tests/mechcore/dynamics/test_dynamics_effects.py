@@ -205,7 +205,9 @@ def checked(text: str) -> Any:
     t = np.linspace(0.0, end, 41)
     works = work_integrals(powers, edges)(t)
     kinetic = simulation.kinetic_energy(t)
-    lost = np.array([sum(e for at, e in simulation.lost if at < x) - sum(e for at, e in simulation.pushed if at < x) for x in t])
+    lost = np.array(
+        [sum(e for at, e in simulation.impact_losses if at < x) - sum(e for at, e in simulation.impact_works if at < x) for x in t]
+    )
     size = max(np.abs(works).max(), np.ptp(kinetic))
     assert kinetic - kinetic[0] == pytest.approx(works.sum(axis=1) - lost, abs=1e-6 * size)
     for e, work in zip(wanted, works.T, strict=False):
@@ -298,9 +300,9 @@ def test_a_gas_spring_is_asked_only_where_the_motion_goes(stops):
     angle, rate, _ = motion.coordinate("O").T
     stored = -60.0 * 0.7 * np.log(1.0 - (0.6 - length) / 0.7)
     energy = 0.5 * (0.3 + 4.0 * 0.25) * rate**2 + 4.0 * 9.81 * 0.5 * np.sin(angle) + stored
-    lost = sum(e for _, e in lines.lost)
+    lost = sum(e for _, e in lines.impact_losses)
     assert bool(lost) == bool(stops)
-    struck = np.array([sum(e for at, e in lines.lost if at < x) for x in t])
+    struck = np.array([sum(e for at, e in lines.impact_losses if at < x) for x in t])
     np.testing.assert_allclose(energy + struck, energy[0], rtol=0, atol=1e-8 * np.abs(energy).max())
 
 
@@ -355,7 +357,7 @@ def test_what_is_in_proportion_to_speeds_is_tabulated():
     """The equations with the table are those of bodies and forces at the same states, and nothing is left to evaluate."""
     compiled = compile_mechanism(mechviz.loads(DAMPED).mechanism)
     curve, _ = curve_around(compiled, np.deg2rad(40.0), 1e-13)
-    assert isinstance(curve, CurveEquations) and not curve.rest and not curve.conservative
+    assert isinstance(curve, CurveEquations) and not curve.untabulated_effects and not curve.conservative
     rng = np.random.default_rng(3)
     q, v, t = rng.uniform(-9.0, 9.0, (40, 1)), rng.uniform(-20.0, 20.0, (40, 1)), np.zeros(40)
     exact = reduce(compiled, q, v, t).acceleration()

@@ -8,7 +8,7 @@ from dynamic_mechanisms import pendulum
 
 from mechcore.dynamics import simulation as simulation_module
 from mechcore.dynamics.integration.collocation import Window
-from mechcore.dynamics.integration.refinement import Known, refine
+from mechcore.dynamics.integration.refinement import KnownMotion, refine
 from mechcore.dynamics.integration.windows import Integrator, Solution
 from mechcore.dynamics.simulate import simulate
 from mechviz.accuracy.estimate import integration_error
@@ -47,7 +47,7 @@ def test_same_solution_from_any_start_that_is_near(stiff, wrong):
     first = Integrator(Counted(), tolerance=1e-7, stiff=stiff).run(*start, 0.0, 12.0)
     exact = Integrator(Counted(), tolerance=1e-13).run(*start, 0.0, 12.0)
     boundaries = np.array([*(w.start for w in first.windows), 12.0])
-    known = Known(boundaries, np.zeros(len(boundaries) - 1, bool), lambda t: first(t)[2] * (1.0 + wrong * np.cos(t))[:, None])
+    known = KnownMotion(boundaries, np.zeros(len(boundaries) - 1, bool), lambda t: first(t)[2] * (1.0 + wrong * np.cos(t))[:, None])
     system = Counted()
     refined = refine(Integrator(system, tolerance=1e-10, stiff=stiff), *start, 0.0, 12.0, known)
     t = np.linspace(0.0, 12.0, 301)
@@ -62,7 +62,7 @@ def test_windows_are_halved_until_the_series_ends():
     """Windows far too long for the equations become short ones, and only where that is needed."""
     start = np.array([2.0]), np.array([0.0])
     exact = Integrator(Counted(), tolerance=1e-13).run(*start, 0.0, 12.0)
-    known = Known(np.linspace(0.0, 12.0, 7), np.zeros(6, bool), lambda t: exact(t)[2])
+    known = KnownMotion(np.linspace(0.0, 12.0, 7), np.zeros(6, bool), lambda t: exact(t)[2])
     refined = refine(Integrator(Counted(), tolerance=1e-10), *start, 0.0, 12.0, known)
     lengths = [w.length for w in refined.windows]
     assert max(lengths) >= 2.0 * min(lengths)
@@ -74,7 +74,7 @@ def test_what_is_known_may_be_nonsense():
     start = np.array([2.0]), np.array([0.0])
     exact = Integrator(Counted(), tolerance=1e-13).run(*start, 0.0, 5.0)
     for acceleration in (lambda t: np.full((len(t), 1), np.nan), lambda t: 40.0 * np.sin(20.0 * t)[:, None]):
-        known = Known(np.linspace(0.0, 5.0, 9), np.zeros(8, bool), acceleration)
+        known = KnownMotion(np.linspace(0.0, 5.0, 9), np.zeros(8, bool), acceleration)
         refined = refine(Integrator(Counted(), tolerance=1e-11), *start, 0.0, 5.0, known)
         assert np.abs(refined(np.array([5.0]))[0] - exact(np.array([5.0]))[0]).max() < 1e-9
 
@@ -115,7 +115,7 @@ def test_windows_end_where_the_law_changes_in_the_new_motion():
     start = np.array([0.3]), np.array([0.0])
     first = Integrator(Bent(), tolerance=1e-3, nodes=3, breakpoints=break_time).run(*start, 0.0, 6.0)
     exact = Integrator(Bent(), tolerance=1e-13, breakpoints=break_time).run(*start, 0.0, 6.0)
-    known = Known(
+    known = KnownMotion(
         np.array([*(w.start for w in first.windows), 6.0]), np.array([w.cut for w in first.windows]), lambda t: first(t)[2]
     )
     assert known.cut.sum() > 5
@@ -161,7 +161,7 @@ def test_another_motion_helps_nothing_but_harms_nothing():
     here, there = (pendulum(inertia=0.02, mass=1.0, distance=0.1, angle=angle) for angle in (0.5, 2.0))
     like = simulate(there, 2.0, tolerance=1e-9, method="gauss")
     exact = simulate(here, 2.0, tolerance=1e-12, method="gauss")
-    simulation = simulate(here, 2.0, tolerance=1e-10, method="gauss", like=like)
+    simulation = simulate(here, 2.0, tolerance=1e-10, method="gauss", initial_guess=like)
     assert np.abs(simulation([2.0])[0] - exact([2.0])[0]).max() < 1e-9
 
 

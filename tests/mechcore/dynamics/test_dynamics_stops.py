@@ -122,7 +122,7 @@ def test_an_impact_throws_what_rests_on_another_stop_off_it_or_presses_it_on(sid
     assert (after[0] == 0.0) if stays else (after[0] > 0.1)
     inertia = reduce(compile_mechanism(m), np.array([at]), np.zeros((1, 2)), np.zeros(1)).inertia[0]
     mass = inertia[1, 1] if stays else 1.0 / np.linalg.inv(inertia)[1, 1]
-    assert run.lost[0][1] == pytest.approx(0.5 * mass * 2.0**2 * (1.0 - 0.4**2), rel=1e-9)
+    assert run.impact_losses[0][1] == pytest.approx(0.5 * mass * 2.0**2 * (1.0 - 0.4**2), rel=1e-9)
     assert [h.kind for h in run.events] == (["impact", "contact"] if stays else ["impact"])
 
 

@@ -18,7 +18,7 @@ from mechcore.forces.cam_rating import contact_force, placed_cams
 from mechcore.forces.kinetostatics import solve_forces
 from mechcore.laws.timed import ConstantSpeed, Free
 from mechcore.motion.solve import compile_mechanism, solve_motion
-from mechcore.spec.clearance import Clearance, as_drawn, journals_of, with_clearances
+from mechcore.spec.clearance import Clearance, journals_of, with_clearances, with_ideal_joints
 from mechcore.spec.mechanism import Drive, Link, Mechanism, Revolute
 from mechviz.outputs.rerun.reader import Recording
 from mechviz.outputs.rerun.writer import write_recording
@@ -149,14 +149,14 @@ def test_what_has_no_clearance_costs_nothing(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(resistance.JournalPressure, "__init__", never)
     monkeypatch.setattr(resistance.JournalFriction, "__init__", never)
     ideal = crank()
-    assert with_clearances(ideal, {}) is ideal and as_drawn(ideal) is ideal and not journals_of(ideal)
+    assert with_clearances(ideal, {}) is ideal and with_ideal_joints(ideal) is ideal and not journals_of(ideal)
     simulate(mechviz.load("swinging-double-pendulum").mechanism, 0.1, tolerance=1e-4)
 
 
 def test_it_is_taken_out_again():
     ideal = crank()
     made = with_clearances(ideal, {"B": Clearance(radial=1e-4, stiffness=1e7, friction=0.1, radius=0.01)})
-    assert as_drawn(made) == ideal
+    assert with_ideal_joints(made) == ideal
     assert len(made.links) == len(ideal.links) + 2 and len(made.loads) == 2
     with pytest.raises(MechanismError, match="clearance is for revolute joints"):
         with_clearances(ideal, {"guide": Clearance(radial=1e-4, stiffness=1e7)})

@@ -111,7 +111,7 @@ def test_reference_sleeve_jams_where_it_should(row):
         forces = load(sleeve(part * x, b, mu), [0.0], 0.1)
         assert forces.friction.jammed.all() and np.isnan(forces.effort("H")).all()
         assert forces.friction.jammed_by(0) == ("S",)
-        assert forces.friction.reached[0] == pytest.approx(1.0 / part, rel=1e-9)
+        assert forces.friction.movable_share[0] == pytest.approx(1.0 / part, rel=1e-9)
         assert np.isnan(forces.reaction("T")).any() and np.isnan(forces.power_balance).all()
 
 

@@ -30,7 +30,7 @@ def test_one_scalar_load_is_a_over_one_minus_b_and_jams_at_one():
     np.testing.assert_allclose(computed.loads[good, 0], 2.0 / (1.0 - b[good]), rtol=1e-7)
     np.testing.assert_allclose(computed.loads[:7, 0], 2.0 / (1.0 - b[:7]), rtol=1e-13)
     assert (computed.jammed == ~good).all() and np.isnan(computed.loads[~good]).all()
-    np.testing.assert_allclose(computed.reached[~good], 1.0 / b[~good], rtol=1e-9)
+    np.testing.assert_allclose(computed.movable_share[~good], 1.0 / b[~good], rtol=1e-9)
     np.testing.assert_allclose(one_stability(2.0, b, computed)[good], 1.0 - b[good], rtol=1e-12)
     assert (computed.share[~good] == 1.0).all()
 
@@ -40,7 +40,7 @@ def test_a_branch_that_would_need_infinite_loads_at_the_very_coefficients():
     computed = one(2.0, np.array([1.0 - 1e-12, 1.0]))
     np.testing.assert_array_equal(computed.jammed, [False, True])
     assert computed.loads[0, 0] == pytest.approx(2e12, rel=1e-3)
-    assert 1.0 - 1e-9 < computed.reached[1] < 1.0 and computed.share[1, 0] == 1.0
+    assert 1.0 - 1e-9 < computed.movable_share[1] < 1.0 and computed.share[1, 0] == 1.0
 
 
 def random_system(seed, frames=100):
@@ -87,7 +87,7 @@ def test_the_branch_is_followed_without_jumping_to_another_one(seed, frame):
     solution = solve_normal_loads(a[[frame]], k[[frame]], kinds)
     wanted, reached = crept(a[frame], k[frame], kinds)
     assert solution.jammed[0] == (wanted is None)
-    assert solution.reached[0] == pytest.approx(reached, abs=2e-3)
+    assert solution.movable_share[0] == pytest.approx(reached, abs=2e-3)
     if wanted is not None:
         np.testing.assert_allclose(solution.loads[0], wanted, rtol=1e-9, atol=1e-11 * wanted.max())
 
@@ -104,7 +104,7 @@ def test_every_jam_names_what_makes_it_and_no_branch_is_followed_in_vain(most, m
         solution = solve_normal_loads(*random_system(seed))
         jams += int(solution.jammed.sum())
         assert (solution.share[solution.jammed].max(axis=1) == 1.0).all() and not solution.share[~solution.jammed].any()
-        assert (solution.reached[solution.jammed] < 1.0).all() and np.isnan(solution.loads[solution.jammed]).all()
+        assert (solution.movable_share[solution.jammed] < 1.0).all() and np.isnan(solution.loads[solution.jammed]).all()
         assert np.isfinite(solution.loads[~solution.jammed]).all()
         assert len(calls) < 1000
     assert jams > 100
@@ -137,7 +137,7 @@ def test_one_pin_is_a_quadratic(angle):
         else:
             assert computed.jammed[0]
             # at a proportion p it ends: p size = 1 where it runs to infinity, p size sin = 1 where it turns back
-            assert computed.reached[0] * size == pytest.approx(ends, rel=1e-6)
+            assert computed.movable_share[0] * size == pytest.approx(ends, rel=1e-6)
 
 
 def test_random_systems_have_the_one_solution_of_the_fixed_point():
@@ -202,7 +202,7 @@ def test_beyond_the_contraction_the_branch_is_followed():
     # just short of where a branch ends it is still there, just beyond it is not
     bad = solution.jammed
     for part, there in ((1.0 - 1e-4, True), (1.0 + 1e-4, False)):
-        again = solve_normal_loads(a[bad], k[bad] * (part * solution.reached[bad])[:, None, None, None], kinds)
+        again = solve_normal_loads(a[bad], k[bad] * (part * solution.movable_share[bad])[:, None, None, None], kinds)
         assert (again.jammed != there).mean() > 0.97
     # a frame's answer does not depend on its neighbours
     alone = solve_normal_loads(a[7:8], k[7:8], kinds)

@@ -206,7 +206,7 @@ def test_sign_changes_lie_where_the_relative_motion_reverses():
     result = [e for e in friction_events(forces) if "changes its sign" in e.text]
     assert {e.item for e in result} == {"C", "D"}  # crank and coupler pins turn one way only
     for e in result:
-        at = forces.motion.again(np.array([e.time - 1e-7, e.time + 1e-7])).coordinate(e.item)[:, 1]
+        at = forces.motion.at_times(np.array([e.time - 1e-7, e.time + 1e-7])).coordinate(e.item)[:, 1]
         assert at[0] * at[1] < 0.0
     lanes = friction_lanes(forces)
     assert [s for _, s in lanes["A"]] == ["slips +"] and len(lanes["D"]) == 3

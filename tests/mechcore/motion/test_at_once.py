@@ -41,7 +41,7 @@ def test_rates_at_once_are_differences_of_positions(name):
     motion = motion_of(name)
     h = 1e-4 * float(motion.time[-1] - motion.time[0])
     times = np.add.outer(motion.time[5:9], h * np.array([-2, -1, 0, 1, 2])).ravel()
-    near = motion.again(times)
+    near = motion.at_times(times)
     poses = np.stack([near.pose(link) for link in motion.model.links[1:]], axis=1).reshape(4, 5, -1, 3)
     velocity = np.tensordot(poses, np.array([1, -8, 0, 8, -1]) / (12 * h), axes=(1, 0))
     acceleration = np.tensordot(poses, np.array([-1, 16, -30, 16, -1]) / (12 * h * h), axes=(1, 0))

@@ -253,7 +253,7 @@ def test_toggles_while_the_drives_pivot_moves_too(frames):
     )
     motion = solve_motion(compile_mechanism(m), np.linspace(0.0, np.pi, frames + 1))
     times = np.array([e.time for e in find_events(motion) if "toggle" in e.text])
-    at = motion.again(times)
+    at = motion.at_times(times)
     crank, base = at.pose("crank")[:, 2], at.coordinate("S")[:, 0]
     away = g["d"] - base  # where crank and coupler lie in line the rocker's pin is b +- a from the crank's
     far = [np.sqrt(away**2 + r**2 - 2.0 * away * r * np.cos(crank)) for r in (g["b"] + g["a"], g["a"] - g["b"])]

@@ -92,7 +92,7 @@ def test_friction_of_a_roller_in_space_turns_the_shaft(name):
     q1 = cam.law(angle)[1]
     moving = np.abs(q1) > 1e-6
     for side, (point, n, a, slip) in sides.items():
-        if side < 0 and not cam.form:
+        if side < 0 and not cam.form_closed:
             continue
         t = np.cross(a, n)
         rolls, slides = (np.einsum("fi,fi->f", slip, d) * rate for d in (t, a))

@@ -115,7 +115,7 @@ def test_infinite_jerk_is_an_event_and_the_force_steps_there():
     (cam,) = placed_cams(motion)
     jerks = [e for e in cam_events(motion, forces) if "infinite jerk" in e.text]
     assert jerks and all(e.level == "INFO" for e in jerks)
-    again = motion.again
+    again = motion.at_times
     for e in jerks[1:3]:
         n = contact_force(solve_forces(again(np.array([e.time - 1e-9, e.time + 1e-9]))), cam)
         assert abs(n[1] - n[0]) > 1.0

@@ -84,7 +84,7 @@ def test_pressure_angle_and_radius_are_recorded_of_the_flank_on_which_the_force_
     turning, length = np.angle(after / before), 0.5 * (np.abs(before) + np.abs(after))
     middle = np.arange(1, len(place) - 1)
     forward = np.exp(1j * turned[middle]) * (before + after)
-    reaction = run.forces.pressed("K")[middle, :2] @ [1.0, 1j]
+    reaction = run.forces.normal_reaction("K")[middle, :2] @ [1.0, 1j]
     vx, vy, rate = motion.velocity(driven)[middle].T
     out = getattr(cam.face, "radius", 0.0) * reaction / np.maximum(np.abs(reaction), 1e-9)
     centre = place[middle] + (out if name != "cam-inverse" else -out)

@@ -157,7 +157,7 @@ def test_contact_is_lost_where_the_force_changes_its_sign():
     events = [e for e in cam_events(motion, forces) if "contact" in e.text]
     assert [e.text.split(" at ")[0] for e in events] == ["contact lost", "contact regained"] * 2  # rise, return
     assert "° of the cam" in events[0].text and events[0].level == "WARN"
-    again = motion.again
+    again = motion.at_times
     for event in events:  # the acceleration may jump there: force on both sides
         n = contact_force(solve_forces(again(np.array([event.time - 2e-6, event.time + 2e-6]))), cam)
         assert n[0] * n[1] < 0.0

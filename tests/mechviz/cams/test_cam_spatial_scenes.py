@@ -127,7 +127,7 @@ def test_hertz_s_pressure_takes_both_curvatures_of_a_flank(name):
     for k in range(1, 23):  # none on a knot of the law
         if abs(force[k]) < 1e-3 * np.abs(force).max():
             continue
-        side = -1 if cam.form and force[k] < 0.0 else 1
+        side = -1 if cam.form_closed and force[k] < 0.0 else 1
         curvatures, across = bent(cam, float(rows.angle[k]), side)
         wanted = np.sqrt(abs(force[k]) / 0.008 * 2.1e11 / (2.0 * 0.91) * (1.0 / r + curvatures.sum()) / np.pi)
         assert stress[k] == pytest.approx(wanted, rel=1e-4), k
@@ -290,7 +290,7 @@ def test_an_inverse_cam_drives_its_lever():
     assert np.ptp(lever[:, 2]) == pytest.approx(np.radians(22.0), rel=1e-12)
     at = motion.point("crank", "A")
     local = ((at[:, 0] - lever[:, 0]) + 1j * (at[:, 1] - lever[:, 1])) * np.exp(-1j * lever[:, 2])
-    np.testing.assert_allclose(local, cam.own + cam.mount * cam.cam.pitch(crank, 0)[0], atol=1e-14)
+    np.testing.assert_allclose(local, cam.mount_origin + cam.mount * cam.cam.pitch(crank, 0)[0], atol=1e-14)
     assert np.abs(forces.power_balance).max() < 1e-12
     reaction = forces.reaction("K")[:, 0] + 1j * forces.reaction("K")[:, 1]
     rows = cam.rows(motion, contact_force(forces, cam))
@@ -368,7 +368,7 @@ def test_a_slide_drives_a_link_with_a_slot(slides):
     np.testing.assert_allclose(motion.coordinate("P")[:, 0], q, atol=1e-14)
     np.testing.assert_allclose(motion.coordinate("P")[:, 2], bend * x[:, 1] ** 2 + slope * x[:, 2], atol=1e-9)
     local = ((at[:, 0] - pose[:, 0]) + 1j * (at[:, 1] - pose[:, 1])) * np.exp(-1j * pose[:, 2])
-    np.testing.assert_allclose(local, cam.own + cam.mount * cam.cam.pitch(x[:, 0], 0)[0], atol=1e-14)
+    np.testing.assert_allclose(local, cam.mount_origin + cam.mount * cam.cam.pitch(x[:, 0], 0)[0], atol=1e-14)
     if slides:
         np.testing.assert_allclose(local.imag - local.imag[0], q[0] - q, atol=1e-14)
     assert np.abs(forces.power_balance).max() < 1e-12

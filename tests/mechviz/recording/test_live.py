@@ -120,7 +120,9 @@ def test_stretches_make_the_whole_with_its_works_and_losses(text: str):
     assert so_far.simulation.events == run.simulation.events[: len(so_far.simulation.events)]
     assert len(so_far.simulation.events) >= len(run.simulation.events) - 2
     assert len(so_far.simulation.segments) <= len(run.simulation.segments)
-    assert sum(e for _, e in so_far.simulation.lost) == pytest.approx(sum(e for _, e in run.simulation.lost), abs=1e-12 * size)
+    assert sum(e for _, e in so_far.simulation.impact_losses) == pytest.approx(
+        sum(e for _, e in run.simulation.impact_losses), abs=1e-12 * size
+    )
 
 
 def test_the_viewer_shows_a_motion_from_its_first_frames_on():

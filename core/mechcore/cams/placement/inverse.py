@@ -26,7 +26,7 @@ class PlacedRoller:
     in the plane is ``centre + axes w`` on the ``carrier``; ``guide`` is the joint that guides the driven link, ``bed`` the one on
     which a driving link slides.
 
-    ``own``: where the theory's origin lies in the axes of the link that carries the groove.
+    ``mount_origin``: where the theory's origin lies in the axes of the link that carries the groove.
     """
 
     name: str
@@ -36,21 +36,21 @@ class PlacedRoller:
     cam: InverseCam | SpatialCam  # the theory: its ``law`` [m or rad] of the driving coordinate, and the roller's ``radius`` [m]
     centre: complex
     axes: complex
-    own: complex
+    mount_origin: complex
     sense: int
     pressure_limit: float | None
-    form: bool
+    form_closed: bool
     base: float = 0.0
     phase: float = 0.0
     bed: str | None = None
-    ahead: float = 1.0
+    law_scale: float = 1.0
     bridges: tuple[Any, ...] = ()
-    lost: tuple[Any, ...] = ()
+    lost_ranges: tuple[Any, ...] = ()
     intended: None = None
     mate: None = None
 
     @property
-    def pace(self) -> float:
+    def mean_slope(self) -> float:
         """Mean travel of the driven coordinate per unit of the law's argument; 0 where it returns."""
         return 0.0
 
@@ -68,13 +68,13 @@ class PlacedRoller:
 
     def law(self, argument: ArrayLike) -> Real:
         """The driven coordinate and its first two derivatives with respect to the law's argument, (3, ...)."""
-        x, known = self.known(argument)
+        x, known = self.known_arguments(argument)
         values, law = self.cam.law(x, 2), self.cam.law
         if law.repeats and law.advance != 0.0:  # arguments on a knot are those of the first cycle
             values[0] += law.advance * np.rint((np.where(known, argument, x) - x) / law.length)
         return np.where(known, values, np.nan)
 
-    def known(self, argument: ArrayLike) -> tuple[Real, Flags]:
+    def known_arguments(self, argument: ArrayLike) -> tuple[Real, Flags]:
         """Arguments by `on_knots`, with the law's start in place of NaN; and which of them are not NaN."""
         x = on_knots(self.cam.law, np.multiply(argument, 1.0))
         known = np.isfinite(x)
@@ -92,7 +92,7 @@ class PlacedRoller:
         """Direction of the theory's first axis in the world (F), complex."""
         return self.axes * motion.rotation(motion.model.index[self.carrier])
 
-    def place(self, motion: Motion, w: Plane) -> Plane:
+    def to_world(self, motion: Motion, w: Plane) -> Plane:
         """Places of the theory's ground axes in the world."""
         k = motion.model.index[self.carrier]
         return motion.of_point(k, 0j) + motion.rotation(k) * (self.centre + self.axes * w)
@@ -103,14 +103,14 @@ STEEPEST = np.radians(89.0)  # pressure angle from which on a groove cannot driv
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class PlacedInverse(PlacedRoller):
-    """``links`` are (crank or slide, driven link). A point z of the driven link's theory is ``own + mount z`` in its own axes;
-    ``tip`` is the roller's centre on the driving link."""
+    """``links`` are (crank or slide, driven link). A point z of the driven link's theory is ``mount_origin + mount z`` in its own
+    axes; ``tip`` is the roller's centre on the driving link."""
 
     cam: InverseCam
     travel: tuple[float, float]  # of the driving link over which the law is given; beyond it the driven link rests
     mount: complex
     tip: complex
-    form: bool = True
+    form_closed: bool = True
 
     @property
     def scale(self) -> float:
@@ -172,8 +172,8 @@ class PlacedInverse(PlacedRoller):
         """The law's argument (F): of a crank [rad] within half a turn of the middle of its travel, of a slide [m]."""
         return self._near(super().argument(motion))
 
-    def known(self, argument: ArrayLike) -> tuple[Real, Flags]:
-        return super().known(self._near(cast(Real, argument)))
+    def known_arguments(self, argument: ArrayLike) -> tuple[Real, Flags]:
+        return super().known_arguments(self._near(cast(Real, argument)))
 
     def _near(self, x: Real) -> Real:
         """Angles of a crank reduced to the turn about the middle of its travel, however far the crank has turned."""
@@ -186,7 +186,7 @@ class PlacedInverse(PlacedRoller):
     def _at(self, motion: Motion) -> tuple[Complex, Complex, Plane]:
         """Roller's centre, normal of the groove, and velocity of a driven point there per unit rate of its coordinate, in the
         theory's ground axes."""
-        theta, known = self.known(self.argument(motion))
+        theta, known = self.known_arguments(self.argument(motion))
         pin, q = self.cam.pin(theta, 0)[0], self.cam.law(theta, 0)[0]
         turned = np.exp(1j * q) if self.cam.turns else 1.0
         lost = np.where(known, 1.0, np.nan)
@@ -199,7 +199,7 @@ class PlacedInverse(PlacedRoller):
             direction = self.scale * n / np.real(np.conj(n) * away)
         push = unit_vectors(direction) * np.where(cast(Real, np.real(multiplier)) >= 0.0, 1.0, -1.0)
         world = self.world(motion)
-        return self.place(motion, pin + self.cam.radius * push), direction * world
+        return self.to_world(motion, pin + self.cam.radius * push), direction * world
 
     def pressing(self, motion: Motion, reaction: Complex) -> Real:
         """Force along the normal (F) [N], positive where it drives the link towards larger coordinates."""

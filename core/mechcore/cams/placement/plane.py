@@ -70,7 +70,7 @@ def argument_rate_of(cam: Any, motion: Motion) -> Real:
 def segment_of(cam: Any, motion: Motion, knots: Real | None = None) -> Real:
     """Number of the segment of the law in which a placed cam is, by frame (F); ``knots``: ends of segments, if not all knots."""
     law = cam.cam.law
-    x = cam.argument(motion) * cam.ahead
+    x = cam.argument(motion) * cam.law_scale
     local = np.mod(x - law.start, law.length) + law.start if law.repeats else x
     number: Real = np.multiply(np.searchsorted(cam.knots if knots is None else knots, local, side="right"), 1.0)
     return number
@@ -101,7 +101,8 @@ class PlacedCam:
     """A plane cam in its mechanism. A point z of the theory's ground axes (origin O, translating followers move up) is
     ``centre + axes z`` on the carrier.
 
-    A point z of the theory's axes of the cam is ``own + mount z`` in the axes of its link. A yoke touches on two opposite sides.
+    A point z of the theory's axes of the cam is ``mount_origin + mount z`` in the axes of its link. A yoke touches on two opposite
+    sides.
     """
 
     name: str
@@ -112,23 +113,23 @@ class PlacedCam:
     base: float
     centre: complex
     axes: complex
-    own: complex
+    mount_origin: complex
     mount: complex
     arm: float
-    form: bool
+    form_closed: bool
     bed: str | None
     sense: int
     phase: float
     pressure_limit: float | None
     curvature_limit: float | None = None  # least radius of the convex profile [m]
     decides: str | None = None  # the limit that decides, where the base circle is the least for its limits
-    ahead: float = 1.0  # of a wedge: the law's x over the argument
+    law_scale: float = 1.0  # of a wedge: the law's x over the argument
     mate: PlacedCam | None = None  # the second cam of a conjugate pair, which touches where the first would have to pull
     second: SecondRoller | None = None  # the roller that follows that cam
     given: Contour | None = None  # the profile in the theory's axes, where it is not that of the law
     bridges: tuple[Bridge, ...] = ()  # where the contact leaps on a given profile
     intended: Cam | None = None  # the cam as designed, where the cutter leaves another profile
-    lost: tuple[tuple[float, float], ...] = ()  # ranges of the law's angle that the cutter removes
+    lost_ranges: tuple[tuple[float, float], ...] = ()  # ranges of the law's angle that the cutter removes
     knot_angles: tuple[float, ...] | None = None  # of a given profile: angles at which the law's derivatives may jump
 
     @property
@@ -137,7 +138,7 @@ class PlacedCam:
         return self.arm or 1.0
 
     @property
-    def pace(self) -> float:
+    def mean_slope(self) -> float:
         """Mean travel of the follower per unit of the law's argument: zero, as it returns."""
         return 0.0
 
@@ -167,14 +168,14 @@ class PlacedCam:
     @property
     def yoke(self) -> bool:
         """Whether the cam runs between two parallel faces."""
-        return self.form and isinstance(self.cam.follower.face, Flat)
+        return self.form_closed and isinstance(self.cam.follower.face, Flat)
 
     @property
     def groove(self) -> bool:
         """Whether the knife or roller runs in a groove."""
-        return self.form and not self.yoke and self.mate is None
+        return self.form_closed and not self.yoke and self.mate is None
 
-    def beside(self, cam: Cam) -> tuple[Cam, ...]:
+    def other_profiles(self, cam: Cam) -> tuple[Cam, ...]:
         """The other profiles of the joint beside ``cam``: the outer flank of a groove, the second cam of a conjugate pair, or
         none."""
         if self.second is not None:
@@ -184,7 +185,7 @@ class PlacedCam:
     @property
     def profiles(self) -> tuple[Cam, ...]:
         """All profiles that the follower touches, the first one first; the other face of a yoke touches the same profile."""
-        return (self.cam, *self.beside(self.cam))
+        return (self.cam, *self.other_profiles(self.cam))
 
     @cached_property
     def contour(self) -> Contour:
@@ -200,14 +201,14 @@ class PlacedCam:
 
     def law(self, argument: ArrayLike) -> Real:
         """The follower's coordinate and its first two derivatives with respect to the cam's coordinate, (3, ...)."""
-        x, known = self.known(argument)
+        x, known = self.known_arguments(argument)
         s = self.cam.law(x, 2)
-        s[1] *= self.ahead
+        s[1] *= self.law_scale
         return np.where(known, s, np.nan)
 
-    def known(self, argument: ArrayLike) -> tuple[Real, Flags]:
+    def known_arguments(self, argument: ArrayLike) -> tuple[Real, Flags]:
         """The law's x at arguments, by `on_knots`, with the law's start in place of NaN; and which of them are not NaN."""
-        x = on_knots(self.cam.law, np.multiply(argument, self.ahead))
+        x = on_knots(self.cam.law, np.multiply(argument, self.law_scale))
         known = np.isfinite(x)
         return np.where(known, x, self.cam.law.start), known
 
@@ -303,7 +304,9 @@ class PlacedCam:
             return "Stretch the segments"
         try:
             zero = self.cam.follower.base_coordinate(self.base)
-            fits = least_base(self.cam.law.raised(-zero), self.cam.follower, Requirement(), self.cam.turn, beside=self.beside)
+            fits = least_base(
+                self.cam.law.raised(-zero), self.cam.follower, Requirement(), self.cam.turn, beside=self.other_profiles
+            )
         except MechanismError:
             return "Take a smoother law or longer segments"
         return f"Give a base circle of at least {as_length(fits.base)}"
@@ -320,11 +323,11 @@ class PlacedCam:
 
     def at(self, motion: Motion) -> Synthesis:
         """The cam at every frame."""
-        x, known = self.known(self.argument(motion))
+        x, known = self.known_arguments(self.argument(motion))
         synthesis = self.cam.at(x)
         return synthesis if np.all(known) else replace(synthesis, motion=np.where(known, synthesis.motion, np.nan))
 
-    def place(self, motion: Motion, z: Plane) -> Plane:
+    def to_world(self, motion: Motion, z: Plane) -> Plane:
         """Points of the theory's ground axes in the world."""
         return motion.of_point(motion.model.index[self.carrier], 0j) + motion.rotation(motion.model.index[self.carrier]) * (
             self.centre + self.axes * z
@@ -339,7 +342,7 @@ class PlacedCam:
         away = -1j * self.side * (touch - guide.pivot) if isinstance(guide, Oscillating) else 1j
         with np.errstate(divide="ignore", invalid="ignore"):
             direction = self.scale * n / np.real(np.conj(n) * away)
-        if self.form:
+        if self.form_closed:
             pressed = carried >= 0.0
             other, flip = self._other(motion, s)
             far = flip * other.contact
@@ -352,7 +355,7 @@ class PlacedCam:
                 direction = np.where(pressed, direction, pulls)
             touch = np.where(pressed, touch, far)
         world = self.axes * motion.rotation(motion.model.index[self.carrier])
-        return self.place(motion, touch), direction * world
+        return self.to_world(motion, touch), direction * world
 
     def pressing(self, motion: Motion, reaction: Complex) -> Real:
         """Force along the common normal (F) [N] from the reaction on the follower, positive where the cam presses on it."""
@@ -386,7 +389,7 @@ class PlacedCam:
         place = self.contact(motion, multiplier)[0]
         world = self.axes * motion.rotation(motion.model.index[self.carrier])
         normal, pressure_angle, radius = s.ground_normal, s.pressure_angle, s.radius
-        if self.form:
+        if self.form_closed:
             pressed = cast(Real, np.real(multiplier)) >= 0.0
             other, flip = self._other(motion, s)
             normal = np.where(pressed, normal, other.cam.flank * flip * other.ground_normal)

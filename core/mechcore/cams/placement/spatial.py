@@ -65,7 +65,7 @@ class _Touch:
 class PlacedSpatial(PlacedRoller):
     """A spatial cam in its mechanism. A point w = y + i z (barrel) or x + i z (globoid) of the theory's ground axes is
     ``centre + axes w`` in the plane, so that the cam's axis has the direction ``1j axes``; ``centre`` is the cam's pin on the
-    carrier, ``own`` on the cam's link.
+    carrier, ``mount_origin`` on the cam's link.
     """
 
     cam: SpatialCam
@@ -89,7 +89,7 @@ class PlacedSpatial(PlacedRoller):
         return 0.5 * (self.cam.inner + self.cam.outer)
 
     @property
-    def pace(self) -> float:
+    def mean_slope(self) -> float:
         """Mean rotation of a turret per angle of the cam; 0 for a follower that returns."""
         return self.cam.law.advance / self.cam.law.length if self.blank.rollers else 0.0
 
@@ -101,7 +101,7 @@ class PlacedSpatial(PlacedRoller):
     def limits(self, count: int = 720, layers: int = LAYERS) -> list[SpatialLimits]:
         """Extremes over the flanks of the roller; for a turret then those over the flanks of the rollers before and after it, on
         the far sides of the ribs beside the middle."""
-        cams = [(self.cam, (1, -1) if self.form else (1,))]
+        cams = [(self.cam, (1, -1) if self.form_closed else (1,))]
         if self.blank.rollers:
             step = 2.0 * np.pi / self.blank.rollers
             cams += [(replace(self.cam, law=self.cam.law.raised(side * step)), (side,)) for side in (1, -1)]
@@ -130,7 +130,7 @@ class PlacedSpatial(PlacedRoller):
     # -- in space -----------------------------------------------------------------------------------------------------
 
     def _flank(self, motion: Motion, side: int = 1) -> Flank:
-        return self.cam.flank(self.known(self.argument(motion))[0], [self.middle], side)
+        return self.cam.flank(self.known_arguments(self.argument(motion))[0], [self.middle], side)
 
     def _touch(self, motion: Motion) -> _Touch:
         flank = self._flank(motion)
@@ -156,10 +156,10 @@ class PlacedSpatial(PlacedRoller):
     def contact(self, motion: Motion, multiplier: Values) -> tuple[Plane, Plane]:
         """Where the roller touches, and the force there on the follower per multiplier, which is its component along the lift."""
         t = self._touch(motion)
-        pulls = np.asarray(multiplier).real < 0.0 if self.form else np.zeros(motion.frames, bool)
+        pulls = np.asarray(multiplier).real < 0.0 if self.form_closed else np.zeros(motion.frames, bool)
         at = self._shadow(self._point(t, np.broadcast_to(pulls, (motion.frames,))))
         force = self._shadow(t.normal) / np.einsum("fi,fi->f", t.normal, t.lift)
-        return self.place(motion, at), force * self.world(motion)
+        return self.to_world(motion, at), force * self.world(motion)
 
     def couple(self, motion: Motion, place: Plane, force: Plane) -> Values:
         """Couple [N m] on the cam that its bearings carry, under a force along the normal on the follower: the moment in the plane
@@ -168,7 +168,7 @@ class PlacedSpatial(PlacedRoller):
         n = self._shadow(t.normal) * self.world(motion)
         size = np.real(np.conj(n) * force) / np.abs(n) ** 2
         turning = t.axis[:, 0] * t.normal[:, 1] - t.axis[:, 1] * t.normal[:, 0]
-        couple: Values = np.imag(np.conj(place - self.place(motion, 0.0)) * force) - size * turning
+        couple: Values = np.imag(np.conj(place - self.to_world(motion, 0.0)) * force) - size * turning
         return couple
 
     def _twist(self, at: Real, direction: Real) -> Real:
@@ -176,15 +176,17 @@ class PlacedSpatial(PlacedRoller):
         turning = at[:, 0] * direction[:, 1] - at[:, 1] * direction[:, 0]
         return np.asarray(np.imag(np.conj(w) * f) - turning)
 
-    def rubbing(self, motion: Motion, flank: Values) -> tuple[FlankSliding, FlankSliding, Real]:
-        """The sliding of roller and flank across the roller's axis, where it becomes rolling, and along the axis; and `seen` (F).
-        ``flank``: negative where the other flank of a groove is pressed.
+    def sliding(self, motion: Motion, flank: Values) -> tuple[FlankSliding, FlankSliding, Real]:
+        """The sliding of roller and flank across the roller's axis, where it becomes rolling, and along the axis; and
+        `in_plane_share` (F). ``flank``: negative where the other flank of a groove is pressed.
 
         A roller slides along its axis because the contact does not lie on the axis: at a pressure angle alpha the cam's surface
         there has the speed omega r sin(alpha) along a radial roller.
         """
         t = self._touch(motion)
-        pulls = np.broadcast_to(np.asarray(flank).real < 0.0, (motion.frames,)) if self.form else np.zeros(motion.frames, bool)
+        pulls = (
+            np.broadcast_to(np.asarray(flank).real < 0.0, (motion.frames,)) if self.form_closed else np.zeros(motion.frames, bool)
+        )
         point = self._point(t, pulls)
         speed, rotation_class = motion.speeds.angular, motion.model.angles.rotation_class
         turning = speed[rotation_class[motion.model.index[self.links[0]]]] - speed[rotation_class[motion.model.index[self.carrier]]]
@@ -192,16 +194,16 @@ class PlacedSpatial(PlacedRoller):
         slip = rise * self.cam.mount.carried(point) - np.cross([0.0, 0.0, 1.0], point)
         directions = [
             FlankSliding(
-                place=self.place(motion, self._shadow(point)),
+                place=self.to_world(motion, self._shadow(point)),
                 along=self._shadow(d) * self.world(motion),
                 twist=self._twist(point, d),
                 rate=turning * np.einsum("fi,fi->f", d, slip),
             )
             for d in (np.cross(t.a, t.normal), t.a)
         ]
-        return directions[0], directions[1], self.seen(motion)
+        return directions[0], directions[1], self.in_plane_share(motion)
 
-    def seen(self, motion: Motion) -> Real:
+    def in_plane_share(self, motion: Motion) -> Real:
         """Share of the normal force that lies in the plane (F)."""
         return np.abs(self._shadow(self._touch(motion).normal))
 
@@ -216,7 +218,7 @@ class PlacedSpatial(PlacedRoller):
     def pressure_angles(self, motion: Motion) -> dict[str, Real]:
         """The largest pressure angle (F) [rad] over the roller's length, as `spatial_limits` has it; the same on both flanks."""
         angle = self.argument(motion)
-        steep = np.abs(self.cam.flank(self.known(angle)[0], self.cam.places(LAYERS)).pressure_angle).max(axis=1)
+        steep = np.abs(self.cam.flank(self.known_arguments(angle)[0], self.cam.places(LAYERS)).pressure_angle).max(axis=1)
         return {" over the roller's length": np.where(np.isfinite(angle), steep, np.nan)}
 
     def rows(self, motion: Motion, multiplier: Values = 1.0) -> ContactRows:
@@ -234,7 +236,7 @@ class PlacedSpatial(PlacedRoller):
     def _carrying(self, motion: Motion, multiplier: Values, values: Callable[[Flank], Real]) -> Real:
         """Values (F) in the middle of the roller on the flank that carries."""
         own = values(self._flank(motion))[:, 0]
-        if not self.form:
+        if not self.form_closed:
             return own
         return np.where(np.asarray(multiplier).real < 0.0, values(self._flank(motion, -1))[:, 0], own)
 
@@ -249,7 +251,7 @@ class PlacedSpatial(PlacedRoller):
         normal = self._shadow(t.normal) * self.world(motion)
         return ContactRows(
             angle=angle,
-            place=np.asarray(self.place(motion, self._shadow(t.axis))),
+            place=np.asarray(self.to_world(motion, self._shadow(t.axis))),
             normal=unit_vectors(normal),
             pressure_angle=np.where(lost, np.nan, flank.pressure_angle[:, 0]),
             radius=np.where(lost, np.nan, radius),
@@ -277,7 +279,7 @@ def roller_speed(motion: Motion, cam: PlacedCam | PlacedInverse | PlacedSpatial,
     radius = cam.face.radius
     s = cam.at(motion)
     world = cam.axes * motion.rotation(motion.model.index[cam.carrier])
-    normal, centre = s.ground_normal * world, cam.place(motion, s.reference[0])
+    normal, centre = s.ground_normal * world, cam.to_world(motion, s.reference[0])
     flank = np.where(np.asarray(force) < 0.0, -1.0, 1.0) if cam.groove else 1.0
     place = centre - flank * radius * normal
     rotation_class = motion.model.angles.rotation_class
@@ -312,8 +314,8 @@ def _in_slot(motion: Motion, cam: PlacedInverse, force: Values) -> Real:
 def _in_space(motion: Motion, cam: PlacedSpatial, force: Values, above: int) -> Real:
     """`roller_speed` of a spatial cam: sliding across the axis becomes rolling; an arm beside a barrel adds its own rotation."""
     flank = np.broadcast_to(np.asarray(above or force, float), (motion.frames,))
-    across, _, _ = cam.rubbing(motion, flank)
-    side = np.where(flank < 0.0, -1.0, 1.0) if cam.form else 1.0
+    across, _, _ = cam.sliding(motion, flank)
+    side = np.where(flank < 0.0, -1.0, 1.0) if cam.form_closed else 1.0
     arm = (
         0.0
         if cam.blank.kind == "globoid"

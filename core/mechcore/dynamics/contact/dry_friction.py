@@ -61,7 +61,7 @@ class GivenFriction(FrictionResult):
         self.stability = np.ones(motion.frames)
         self.elements = tuple(elements)
         self.jammed = np.zeros(motion.frames, bool)
-        self.reached = np.ones(motion.frames)
+        self.movable_share = np.ones(motion.frames)
         self._applied = tuple(applied)
         self._dry = solution
         self._passed = passed  # what joints and relations transmit

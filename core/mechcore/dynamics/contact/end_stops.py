@@ -99,7 +99,7 @@ class EndStops:
         self._distances = [event_function_of(s, read, partial(motion_at, compiled)) for s in self.stops]
         self._signs = np.array([-1.0 if s.side == "upper" else 1.0 for s in self.stops])
         self._scales = np.array([compiled.model.coordinate_scale(s.joint) for s in self.stops])
-        self._free_scales = compiled.once(coordinate_scales)
+        self._free_scales = compiled.cached(coordinate_scales)
         self._fastest = np.zeros(len(self._free))
 
     def _rotary(self, joint: str) -> bool:
@@ -151,7 +151,7 @@ class EndStops:
         assert isinstance(system, Chart | DrySystem)  # the others know no stops
         return np.asarray(-self._signs[k] * system.holding(q, v, t)[:, system.rests.index(self.stops[k].joint)])
 
-    def known(self, joints: Sequence[str]) -> Real | None:
+    def program_rows(self, joints: Sequence[str]) -> Real | None:
         """The stops as rows (k, 5) for a program that has coordinates of ``joints``: number of the joint, position, sign, scale,
         restitution. None where the program lacks one of them, or a joint rests on a stop."""
         if self.closed or any(s.joint not in joints for s in self.stops):
@@ -187,7 +187,7 @@ class EndStops:
         against = (rates < -touched.least) | ((rates <= touched.least) & (second < -touched.noise))
         return [self.stops[k] for k, it in zip(touched.which, against, strict=True) if it and k not in self.closed]
 
-    def meet(self, q: Real, v: Real, t: float, equations: Equations) -> tuple[Real, bool]:
+    def resolve_impacts(self, q: Real, v: Real, t: float, equations: Equations) -> tuple[Real, bool]:
         """Resolve impacts on all stops that are touched at ``t`` [s], and which of them are closed from then on. Returns the rates
         (f,) after it, and whether anything has changed. Raises `MechanismError` where drives or other stops lead a joint through
         its stop."""

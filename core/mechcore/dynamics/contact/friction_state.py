@@ -32,20 +32,20 @@ from mechcore.forces.friction.elements import Element, elements_of, scales_of
 from mechcore.kinematics.model import Model
 from mechcore.motion.compiled import Compiled
 from mechcore.motion.motion import Motion
-from mechcore.spec.mechanism import braked
+from mechcore.spec.mechanism import joints_with_friction
 from mechcore.texts import Text
 
-TURN_BACK_WINDOWS = 10.0  # times `soon`: in shorter windows prescribed drives turn back
+TURN_BACK_WINDOWS = 10.0  # times `sense_delay`: in shorter windows prescribed drives turn back
 
 
 class FrictionState:
     """The friction phases of the present mechanism, and the sense in which every element slides (0: sticks), recorded in a ``log``.
 
-    ``counts``: whether the mechanism names friction among its effects. ``soon`` [s]: as in `FrictionPhases`.
+    ``counts``: whether the mechanism names friction among its effects. ``sense_delay`` [s]: as in `FrictionPhases`.
     """
 
-    def __init__(self, counts: bool, soon: float, log: Log):
-        self.counts, self._soon, self._log = counts, soon, log
+    def __init__(self, counts: bool, sense_delay: float, log: Log):
+        self.counts, self._sense_delay, self._log = counts, sense_delay, log
         self._phases: FrictionPhases | None = None
         self._sliding: dict[ElementKey, float] = {}
 
@@ -59,7 +59,7 @@ class FrictionState:
             return None
         if self._phases is not None:
             self._sliding |= dict(zip(self._phases.keys, self._phases.signs.tolist(), strict=True))
-        return rubbing(compiled, q, v, t, self._sliding, self._soon)
+        return friction_phases(compiled, q, v, t, self._sliding, self._sense_delay)
 
     def system(self) -> DrySystem | None:
         """The present equations of motion; None where there are no friction phases."""
@@ -97,10 +97,10 @@ class FrictionState:
     def known_signs(self, compiled: Compiled) -> tuple[Real, Real] | None:
         """Scales and signs (e,) of the elements; None where prescribed drives move some of them."""
         if self._phases is None:
-            return None if self.counts and braked(compiled.mechanism.joints) else (np.zeros(0), np.zeros(0))
+            return None if self.counts and joints_with_friction(compiled.mechanism.joints) else (np.zeros(0), np.zeros(0))
         return None if self._phases.prescribed.any() else (self._phases.scales, self._phases.signs)
 
-    def go_on(self, t: float, signs: Real) -> None:
+    def adopt_signs(self, t: float, signs: Real) -> None:
         """Adopt the ``signs`` (e,) of sliding that a program has decided, from a time [s] on."""
         if self._phases is not None and signs.tobytes() != self._phases.signs.tobytes():
             before, self._phases.signs = self._phases.signs, signs
@@ -116,7 +116,7 @@ class FrictionState:
             return
         middle = np.array([window.start + 0.5 * window.length])
         motion = motion_at(compiled, *window(middle)[:2], middle)
-        turning = window.length < TURN_BACK_WINDOWS * self._soon  # there it is at rest for an instant only
+        turning = window.length < TURN_BACK_WINDOWS * self._sense_delay  # there it is at rest for an instant only
         for key, sign in zip(keys_of(elements_of(motion)), senses(motion)[0], strict=True):
             if sign != self._sliding.get(key, 0.0) and not (turning and sign == 0.0):
                 self._log_event(window.start, key[0], int(sign))
@@ -142,14 +142,14 @@ Here = tuple[Motion, list[Motion], list[Element], ReducedEquations]
 NO_EFFECT = 1e-12  # part of an element's unconstrained response to a force: a smaller one is rounding
 STICKING_ROUNDING = 1e-10  # part of the limit of sticking: a smaller excess is rounding
 STARTING_RATE = 1e-12  # rate of an element that just begins to move
-SOON_MOVED = 1e-16  # part of its scale: an element that moves less within `soon` is at rest
+SOON_MOVED = 1e-16  # part of its scale: an element that moves less within `sense_delay` is at rest
 
 
 class FrictionPhases:
     """Which elements slide, in which sense, and which stick, and what ends such a phase; ``signs`` (e,) as in `DrySystem`.
 
-    ``rests``: joints that rest on end stops. ``soon`` [s]: delay after which the sense of sliding is taken for elements that no
-    free coordinate moves, because prescribed drives or stops lead them. ``before``: signs to keep, of the mechanism with other
+    ``rests``: joints that rest on end stops. ``sense_delay`` [s]: delay after which the sense of sliding is taken for elements that
+    no free coordinate moves, because prescribed drives or stops lead them. ``before``: signs to keep, of the mechanism with other
     contacts.
     """
 
@@ -158,11 +158,11 @@ class FrictionPhases:
         compiled: Compiled,
         keys: Sequence[ElementKey],
         scales: Real,
-        soon: float,
+        sense_delay: float,
         before: Mapping[ElementKey, float] | None = None,
     ):
         self.compiled, self.keys, self.scales = compiled, keys, scales
-        self.soon = soon
+        self.sense_delay = sense_delay
         self.signs = np.array([(before or {}).get(key, 0.0) for key in self.keys])
         self.rests: tuple[str, ...] = ()
         self.prescribed = np.zeros(len(keys), bool)
@@ -178,7 +178,7 @@ class FrictionPhases:
         program = contact_program(self.compiled, ())
         if program is None or not program.has_phases:
             return None
-        settled = program.settled(t, q, v, (self.scales, self.signs), self.soon, loose)
+        settled = program.settled(t, q, v, (self.scales, self.signs), self.sense_delay, loose)
         if settled is None:
             return None
         self.rests, self.prescribed = (), np.zeros(len(self.keys), bool)
@@ -206,11 +206,11 @@ class FrictionPhases:
             float((np.abs(v[:f]) / own).max(initial=0.0)),
             float(np.sqrt(np.abs(driven).max())),
         )
-        least = max(REST * pace, SOON_MOVED / self.soon)  # scales of coordinates per second
+        least = max(REST * pace, SOON_MOVED / self.sense_delay)  # scales of coordinates per second
         still = np.abs(rate) <= least * scale
         self.signs = np.where(still, 0.0, np.sign(rate))
         if self.prescribed.any():
-            self.signs[self.prescribed] = self._senses(q[None], v[None], np.array([t + self.soon]))[0, self.prescribed]
+            self.signs[self.prescribed] = self._senses(q[None], v[None], np.array([t + self.sense_delay]))[0, self.prescribed]
             still &= ~self.prescribed
         if alone and still.all() and abs(float(v[0])) <= least * own[0]:
             self.signs = self._sense_from_rest(row) if loose is None else self.directions(row, loose[1])
@@ -358,11 +358,11 @@ def keys_of(elements: Sequence[Element]) -> list[ElementKey]:
     return [(e.joint, e.what, e.kind) for e in elements]
 
 
-def rubbing(
-    compiled: Compiled, q: Real, v: Real, t: float, before: Mapping[ElementKey, float], soon: float
+def friction_phases(
+    compiled: Compiled, q: Real, v: Real, t: float, before: Mapping[ElementKey, float], sense_delay: float
 ) -> FrictionPhases | None:
     """Friction phases of a mechanism, see `FrictionPhases`; None where it has no friction. Raises `MechanismError`."""
-    known = compiled.model.once(_elements_known)
+    known = compiled.model.cached(_elements_known)
     if not known:
         elements = braking_elements(compiled, q, v, t)
         for e in elements:
@@ -373,7 +373,7 @@ def rubbing(
                 )
         known.append((keys_of(elements), scales_of(compiled.model, elements)))
     keys, scales = known[0]
-    return FrictionPhases(compiled, keys, scales, soon, before) if keys else None
+    return FrictionPhases(compiled, keys, scales, sense_delay, before) if keys else None
 
 
 def _elements_known(_: Model) -> list[tuple[list[ElementKey], Real]]:

@@ -16,7 +16,7 @@ from mechcore.arrays import Real
 from mechcore.cams.placement.plane import PlacedCam
 from mechcore.constants import TURN
 from mechcore.dynamics.contact.end_stops import impact
-from mechcore.dynamics.equations.charts import Chart, carried_on, enter
+from mechcore.dynamics.equations.charts import Chart, continued_in_chart, reenter
 from mechcore.dynamics.equations.reduced import free_of, motion_at, reduce, shifted, tangents
 from mechcore.dynamics.events import SeparableCam
 from mechcore.dynamics.integration.collocation import System, Window
@@ -67,7 +67,7 @@ class FollowerSeparation:
         self.contacts: dict[str, _Contact] = {}
         for each in separable_cams:
             relation = relations.get(each.joint)
-            if relation is None or not isinstance(relation.geometry, PlacedCam) or relation.geometry.form:
+            if relation is None or not isinstance(relation.geometry, PlacedCam) or relation.geometry.form_closed:
                 raise MechanismError(
                     Fault(f"joints.{each.joint}", "it is no cam that its follower could leave.", "Name a force-closed cam.")
                 )
@@ -84,26 +84,26 @@ class FollowerSeparation:
                 level=-slope * float(relation.constant or 0.0),
                 slope=slope,
             )
-        self.known: dict[frozenset[str], Compiled] = {frozenset(): compiled}
+        self.compiled_by_separated: dict[frozenset[str], Compiled] = {frozenset(): compiled}
 
-    def place(self, name: str, separated: frozenset[str]) -> int:
+    def coordinate_number(self, name: str, separated: frozenset[str]) -> int:
         """Number of a separated follower's coordinate."""
         return self.free + sum(other in separated for other in list(self.contacts)[: list(self.contacts).index(name)])
 
     def compiled(self, separated: frozenset[str], q: Real, v: Real, t: float, name: str) -> tuple[Compiled, Real, Real]:
         """The mechanism in which the followers in ``separated`` are separated, ``name`` newly, and its coordinates and rates (f,).
         ``q``, ``v``: those before ``name`` separates."""
-        held = self.known[separated - {name}]
+        held = self.compiled_by_separated[separated - {name}]
         motion = motion_at(held, q[None], v[None], np.array([t]))
         contact = self.contacts[name]
         at, rate = (float(x) for x in motion.coordinate(contact.guide)[0, :2])
-        k = self.place(name, separated)
+        k = self.coordinate_number(name, separated)
         place = np.insert(q, k, at)
-        if separated not in self.known:
-            self.known[separated] = carried_on(self._compile(held, motion, contact, at), place, t, motion)
+        if separated not in self.compiled_by_separated:
+            self.compiled_by_separated[separated] = continued_in_chart(self._compile(held, motion, contact, at), place, t, motion)
             self._check_moved_mass(separated, name, q, v, t, at)
-        enter(self.known[separated], place, t, motion)
-        return self.known[separated], place, np.insert(v, k, rate)
+        reenter(self.compiled_by_separated[separated], place, t, motion)
+        return self.compiled_by_separated[separated], place, np.insert(v, k, rate)
 
     def _compile(self, held: Compiled, motion: Motion, contact: _Contact, at: float) -> Compiled:
         mechanism = held.mechanism
@@ -123,8 +123,10 @@ class FollowerSeparation:
         return replace(placed, model=replace(placed.model, mechanism=replace(loose, drives=laws)))
 
     def _check_moved_mass(self, separated: frozenset[str], name: str, q: Real, v: Real, t: float, at: float) -> None:
-        k = self.place(name, separated)
-        inertia = reduce(self.known[separated], np.insert(q, k, at)[None], np.insert(v, k, 0.0)[None], np.array([t])).inertia[0]
+        k = self.coordinate_number(name, separated)
+        inertia = reduce(
+            self.compiled_by_separated[separated], np.insert(q, k, at)[None], np.insert(v, k, 0.0)[None], np.array([t])
+        ).inertia[0]
         values = np.linalg.eigvalsh(inertia)
         if not values[0] > 1e-14 * values[-1]:
             guide = self.contacts[name].guide
@@ -139,8 +141,8 @@ class FollowerSeparation:
 
     def gap(self, name: str, separated: frozenset[str], q: Real, v: Real, t: Real) -> tuple[Real, Real]:
         """Gap (n,) between a separated follower and its cam, in its guide's coordinate [m or rad], and its rate."""
-        contact, k = self.contacts[name], self.place(name, separated)
-        held = self.known[separated - {name}]
+        contact, k = self.contacts[name], self.coordinate_number(name, separated)
+        held = self.compiled_by_separated[separated - {name}]
         motion = motion_at(held, np.delete(q, k, axis=1), np.delete(v, k, axis=1), t)
         h = motion.coordinate(contact.guide)
         gap = contact.away * (q[:, k] - h[:, 0])
@@ -159,14 +161,14 @@ class FollowerSeparation:
         contact, more = self.contacts[name], separated | {name}
 
         def parting(q: Real, v: Real, t: Real) -> Real:
-            held = self.known[separated]
+            held = self.compiled_by_separated[separated]
             h = motion_at(held, q, v, t).coordinate(contact.guide)
-            k = self.place(name, more)
-            if more not in self.known:
+            k = self.coordinate_number(name, more)
+            if more not in self.compiled_by_separated:
                 self.compiled(more, q[0], v[0], float(t[0]), name)
             at, rate = np.insert(q, k, h[:, 0], axis=1), np.insert(v, k, h[:, 1], axis=1)
-            rubs = None if system is None else system(self.known[more], at[0], rate[0], float(t[0]))
-            loose = (Chart(self.known[more]) if rubs is None else rubs)(at, rate, t)
+            rubs = None if system is None else system(self.compiled_by_separated[more], at[0], rate[0], float(t[0]))
+            loose = (Chart(self.compiled_by_separated[more]) if rubs is None else rubs)(at, rate, t)
             second = motion_at(held, q, v, t, np.delete(loose, k, axis=1)).coordinate(contact.guide)[:, 2]
             return np.asarray(contact.away * (loose[:, k] - second))
 
@@ -176,12 +178,12 @@ class FollowerSeparation:
         self, name: str, separated: frozenset[str], t: float, q: Real, v: Real, restitution: float
     ) -> tuple[Real, float, float]:
         """Rates (f,) after the impact of a follower on its cam, the speed of approach, and the energy lost [J]."""
-        compiled, row = self.known[separated], np.array([t])
-        k = self.place(name, separated)
+        compiled, row = self.compiled_by_separated[separated], np.array([t])
+        k = self.coordinate_number(name, separated)
         contact = self.contacts[name]
         _, rate = self.gap(name, separated, q[None], v[None], row)
         hit = float(rate[0])
-        held = self.known[separated - {name}]
+        held = self.compiled_by_separated[separated - {name}]
         motion = motion_at(held, np.delete(q, k)[None], np.delete(v, k)[None], row)
         slopes = [float(u.coordinate(contact.guide)[0, 1]) for u in tangents(motion, free_of(held))]
         gradient = contact.away * np.insert(-np.array(slopes), k, 1.0)
@@ -191,19 +193,19 @@ class FollowerSeparation:
         assert impulses is not None  # some mass moves with the follower's guide
         return shifted(v, response * impulses[0]), -hit, impulses[1]
 
-    def followed(self, name: str, motion: Motion) -> Real:
+    def touching_coordinate(self, name: str, motion: Motion) -> Real:
         """The guide's coordinate (F,) at which the follower would touch its cam."""
         c = self.contacts[name]
         return np.asarray(c.level + c.slope * c.cam.scale * c.cam.law(c.cam.argument(motion))[0])
 
-    def where(self, name: str, compiled: Compiled, q: Real, v: Real, t: float) -> str:
+    def cam_position_words(self, name: str, compiled: Compiled, q: Real, v: Real, t: float) -> str:
         """The cam's position in words."""
         cam = self.contacts[name].cam
         x = float(cam.argument(motion_at(compiled, q[None], v[None], np.array([t])))[0])
         rotary = cam.bed is None
         return f"{as_coordinate(x % TURN if rotary else x, rotary=rotary, digits=4)} of the cam"
 
-    def pace(self, compiled: Compiled, q: Real, v: Real, t: float) -> float:
+    def fastest_cam_rate(self, compiled: Compiled, q: Real, v: Real, t: float) -> float:
         """Rate at which the fastest cam runs through its law [rad/s]; a wedge's length of law counts as a turn."""
         row = np.array([t])
         motion = motion_at(compiled, q[None], v[None], row)
@@ -218,12 +220,14 @@ class FollowerSeparation:
     def samples(self, compiled: Compiled, window: Window) -> int:
         """Number of samples of a window at which contacts are evaluated."""
         q, v, _ = window(np.array([window.start]))
-        turned = self.pace(compiled, q[0], v[0], window.start) * window.length
+        turned = self.fastest_cam_rate(compiled, q[0], v[0], window.start) * window.length
         return int(min(EIGHTH_TURN_SAMPLES * max(1.0, np.ceil(turned / WINDOW_TURN)), 20_000))
 
     def window_length(self, compiled: Compiled, q: Real, v: Real, t: float, duration: float) -> float:
         """Length [s] of a window from ``t`` on in which all drives are prescribed, in a motion of a ``duration`` [s]."""
-        return float(np.clip(WINDOW_TURN / max(self.pace(compiled, q, v, t), 1e-300), duration / 20_000, duration / 8.0))
+        return float(
+            np.clip(WINDOW_TURN / max(self.fastest_cam_rate(compiled, q, v, t), 1e-300), duration / 20_000, duration / 8.0)
+        )
 
 
 def pressing(motion: Motion, forces: Forces, name: str) -> Real:

@@ -85,7 +85,7 @@ class Chart(Programmed):
         if program is not None and program.everywhere:
             return program(q, v, t)
         self.calls += 1
-        lines = self.compiled.once(straight_lines) if self.calls > WORTH_LINES and not self.rests else None
+        lines = self.compiled.cached(straight_lines) if self.calls > WORTH_LINES and not self.rests else None
         return self._solve(q, v, t)[0] if lines is None else lines(q, v, t)
 
     def _solve(self, q: Real, v: Real, t: Real) -> tuple[Real, Real]:
@@ -114,7 +114,7 @@ class Chart(Programmed):
     def with_slopes(self, q: Real, v: Real, t: Real, near: Real) -> tuple[Real, Real, Real]:
         """Accelerations (n, f) and their `slopes`, all in one call, ``near`` accelerations (n, f)."""
         f, steps = q.shape[1], steps_of_differences(self.compiled, q, v, near)
-        every = self(*states_beside(q, v, t, steps, itself=True)).reshape(2 * f + 1, *q.shape)
+        every = self(*difference_states(q, v, t, steps, itself=True)).reshape(2 * f + 1, *q.shape)
         return every[-1], *quotients(every[:-1] - every[-1], steps)
 
 
@@ -122,10 +122,10 @@ def differences(
     system: Callable[[Real, Real, Real], Real], q: Real, v: Real, t: Real, a: Real, steps: tuple[Real, Real]
 ) -> tuple[Real, Real]:
     """Slopes of a system's accelerations by position and speed (n, f, f) each, by differences with steps (f,), all in one call."""
-    return quotients(system(*states_beside(q, v, t, steps)).reshape(-1, *q.shape) - a, steps)
+    return quotients(system(*difference_states(q, v, t, steps)).reshape(-1, *q.shape) - a, steps)
 
 
-def states_beside(q: Real, v: Real, t: Real, steps: tuple[Real, Real], *, itself: bool = False) -> tuple[Real, Real, Real]:
+def difference_states(q: Real, v: Real, t: Real, steps: tuple[Real, Real], *, itself: bool = False) -> tuple[Real, Real, Real]:
     """States (m n, f) and times (m n,): n of them for a step of each coordinate, then for a step of each rate, then, if ``itself``,
     the n states without a step."""
     n, f = q.shape
@@ -148,7 +148,7 @@ def quotients(changed: Real, steps: tuple[Real, Real]) -> tuple[Real, Real]:
     return by_q, by_v
 
 
-def named(mechanism: Mechanism) -> Mechanism:
+def with_named_drive(mechanism: Mechanism) -> Mechanism:
     """The mechanism with the first drive's joint named in loads that refer to it without a name."""
     first = mechanism.drives[0].joint
     loads = []
@@ -195,9 +195,9 @@ def take_over(compiled: Compiled, q: Real, v: Real, t: float, known: Sequence[Co
     candidates = [c for c in known if [c.mechanism.drives[i].joint for i in free_of(c)] == joints]
     for candidate in (*candidates, None):
         if candidate is None:
-            other = carried_on(_compiled(compiled, motion, joints, coordinates), place, t, motion)
+            other = continued_in_chart(_compiled(compiled, motion, joints, coordinates), place, t, motion)
         else:
-            other = enter(candidate, place, t, motion)
+            other = reenter(candidate, place, t, motion)
         if _same(motion, other, place, speeds, t):
             return other, place, speeds
     return None
@@ -217,7 +217,7 @@ def _sets(rows: Real) -> list[tuple[int, ...]]:
 
 def _compiled(compiled: Compiled, motion: Motion, joints: Sequence[str], coordinates: Real) -> Compiled:
     """The mechanism with other free coordinates, assembled in its present position; from there on the laws of drives lead."""
-    mechanism = named(compiled.mechanism)
+    mechanism = with_named_drive(compiled.mechanism)
     poses: dict[str, tuple[float, float, float]] = {}
     for link in motion.model.links[1:]:
         x, y, angle = motion.pose(link)[0]
@@ -370,14 +370,14 @@ def best_chart(
     for chart in known:
         place = _place_on(chart, coordinate, rate) if chart.compiled.mechanism.drives[0].joint == joint else None
         if place is not None and _same_poses(motion, motion_at(chart.compiled, *_at_rest(place))):
-            again = carried_on(chart.compiled, np.array([place]), 0.0, motion)
+            again = continued_in_chart(chart.compiled, np.array([place]), 0.0, motion)
             before, after = (motion_at(c, *_at_rest(place)).angles.class_angles for c in (chart.compiled, again))
             if np.abs(after - before).max() < 1.0:
                 return chart, place, rate if v else 0.0
             if isinstance(chart.curve, CurveEquations) and not counted:
                 return CurveChart(again, replace(chart.curve, compiled=again), chart.valid_range), place, rate if v else 0.0
     start = np.array([[coordinate, rate if v else 0.0]])
-    own = carried_on(_compiled(compiled, motion, [joint], start), np.array([coordinate]), 0.0, motion)
+    own = continued_in_chart(_compiled(compiled, motion, [joint], start), np.array([coordinate]), 0.0, motion)
     if not _same_poses(motion, motion_at(own, *_at_rest(coordinate))):
         raise MechanismError(
             Fault(
@@ -416,7 +416,7 @@ def waypoints(compiled: Compiled, q: Real, t: Real) -> list[Waypoint]:
     return [Waypoint(float(time), row) for time, row in zip(t, np.column_stack([np.zeros((len(t), 0)), *drives]), strict=True)]
 
 
-def carried_on(compiled: Compiled, q: Real, t: float, motion: Motion) -> Compiled:
+def continued_in_chart(compiled: Compiled, q: Real, t: float, motion: Motion) -> Compiled:
     """A mechanism in a new chart, assembled at its coordinates q (f,) at time t [s]. The angles of its links continue from those of
     a ``motion`` (one frame) of the same mechanism there, in another chart."""
     at = replace(_entered(compiled, q, t, motion), starts=compiled.assembly.starts)
@@ -428,9 +428,9 @@ def carried_on(compiled: Compiled, q: Real, t: float, motion: Motion) -> Compile
     return followed
 
 
-def enter(compiled: Compiled, q: Real, t: float, motion: Motion) -> Compiled:
+def reenter(compiled: Compiled, q: Real, t: float, motion: Motion) -> Compiled:
     """A chart that has been used before and is used again from its free coordinates q (f,) and the time t [s] on, as
-    `carried_on`."""
+    `continued_in_chart`."""
     if len(compiled.mechanism.drives) > 1:
         at = _entered(compiled, q, t, motion)
         compiled.angles.path.leave([replace(at, starts=_starts(compiled, at, motion))])

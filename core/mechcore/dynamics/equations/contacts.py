@@ -26,9 +26,9 @@ from mechcore.dynamics.equations.program import (
     EquationsWriter,
     TracedEquations,
     Written,
+    program_or_none,
     traced_equations,
-    wanted,
-    working,
+    wants_program,
     written_equations,
 )
 from mechcore.dynamics.equations.reduced import free_of, reduced_terms
@@ -40,7 +40,7 @@ from mechcore.forces.friction.normal_loads import RESIDUAL_TOLERANCE
 from mechcore.kinematics.dyads import cross
 from mechcore.motion.compiled import Compiled
 from mechcore.motion.motion import Motion
-from mechcore.spec.mechanism import braked
+from mechcore.spec.mechanism import joints_with_friction
 
 
 class Ending(IntEnum):
@@ -78,7 +78,7 @@ class ContactProgram(EquationsProgram):
         contacts = written[0].contacts
         assert contacts is not None
         super().__init__(compiled, *written, contacts.elements + 1)
-        self.stopped = stopped(compiled)
+        self.stopped = joints_with_stops(compiled)
         whole = not (contacts.rests or self.followed) and self._equations.freedoms == len(free_of(compiled))
         self.has_phases = whole and self.timed
         self.alone, self.partial = False, True
@@ -108,7 +108,7 @@ class ContactProgram(EquationsProgram):
         return self._equations.phases(rule, at, limits, (*constants, *between), given)
 
     def settled(
-        self, t: float, q: Real, v: Real, given: tuple[Real, Real], soon: float, loose: tuple[int, float] | None
+        self, t: float, q: Real, v: Real, given: tuple[Real, Real], sense_delay: float, loose: tuple[int, float] | None
     ) -> tuple[Real, Real] | None:
         """Signs (e,) of the elements from now on and rates (f,) without rounding in those of sticking elements, see
         `CompiledEquations.settled`."""
@@ -116,7 +116,7 @@ class ContactProgram(EquationsProgram):
             return None
         kind = Ending.NOTHING if loose is None else Ending.REST if loose[1] else Ending.STICKING
         event = (float(kind), *(loose or (0.0, 0.0)))
-        return self._equations.settled(t, q, v, given, (0.0, soon, REST), event)
+        return self._equations.settled(t, q, v, given, (0.0, sense_delay, REST), event)
 
     def reduced(self, q: Real, v: Real, t: Real) -> tuple[Real, Real]:
         """As `EquationsProgram.reduced`, without friction."""
@@ -139,12 +139,12 @@ class ContactProgram(EquationsProgram):
 def contact_program(compiled: Compiled, rests: Sequence[str], *, long: bool = False) -> ContactProgram | None:
     """The program where one is wanted, see `Programmed.program`, and C has it; else None. Raises `MechanismError` as
     `compiled_program`."""
-    known, key = compiled.once(_known), tuple(rests)
-    if not wanted(compiled, long or key in known):
+    known, key = compiled.cached(_known), tuple(rests)
+    if not wants_program(compiled, long or key in known):
         return None
     if key not in known:
         equations = _written(compiled, key)
-        known[key] = None if isinstance(equations, str) else working(compiled, partial(ContactProgram, compiled, equations))
+        known[key] = None if isinstance(equations, str) else program_or_none(compiled, partial(ContactProgram, compiled, equations))
     return known[key]
 
 
@@ -161,7 +161,7 @@ def _traced(compiled: Compiled, rests: tuple[str, ...]) -> TracedEquations:
     return _ContactWriter(compiled, rests).equations()
 
 
-def stopped(compiled: Compiled) -> list[str]:
+def joints_with_stops(compiled: Compiled) -> list[str]:
     """Joints with stops whose coordinates the program has: slides, and driven joints where the angles are exact."""
     model, exact = compiled.model, compiled.angles.exact
     known = [(joint, model.joint_index.get(joint)) for joint in compiled.angles.start.ranges]
@@ -170,13 +170,13 @@ def stopped(compiled: Compiled) -> list[str]:
     ]
 
 
-def rubs(compiled: Compiled) -> bool:
+def has_dry_friction(compiled: Compiled) -> bool:
     """Whether a mechanism has dry friction."""
-    return "friction" in compiled.mechanism.effects and bool(braked(compiled.mechanism.joints))
+    return "friction" in compiled.mechanism.effects and bool(joints_with_friction(compiled.mechanism.joints))
 
 
 def _of_motion(compiled: Compiled, rests: Sequence[str] = ()) -> Written | str:
-    return _written(compiled, rests) if rests or rubs(compiled) else written_equations(compiled, traced_equations)
+    return _written(compiled, rests) if rests or has_dry_friction(compiled) else written_equations(compiled, traced_equations)
 
 
 def missing_in_c(compiled: Compiled, rests: Sequence[str] = ()) -> str | None:
@@ -214,14 +214,16 @@ class _ContactWriter(EquationsWriter):
         drives = [(q, v, a) for (q, v, _), a in zip(moving.drives, seconds, strict=True)]
         loaded = self._motion(moving.state, moving.angles, drives, second=True)
         loaded.states.update(moving.states)
-        values, extra, more = self._friction(loaded, units, held) if rubs(self.compiled) else ([1.0], [0.0] * f, [0.0] * len(rests))
+        values, extra, more = (
+            self._friction(loaded, units, held) if has_dry_friction(self.compiled) else ([1.0], [0.0] * f, [0.0] * len(rests))
+        )
         acceleration = [a + b for a, b in zip(first, extra, strict=True)]
         efforts = [p + b for p, b in zip(effort, more, strict=True)]
         resting = [self.model.mechanism.drives[i].joint in rests for i in free]
         acceleration = [0.0 if it else a for it, a in zip(resting, acceleration, strict=True)]
         one = [float(i == j) for i in range(f) for j in range(i + 1)]
         lower = [x for row in inertia for x in row]
-        coordinates = [self._coordinate(moving, joint) for joint in stopped(self.compiled)]
+        coordinates = [self._coordinate(moving, joint) for joint in joints_with_stops(self.compiled)]
         joints = [x for order in zip(*coordinates, strict=True) for x in order]
         self.contacts = ContactCounts(len(values) // 4, len(rests), len(coordinates))
         return one + acceleration, [*values[:-1], *efforts, values[-1], *first, *lower, *joints]

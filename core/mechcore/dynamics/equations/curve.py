@@ -17,7 +17,7 @@ from mechcore.arrays import Index, Real, Values
 from mechcore.branches.paths import repeats
 from mechcore.branches.singular_points import SingularPoints
 from mechcore.constants import TURN
-from mechcore.dynamics.equations.program import Programmed, compiled_program, wanted
+from mechcore.dynamics.equations.program import Programmed, compiled_program, wants_program
 from mechcore.dynamics.equations.reduced import motion_at, steps_of_differences, with_rates
 from mechcore.effects.base import Effect, power_of
 from mechcore.effects.masses import kinetic_energy
@@ -43,22 +43,23 @@ LITTLE_ENERGY = 1e-3  # part of the work from one end of a table: smaller kineti
 
 @dataclass(frozen=True, eq=False)
 class CurveEquations(Programmed):
-    """``table``: J, the tabulated part of Q and, where loads are proportional to speeds, C; ``both``: these, their derivatives, and
-    J''; ``rest``: effects that are not in the table; ``beside_singular``: whether it comes close to singular positions."""
+    """``table``: J, the tabulated part of Q and, where loads are proportional to speeds, C; ``table_with_derivatives``: these,
+    their derivatives, and J''; ``untabulated_effects``: effects that are not in the table; ``beside_singular``: whether it comes
+    close to singular positions."""
 
     compiled: Compiled
     table: Panels
-    both: Panels
-    rest: tuple[Effect, ...] = ()
+    table_with_derivatives: Panels
+    untabulated_effects: tuple[Effect, ...] = ()
     beside_singular: bool = False
 
     def __call__(self, q: Real, v: Real, t: Real) -> Real:
         program = None if self.conservative else self.program()
         if program is not None and program.everywhere:
             return program(q, v, t)
-        f, n = self.both(q[:, 0]), self.functions
+        f, n = self.table_with_derivatives(q[:, 0]), self.functions
         w = v[:, 0]
-        force = f[:, 1] + self.changing(q, v, t) if self.rest else f[:, 1]
+        force = f[:, 1] + self.variable_force(q, v, t) if self.untabulated_effects else f[:, 1]
         if n > 2:
             force = force + f[:, 2] * w
         return ((force - 0.5 * f[:, n] * w * w) / f[:, 0])[:, None]
@@ -71,7 +72,7 @@ class CurveEquations(Programmed):
     @property
     def conservative(self) -> bool:
         """Whether all forces depend on the position alone."""
-        return not self.rest and self.functions == 2
+        return not self.untabulated_effects and self.functions == 2
 
     def inertia(self, q: float) -> float:
         """J at a position."""
@@ -99,32 +100,32 @@ class CurveEquations(Programmed):
         exact = 0.5 * self.inertia(before[0]) * before[1] ** 2 + float(done[1] - done[0])
         return exact if abs(exact - plain) < SAME_ENERGY * plain else plain
 
-    def kept(self, before: tuple[float, float], q: Real, v: Real) -> Real:
+    def speed_by_energy(self, before: tuple[float, float], q: Real, v: Real) -> Real:
         """The speed (1,) at q (1,) that corresponds to `kinetic_energy`, with the sign of v."""
         energy = self.kinetic_energy(float(q[0]), float(v[0]), before)
         return np.asarray(np.copysign(np.sqrt(2.0 * energy / self.inertia(float(q[0]))), v))
 
-    def changing(self, q: Real, v: Real, t: Real) -> Real:
+    def variable_force(self, q: Real, v: Real, t: Real) -> Real:
         """The part of Q (n,) that depends on speed or time."""
         unit = motion_at(self.compiled, q, np.ones_like(v), t)
         moving = with_rates(unit, [v[:, 0]])
         total: Values = np.zeros(len(t))
-        for effect in self.rest:
+        for effect in self.untabulated_effects:
             for w in effect.wrenches(moving):
                 total = total + power_of(unit, w)
         return np.asarray(total)
 
     def slopes(self, q: Real, v: Real, t: Real, a: Real) -> tuple[Real, Real]:
-        f, n = self.both(q[:, 0]), self.functions
+        f, n = self.table_with_derivatives(q[:, 0]), self.functions
         w = v[:, 0]
         by_q = f[:, n + 1] - 0.5 * f[:, 2 * n] * w * w - a[:, 0] * f[:, n]
         by_v = -f[:, n] * w
         if n > 2:
             by_q, by_v = by_q + f[:, n + 2] * w, by_v + f[:, 2]
-        if self.rest:
+        if self.untabulated_effects:
             n = len(t)
             steps = [float(x[0]) for x in steps_of_differences(self.compiled, q, v, a)]
-            forces = self.changing(
+            forces = self.variable_force(
                 np.concatenate([q, q + steps[0], q]), np.concatenate([v, v, v + steps[1]]), np.concatenate([t, t, t])
             ).reshape(3, n)
             by_q, by_v = by_q + (forces[1] - forces[0]) / steps[0], by_v + (forces[2] - forces[0]) / steps[1]
@@ -263,11 +264,11 @@ def _by_program(compiled: Compiled, usable: Callable[[Motion], bool], most_strai
     """As `_values`, by the equations in C. None unless C is wanted, positions follow from the drive's position and the modes alone,
     and forces depend on positions only."""
     effects = [e for e in effects_of(compiled.mechanism) if "accelerations" not in e.needs]
-    alone = len(compiled.mechanism.drives) == 1 and not (compiled.model.relations or compiled.followed)
+    alone = len(compiled.mechanism.drives) == 1 and not (compiled.model.relations or compiled.needs_path)
     alone = alone and all(e.needs <= {"positions"} for e in effects)
-    if not alone or any(e.piecewise or e.limited for e in effects) or not wanted(compiled, worth=False):
+    if not alone or any(e.piecewise or e.limited for e in effects) or not wants_program(compiled, worth=False):
         return None
-    program, by_numpy = compiled.once(compiled_program), _values(compiled, effects, usable)
+    program, by_numpy = compiled.cached(compiled_program), _values(compiled, effects, usable)
     if program is None or program.followed:
         return None
 

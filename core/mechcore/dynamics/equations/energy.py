@@ -188,7 +188,7 @@ def by_energy(
                 progress(min(around.duration, duration))
             return EnergyMotion(curve, (around,), around.duration, around.length)
     work = _Work(curve)
-    inertia, force, _, slope, _ = (float(x) for x in curve.both(np.array([q0]))[0])
+    inertia, force, _, slope, _ = (float(x) for x in curve.table_with_derivatives(np.array([q0]))[0])
     kinetic = 0.5 * inertia * v0 * v0
     size = max(work.largest, kinetic, 1e-300)
     if kinetic * abs(slope) + 0.5 * force * force < SMALL_ENERGY * size * abs(slope) and _swings(

@@ -119,7 +119,7 @@ def solved_by_lines(triangle: Sequence[Values], rhs: Sequence[Values]) -> list[V
 
 
 def straight_lines(compiled: Compiled) -> StraightLines | None:
-    """The equations of a mechanism as lines of numpy; None where they cannot be written so. Call it through `Compiled.once`."""
+    """The equations of a mechanism as lines of numpy; None where they cannot be written so. Call it through `Compiled.cached`."""
     points = compiled.singular_points
     if compiled.accuracy.differentiation != "exact" or (points is not None and points.points):
         return None

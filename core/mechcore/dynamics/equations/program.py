@@ -49,7 +49,7 @@ from mechcore.laws.time_curves import numbers_of_time
 from mechcore.laws.timed import Free
 from mechcore.motion.compiled import Compiled
 from mechcore.motion.motion import Motion
-from mechcore.spec.mechanism import braked
+from mechcore.spec.mechanism import joints_with_friction
 
 T = TypeVar("T")
 TURNED = "turned"  # kind of followed unknown: the angle of a group from the start pose on, which may differ from Newton's unknown
@@ -73,7 +73,7 @@ class EquationsProgram:
     def __init__(self, compiled: Compiled, written: WrittenEquations, followed: tuple[Unknown, ...], more: int = 0):
         self.compiled, self.followed = compiled, followed
         self._laws = [d.law for d in compiled.mechanism.drives if not isinstance(d.law, Free)]
-        scales = [*compiled.once(coordinate_scales).tolist(), *(1.0 for _ in integrating(compiled))]
+        scales = [*compiled.cached(coordinate_scales).tolist(), *(1.0 for _ in integrating(compiled))]
         self._of_time = written.of_time
         curves = [numbers_of_time(function) for function in (*self._laws, *self._of_time)]
         known = [numbers for numbers in curves if numbers is not None]
@@ -160,7 +160,7 @@ class EquationsProgram:
         solved = self._equations.window(rule, trial, self._drives(t0 + h * rule.nodes), near)
         if solved is None or self._singular is None:
             return solved
-        places = q + h * rule.nodes[:, None] * v + h * h * (rule.twice @ solved[0])
+        places = q + h * rule.nodes[:, None] * v + h * h * (rule.double_integral @ solved[0])
         return solved if self._clear(np.append(q[0], places[:, 0])) else None
 
     def _away(self, q: Real) -> tuple[float, float] | None:
@@ -194,13 +194,13 @@ class EquationsProgram:
 def compiled_program(compiled: Compiled) -> EquationsProgram | None:
     """The program of a mechanism's equations of motion; None where C does not have them or there is no compiler that works.
 
-    Call it through `Compiled.once`. Raises `MechanismError` where the executor is "c" and C cannot be compiled.
+    Call it through `Compiled.cached`. Raises `MechanismError` where the executor is "c" and C cannot be compiled.
     """
     equations = written_equations(compiled, traced_equations)
-    return None if isinstance(equations, str) else working(compiled, lambda: EquationsProgram(compiled, *equations))
+    return None if isinstance(equations, str) else program_or_none(compiled, lambda: EquationsProgram(compiled, *equations))
 
 
-def working(compiled: Compiled, made: Callable[[], T]) -> T | None:
+def program_or_none(compiled: Compiled, made: Callable[[], T]) -> T | None:
     """The program that ``made`` returns; None where that fails. Raises the `MechanismError` where the executor is "c"."""
     try:
         return made()
@@ -216,7 +216,7 @@ Written: TypeAlias = tuple[WrittenEquations, tuple[Unknown, ...]]
 
 def written_equations(compiled: Compiled, traced: Callable[[Compiled], TracedEquations], kind: object = None) -> Written | str:
     """The program of equations that are ``traced``, of some ``kind``, or why C does not have them, in words."""
-    known = compiled.model.once(_known)
+    known = compiled.model.cached(_known)
     start = compiled.angles.start
     turned = tuple(float(x) for x in start.angles.values()), tuple(start.ranges.items()), compiled.angles.exact
     took_over = compiled.angles.at.time > -np.inf
@@ -245,11 +245,13 @@ class Programmed:
         """The compiled program where the executor is "c" or, where it is "auto", for a ``long`` motion or once it exists; else
         None."""
         return (
-            self.compiled.once(compiled_program) if wanted(self.compiled, compiled_program in self.compiled.kept or long) else None
+            self.compiled.cached(compiled_program)
+            if wants_program(self.compiled, compiled_program in self.compiled.cache or long)
+            else None
         )
 
 
-def wanted(compiled: Compiled, worth: bool) -> bool:
+def wants_program(compiled: Compiled, worth: bool) -> bool:
     """Whether a compiled program is wanted: where the executor is "c", or "auto" and the program is ``worth`` it."""
     return compiled.executor == "c" or (compiled.executor == "auto" and worth)
 
@@ -269,7 +271,7 @@ class TracedEquations(NamedTuple):
 def traced_equations(compiled: Compiled) -> TracedEquations:
     """The reduced equations of a mechanism on symbols. Raises `Untraceable` with the reason where they cannot be traced."""
     check_traceable(compiled.model)
-    if "friction" in compiled.mechanism.effects and braked(compiled.mechanism.joints):
+    if "friction" in compiled.mechanism.effects and joints_with_friction(compiled.mechanism.joints):
         raise Untraceable("dry friction depends on the reactions")
     return EquationsWriter(compiled).equations()
 

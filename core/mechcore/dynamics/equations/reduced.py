@@ -97,7 +97,7 @@ def steps_of_differences(compiled: Compiled, q: Real, v: Real, a: Real) -> tuple
     They are relative to the scale of each coordinate and, for rates, to the time in which the motion covers it, so that units do
     not matter. States of effects that integrate have no known scale and count as coordinates of scale 1.
     """
-    scales = compiled.once(coordinate_scales)
+    scales = compiled.cached(coordinate_scales)
     f, (position, speed, change) = len(scales), (np.maximum.reduce(np.abs(x)) for x in (q, v, a))
     pace = max(float((speed[:f] / scales).max()), float(np.sqrt((change[:f] / scales).max()))) or 1.0
     if q.shape[1] > f:
@@ -134,7 +134,7 @@ def motion_at(compiled: Compiled, q: Real, v: Real, t: Real, a: Real | None = No
 
 def integrating(compiled: Compiled) -> list[Effect]:
     """The effects that integrate over time, in the order of their states, see `with_states`."""
-    return [e for e in compiled.model.once(applied_effects) if e.integrates]
+    return [e for e in compiled.model.cached(applied_effects) if e.integrates]
 
 
 def with_states(acceleration: Real, motion: Motion) -> Real:
@@ -143,7 +143,7 @@ def with_states(acceleration: Real, motion: Motion) -> Real:
     Among coordinates, rates and accelerations a state is a rate: its integrand is the acceleration, and its coordinate is the
     integral of the state, on which nothing depends.
     """
-    rates = [e.state_rate(motion) * np.ones(motion.frames) for e in motion.model.once(applied_effects) if e.integrates]
+    rates = [e.state_rate(motion) * np.ones(motion.frames) for e in motion.model.cached(applied_effects) if e.integrates]
     return np.column_stack([acceleration, *rates]) if rates else acceleration
 
 

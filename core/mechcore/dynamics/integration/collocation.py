@@ -37,13 +37,13 @@ class System(Protocol):
 class Rule:
     """Nodes (s,) on [0, 1] and what integrates polynomials through them.
 
-    ``once`` (s, s), ``twice`` (s, s): from the nodes' values to the first and the second integral at the nodes; ``legendre``
-    (s, s): to the coefficients in Legendre polynomials of 2 x - 1, highest last.
+    ``integral`` (s, s), ``double_integral`` (s, s): from the nodes' values to the first and the second integral at the nodes;
+    ``legendre`` (s, s): to the coefficients in Legendre polynomials of 2 x - 1, highest last.
     """
 
     nodes: Real
-    once: Real
-    twice: Real
+    integral: Real
+    double_integral: Real
     legendre: Real
     stiff: bool
 
@@ -57,10 +57,10 @@ def _rule(nodes: Real, stiff: bool) -> Rule:
     s = len(nodes)
     to_legendre = np.linalg.inv(legendre.legvander(2.0 * nodes - 1.0, s - 1))
     first, second = integrals(s, nodes)
-    once, twice = first @ to_legendre, second @ to_legendre
+    integral, double_integral = first @ to_legendre, second @ to_legendre
     if stiff:
-        twice = once @ once
-    return Rule(nodes, once, twice, np.asarray(to_legendre, float), stiff)
+        double_integral = integral @ integral
+    return Rule(nodes, integral, double_integral, np.asarray(to_legendre, float), stiff)
 
 
 def integrals(s: int, x: Real) -> tuple[Real, Real]:
@@ -168,7 +168,7 @@ def solve_window(rule: Rule, system: System, trial: WindowTrial) -> tuple[Real, 
     matrix = None
     last, reach = np.inf, float(np.abs(drift).max())
     for count in range(1, 16):
-        q, v = drift + h * h * (rule.twice @ a), v0 + h * (rule.once @ a)
+        q, v = drift + h * h * (rule.double_integral @ a), v0 + h * (rule.integral @ a)
         if matrix is None and together is not None:
             force, *slopes = together(q, v, t, a)
         else:
@@ -179,21 +179,23 @@ def solve_window(rule: Rule, system: System, trial: WindowTrial) -> tuple[Real, 
                 return None
             by_q, by_v = system.slopes(q, v, t, force) if together is None else slopes
             if f == 1:
-                matrix = np.eye(s) - h * h * by_q[:, :, 0] * rule.twice - h * by_v[:, :, 0] * rule.once
+                matrix = np.eye(s) - h * h * by_q[:, :, 0] * rule.double_integral - h * by_v[:, :, 0] * rule.integral
             else:
-                full = -h * h * np.einsum("iab,ij->iajb", by_q, rule.twice) - h * np.einsum("iab,ij->iajb", by_v, rule.once)
+                full = -h * h * np.einsum("iab,ij->iajb", by_q, rule.double_integral) - h * np.einsum(
+                    "iab,ij->iajb", by_v, rule.integral
+                )
                 matrix = full.reshape(s * f, s * f) + np.eye(s * f)
             inverse = np.linalg.inv(matrix)
         step = (inverse @ residual.reshape(s * f)).reshape(s, f)
         a = a + step
-        moved = h * h * np.abs(rule.twice @ step)
+        moved = h * h * np.abs(rule.double_integral @ step)
         size = float(moved.max())
         if size <= tolerance:
             return a, count
         if not size < np.inf:
             return None
         if size <= ROUNDING * (reach + h * h * float(np.abs(a).max())):  # no coordinate's terms are larger
-            terms = np.abs(drift) + h * h * (np.abs(rule.twice) @ np.abs(a))
+            terms = np.abs(drift) + h * h * (np.abs(rule.double_integral) @ np.abs(a))
             if (moved.max(axis=0) <= ROUNDING * terms.max(axis=0)).all():
                 return a, count
         if count > 2 and size > 0.5 * last:

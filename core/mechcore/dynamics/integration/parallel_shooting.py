@@ -45,7 +45,7 @@ class Trajectory:
         steps = h * speeds[:-1] + h * h * np.tensordot(a, twice, (1, 0))
         places = np.concatenate([q[None], q + np.cumsum(steps, axis=0)])
         h, start, rate = h[:, None], places[:-1, None], speeds[:-1, None]
-        at = start + h * rule.nodes[:, None] * rate + h * h * (rule.twice @ a), rate + h * (rule.once @ a)
+        at = start + h * rule.nodes[:, None] * rate + h * h * (rule.double_integral @ a), rate + h * (rule.integral @ a)
         return cls(boundaries, places, speeds, at, a)
 
     def windows(self, rule: Rule) -> list[Window]:
@@ -152,7 +152,9 @@ class ParallelShooting:
         self.evaluations += 2 * f
         by_q, by_v = (x.reshape(k, s, f, f) for x in slopes)
         h4 = h[:, None, None, None]
-        matrix = np.einsum("kiab,ij->kiajb", -h4 * h4 * by_q, rule.twice) - np.einsum("kiab,ij->kiajb", h4 * by_v, rule.once)
+        matrix = np.einsum("kiab,ij->kiajb", -h4 * h4 * by_q, rule.double_integral) - np.einsum(
+            "kiab,ij->kiajb", h4 * by_v, rule.integral
+        )
         matrix = matrix.reshape(k, s * f, s * f) + np.eye(s * f)
         from_start = np.concatenate([by_q, by_v + h4 * rule.nodes[:, None, None] * by_q], axis=3)
         rhs = np.concatenate([(force - trajectory.a)[..., None], from_start], axis=3).reshape(k, s * f, 1 + 2 * f)

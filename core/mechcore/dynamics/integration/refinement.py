@@ -28,7 +28,7 @@ LEAST_WINDOW = 0.05  # part of the next window: a shorter remainder after a brea
 
 
 @dataclass(frozen=True, eq=False)
-class Known:
+class KnownMotion:
     """A known motion: ``boundaries`` (k + 1,) [s] of windows where it is smooth; ``cut`` (k,): those that end where the
     equations change their form; ``acceleration``: times (n,) -> (n, f)."""
 
@@ -41,7 +41,7 @@ def _acceleration(window: Window, t: Real) -> Real:
     return window.acceleration(t)
 
 
-def refine(by: Integrator, q: Real, v: Real, t0: float, t1: float, known: Known) -> Solution:
+def refine(by: Integrator, q: Real, v: Real, t0: float, t1: float, known: KnownMotion) -> Solution:
     """The solution of `Integrator.run`, started from the ``known`` motion; it raises the same errors."""
     rule, breakpoints = by.rule(MORE_NODES), by.breakpoints
     solver = ParallelShooting(by.system, rule, by.tolerance, by.scale)
@@ -78,7 +78,7 @@ def refine(by: Integrator, q: Real, v: Real, t0: float, t1: float, known: Known)
                 break_time = None
             solution.windows.append(window)
             t = window.start + window.length
-            if by.after is not None and by.after(window) is not None:
+            if by.on_window is not None and by.on_window(window) is not None:
                 solution.evaluations = solver.evaluations
                 return solution
             if break_time is not None:
@@ -88,7 +88,7 @@ def refine(by: Integrator, q: Real, v: Real, t0: float, t1: float, known: Known)
                     ends, cut = ends[1:], cut[1:]
                 break
         end_q, end_v, _ = solution.windows[-1](np.array([t]))
-        q, v = end_q[0], end_v[0] if by.keeps is None else by.keeps(end_q[0], end_v[0])
+        q, v = end_q[0], end_v[0] if by.speed_by_integral is None else by.speed_by_integral(end_q[0], end_v[0])
     solution.evaluations = solver.evaluations
     if t < t1 - least:
         rest = by.run(q, v, t, t1)

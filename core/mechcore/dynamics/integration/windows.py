@@ -133,10 +133,11 @@ class Integrator:
     """How a system is integrated by collocation, window by window.
 
     ``tolerance``: local error of the position, relative to ``scale`` (a typical size of q, a number or (f,)). ``nodes``: of a
-    window, ``most``: longest window [s]. ``after`` is called with every accepted window; a time that it returns ends the
-    integration there. ``passed`` is called first with several consecutive windows: it returns False where ``after`` has to be
-    called with each. ``breakpoints`` finds the first time in a window, later than a given one, at which the equations change their
-    form: windows end there. ``keeps``: position and speed at the end of a window -> the speed that a first integral gives there.
+    window, ``most``: longest window [s]. ``on_window`` is called with every accepted window; a time that it returns ends the
+    integration there. ``on_windows`` is called first with several consecutive windows: it returns False where ``on_window`` has to
+    be called with each. ``breakpoints`` finds the first time in a window, later than a given one, at which the equations change
+    their form: windows end there. ``speed_by_integral``: position and speed at the end of a window -> the speed that a first
+    integral gives there.
     """
 
     system: System
@@ -145,10 +146,10 @@ class Integrator:
     stiff: bool = False
     nodes: int | None = None
     most: float | None = None
-    after: Callable[[Window], float | None] | None = None
-    passed: Callable[[Sequence[Window]], bool] | None = None
+    on_window: Callable[[Window], float | None] | None = None
+    on_windows: Callable[[Sequence[Window]], bool] | None = None
     breakpoints: BreakpointFinder | None = None
-    keeps: Callable[[Real, Real], Real] | None = None
+    speed_by_integral: Callable[[Real, Real], Real] | None = None
 
     def rule(self, more: int = 0) -> Rule:
         """The collocation rule of its windows, with ``more`` additional nodes."""
@@ -228,7 +229,7 @@ class _Integration:
                 self.program = self.offered(long=True)
         program = self.program
         in_program = program is not None and (not self.by.searches_breakpoints or program.has_forms)
-        if program is not None and in_program and program.alone and self.by.keeps is None:
+        if program is not None and in_program and program.alone and self.by.speed_by_integral is None:
             return self._batch(program)
         row: list[Window] = []
         if self.rows is not None and not self.cuts:
@@ -237,13 +238,13 @@ class _Integration:
 
     def _accept(self, window: Window) -> bool:
         self.solution.windows.append(window)
-        return self.by.after is None or self.by.after(window) is None
+        return self.by.on_window is None or self.by.on_window(window) is None
 
     def _go_to_end(self, window: Window) -> None:
         self.t = window.start + window.length
         q, v = window.end()
         self.end_a = window.a.sum(axis=0)[None]  # all polynomials are 1 there
-        self.q, self.v = q, v if self.by.keeps is None else self.by.keeps(q, v)
+        self.q, self.v = q, v if self.by.speed_by_integral is None else self.by.speed_by_integral(q, v)
 
     def _batch(self, program: WindowProgram) -> bool:
         """Windows that a compiled program solves one after the other."""
@@ -254,7 +255,7 @@ class _Integration:
         batch = program.windows(self.rule, at, self.by.limits(self.t, self.t1, self.least, BATCH_WINDOWS))
         solution.evaluations, solution.rejected = solution.evaluations + int(at[3]), solution.rejected + int(at[4])
         windows = windows_of(batch)
-        if self.by.passed is not None and self.by.passed(windows):
+        if self.by.on_windows is not None and self.by.on_windows(windows):
             solution.windows += windows
         elif not all(map(self._accept, windows)):
             return False

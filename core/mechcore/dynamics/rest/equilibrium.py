@@ -127,7 +127,7 @@ def _forces(compiled: Compiled, q: Real, v: Real | None = None, only: str = "pos
 def slopes_at_rest(compiled: Compiled, q: Real) -> tuple[Real, Real, Real]:
     """Q (f,) at rest at position q (f,), its derivative by the position (f, f), and the size of its parts around there (f,); all
     from one set of positions, by central differences of sixth order."""
-    scale, f = compiled.once(coordinate_scales), len(q)
+    scale, f = compiled.cached(coordinate_scales), len(q)
     shifts = (np.eye(f)[:, None, :] * NODES[None, :, None]).reshape(-1, f)
     force, size = _forces(compiled, np.vstack([q[None], q + DIFFERENCE_STEP * scale * shifts]))
     by_q = np.einsum("knj,n->jk", force[1:].reshape(f, len(NODES), f), DIFFERENCE_WEIGHTS) / (DIFFERENCE_STEP * scale)
@@ -152,7 +152,7 @@ def find_equilibrium(mechanism: Mechanism | Compiled, *, seek: Seek = "stable", 
     q = np.array([float(d.law(0.0)[0]) for d in compiled.mechanism.drives if isinstance(d.law, Free)])
     changed = 0
     for count in range(1, MOST_STEPS + 1):
-        scale = compiled.once(coordinate_scales)
+        scale = compiled.cached(coordinate_scales)
         force, by_q, size = slopes_at_rest(compiled, q)
         if not np.isfinite(by_q).all():
             if len(q) > 1 or changed > 8:
@@ -165,7 +165,7 @@ def find_equilibrium(mechanism: Mechanism | Compiled, *, seek: Seek = "stable", 
         step = _newton(force * scale, -by_q * scale[:, None] * scale, seek) * scale
         if left <= 1e-13 or (left <= 1e-10 and float(np.abs(step / scale).max()) <= 1e-12):
             equilibrium = Equilibrium(compiled, q, -by_q, left, count)
-            for effect in equilibrium.motion.model.once(applied_effects):
+            for effect in equilibrium.motion.model.cached(applied_effects):
                 effect.check(equilibrium.motion)
             _within(equilibrium, with_slot_ends(compiled.mechanism, stops))
             return equilibrium
@@ -199,7 +199,7 @@ def _newton(force: Real, stiffness: Real, seek: Seek) -> Real:
 def _step(compiled: Compiled, q: Real, force: Real, step: Real, seek: Seek, largest: float) -> Real:
     """The position after a step, which is halved until the mechanism can be assembled and, in descent, until the forces do work
     along it."""
-    scale = compiled.once(coordinate_scales)
+    scale = compiled.cached(coordinate_scales)
     length = float(np.abs(step / scale).max())
     step = step * min(1.0, LONGEST_STEP / length) if length else step
     for _ in range(40):
@@ -246,7 +246,7 @@ SLOW_RATE = 1e-3  # part of the vibration's speed at an amplitude of one: the ra
 
 
 @dataclass(frozen=True)
-class Fastest:
+class FastestVibration:
     """The fastest small vibration about the start.
 
     ``frequency`` [Hz]; ``amplitude`` that forces and speeds at the start excite, relative to one radian or the mechanism's size;
@@ -286,17 +286,17 @@ class Fastest:
         )
 
 
-def places_beside(compiled: Compiled, q: Real) -> Real:
+def difference_positions(compiled: Compiled, q: Real) -> Real:
     """Positions (n, f): q (f,) itself, then those beside it from which central differences by the free coordinates follow."""
     shifts = (np.eye(len(q))[:, None, :] * NODES[None, :, None]).reshape(-1, len(q))
-    return np.vstack([q[None], q + DIFFERENCE_STEP * compiled.once(coordinate_scales) * shifts])
+    return np.vstack([q[None], q + DIFFERENCE_STEP * compiled.cached(coordinate_scales) * shifts])
 
 
 def vibrations(compiled: Compiled, forces: Real, inertia: Real) -> tuple[Real, Real, Real] | None:
     """Squares of the natural frequencies (f,) [rad^2/s^2] in ascending order, shapes (f, f) in scales of the coordinates, and the
-    stiffness (c, f, f) of each of the ``forces`` (c, n, f) at `places_beside` a position. The last of the forces is the total one,
-    which gives the frequencies. None where they cannot be found."""
-    scale, f = compiled.once(coordinate_scales), forces.shape[-1]
+    stiffness (c, f, f) of each of the ``forces`` (c, n, f) at the `difference_positions` of a position. The last of the forces is
+    the total one, which gives the frequencies. None where they cannot be found."""
+    scale, f = compiled.cached(coordinate_scales), forces.shape[-1]
     by_q = np.einsum("cknj,n->cjk", forces[:, 1:].reshape(-1, f, len(NODES), f), DIFFERENCE_WEIGHTS) / (DIFFERENCE_STEP * scale)
     stiffness = -0.5 * (by_q + by_q.swapaxes(1, 2))
     both = scale[:, None] * scale
@@ -313,12 +313,12 @@ def vibrations(compiled: Compiled, forces: Real, inertia: Real) -> tuple[Real, R
     return squares, white.T @ shapes, stiffness
 
 
-def fastest_vibration(compiled: Compiled, q: Real, v: Real) -> Fastest | None:
+def fastest_vibration(compiled: Compiled, q: Real, v: Real) -> FastestVibration | None:
     """The fastest vibration of a mechanism at q, v (f,), drives and time at their start; None where no spring makes it vibrate."""
     springs = [load for load in compiled.mechanism.loads if isinstance(load, Spring | TorsionSpring | Bushing)]
     if not springs or not len(q):
         return None
-    scale, places = compiled.once(coordinate_scales), places_beside(compiled, q)
+    scale, places = compiled.cached(coordinate_scales), difference_positions(compiled, q)
     motion = motion_at(compiled, places, np.zeros_like(places), np.zeros(len(places)))
     units = tangents(motion, free_of(compiled))
     at_rest = reduced_equations(motion, units)
@@ -347,7 +347,7 @@ def fastest_vibration(compiled: Compiled, q: Real, v: Real) -> Fastest | None:
     amplitude = float(modal * np.abs(shapes[most, -1]))
     rotary = compiled.model.rotary(compiled.mechanism.drives[free_of(compiled)[most]].joint)
     swing = as_coordinate(amplitude * scale[most], rotary=rotary, digits=2)
-    return Fastest(omega / TURN, amplitude, swing, max(0.5 * brake / omega, 0.0), spring.name, _stiffness(spring))
+    return FastestVibration(omega / TURN, amplitude, swing, max(0.5 * brake / omega, 0.0), spring.name, _stiffness(spring))
 
 
 def _stiffness(spring: Spring | TorsionSpring | Bushing) -> str:
@@ -358,7 +358,7 @@ def _stiffness(spring: Spring | TorsionSpring | Bushing) -> str:
     return as_quantity(spring.stiffness, "torsional stiffness" if isinstance(spring, TorsionSpring) else "stiffness")
 
 
-def check_periods(fastest: Fastest, duration: float, tolerance: float) -> Text | None:
+def check_periods(fastest: FastestVibration, duration: float, tolerance: float) -> Text | None:
     """Warning before a run over very many periods of its fastest vibration; None where there are fewer. Raises `MechanismError`
     beyond `MOST_TURNS` periods."""
     periods = fastest.periods(duration)

@@ -281,7 +281,7 @@ def _solve(machine: _Machine, edges: Real, w: Real, level: float) -> tuple[Real,
     identity = np.eye(PANEL_NODES)
     for _ in range(40):
         f, by_w = (y.reshape(x.shape) for y in machine.linear(x.ravel(), w.ravel()))
-        matrix = identity - h[:, None, None] * by_w[:, :, None] * RULE.once
+        matrix = identity - h[:, None, None] * by_w[:, :, None] * RULE.integral
         right = np.stack([f - by_w * w, by_w], axis=-1)
         alpha, beta = np.moveaxis(np.linalg.solve(matrix, right), -1, 0)
         grow, add = 1.0 + h * (beta @ WEIGHTS), h * (alpha @ WEIGHTS)
@@ -298,7 +298,7 @@ def _solve(machine: _Machine, edges: Real, w: Real, level: float) -> tuple[Real,
         for k in range(len(h) - 1):
             begins[k + 1] = grow[k] * begins[k] + add[k]
         slopes = alpha + beta * begins[:, None]
-        new = begins[:, None] + h[:, None] * (slopes @ RULE.once.T)
+        new = begins[:, None] + h[:, None] * (slopes @ RULE.integral.T)
         worst = float(new.min())
         if worst <= 0.0:  # a step reduces w to a tenth at most
             share = 0.9 * float(np.min(np.where(new < 0.1 * w, w / np.maximum(w - new, 1e-300), 1.0)))

@@ -24,7 +24,7 @@ from mechcore.laws.timed import Free
 from mechcore.motion.compiled import Compiled
 from mechcore.records import dataclass
 from mechcore.spec.loads import Servo
-from mechcore.spec.mechanism import Mechanism, braked
+from mechcore.spec.mechanism import Mechanism, joints_with_friction
 
 NEUTRAL_STIFFNESS = 1e-9  # part of the largest stiffness: a mode with less is neutral
 LEAST_GROWTH = 1e-7  # part of the fastest frequency: a growth rate, or the frequency of a growing mode, below it is rounding
@@ -163,7 +163,7 @@ def _damping(compiled: Compiled, q: Real) -> Real:
 def _notes(compiled: Compiled) -> list[str]:
     mechanism = compiled.mechanism
     notes = []
-    rubbing = braked(mechanism.joints) if "friction" in mechanism.effects else ()
+    rubbing = joints_with_friction(mechanism.joints) if "friction" in mechanism.effects else ()
     if rubbing:
         notes.append(f"dry friction is left out (it holds around the equilibrium, nothing there is linear): {', '.join(rubbing)}")
     held = [d.joint for d in mechanism.drives if not isinstance(d.law, Free)]

@@ -73,7 +73,7 @@ class Element:
     place: Plane | None = None  # of a cam or thread: where they touch
     twist: Values | None = None  # of an axis in the plane: couple on the turning link, the opposite on the carrier [m]
     carrier: int = -1
-    seen: Values = 1.0  # of the same: part of the normal force in the plane
+    in_plane_share: Values = 1.0  # of the same: part of the normal force in the plane
 
     @property
     def unit(self) -> str:
@@ -106,7 +106,7 @@ class Element:
         if self.kind == "brake":  # its factor is the whole friction: see `solve.system`
             return 1.0, 0.0
         if self.kind == "contact":
-            force = contacts[self.joint][1] / self.seen
+            force = contacts[self.joint][1] / self.in_plane_share
             return force.real, force.imag
         force, couple = transmitted[self.index]
         if self.kind == "pin":
@@ -257,7 +257,7 @@ def _of_thread(motion: Motion, joint: Screw, friction: Friction, sense: Sense) -
         place=motion.joint_point(j),
         twist=r * sine * cosine,
         carrier=owner,
-        seen=cosine,
+        in_plane_share=cosine,
     )
 
 
@@ -280,7 +280,7 @@ def _of_cam(
     mu = friction.coefficient
     factor: Values = mu * arm
     if relation.bearing is not None:
-        *rubbing, seen = geometry.rubbing(motion, flank)
+        *rubbing, seen = geometry.sliding(motion, flank)
         r, carrier = rubbing[nth], motion.model.index[relation.bearing.carrier]
         sign = sense(r.rate, "slide")
         return Element(

@@ -30,7 +30,7 @@ class Jam:
     start: float
     end: float
     joints: tuple[str, ...]
-    reached: float  # smallest proportion of the coefficients with which it could still be moved
+    movable_share: float  # smallest proportion of the coefficients with which it could still be moved
 
 
 def sign_changes(forces: Forces) -> list[tuple[float, str]]:
@@ -60,27 +60,27 @@ def find_jams(forces: Forces) -> list[Jam]:
     if friction is None:
         return []
     time = forces.motion.time
-    again = _again(forces)
+    friction_at = _friction_at(forces)
     near = forces.motion.accuracy.event * float(np.max(np.diff(time), initial=0.0))
     jams = []
     for first, last in runs(friction.jammed):
-        frame = first + int(np.argmin(friction.reached[first : last + 1]))
+        frame = first + int(np.argmin(friction.movable_share[first : last + 1]))
         start, end = float(time[first]), float(time[last])
-        if again is not None:
+        if friction_at is not None:
             inner = start, end
-            start = _edge(again, float(time[first - 1]), start, inner[1], near) if first else start
-            end = _edge(again, float(time[last + 1]), end, inner[0], near) if last + 1 < len(time) else end
-        jams.append(Jam(start, end, friction.jammed_by(frame), float(friction.reached[frame])))
-    if again is not None:
-        for jam in _hidden(again, friction, time, near):  # two minima may lead to the same jam
+            start = _edge(friction_at, float(time[first - 1]), start, inner[1], near) if first else start
+            end = _edge(friction_at, float(time[last + 1]), end, inner[0], near) if last + 1 < len(time) else end
+        jams.append(Jam(start, end, friction.jammed_by(frame), float(friction.movable_share[frame])))
+    if friction_at is not None:
+        for jam in _hidden(friction_at, friction, time, near):  # two minima may lead to the same jam
             if not any(jam.start <= known.end and known.start <= jam.end for known in jams):
                 jams.append(jam)
     return sorted(jams, key=lambda jam: jam.start)
 
 
-def _again(forces: Forces) -> Callable[[Real], FrictionResult] | None:
+def _friction_at(forces: Forces) -> Callable[[Real], FrictionResult] | None:
     """A function that gives the friction of the same motion at other times; None where it is not available."""
-    motion_at = forces.motion.again
+    motion_at = forces.motion.at_times
     if motion_at is None:
         return None
 
@@ -92,7 +92,7 @@ def _again(forces: Forces) -> Callable[[Real], FrictionResult] | None:
     return at
 
 
-def _edge(again: Callable[[Real], FrictionResult], free: float, jammed: float, within: float, near: float) -> float:
+def _edge(friction_at: Callable[[Real], FrictionResult], free: float, jammed: float, within: float, near: float) -> float:
     """The time at which a jam begins or ends, to ``near`` [s], between a ``free`` and a ``jammed`` one; ``within``: a time up to
     which the jam lasts at least."""
     parts = EVEN_PARTS
@@ -102,9 +102,9 @@ def _edge(again: Callable[[Real], FrictionResult], free: float, jammed: float, w
             break
         beyond = min((within - jammed) / width, 1.0)
         rising = np.unique(free + np.concatenate([parts, 1.0 + beyond * BEYOND]) * width)
-        friction = again(rising)
+        friction = friction_at(rising)
         there = slice(None, None, 1 if width > 0.0 else -1)
-        t, states, reached = rising[there], friction.jammed[there], friction.reached[there]
+        t, states, reached = rising[there], friction.jammed[there], friction.movable_share[there]
         k = int(np.argmax(states)) or int(np.argmin(np.abs(t - jammed)))
         if k == 0 or (t[k - 1], t[k]) == (free, jammed):  # no time lies between them
             break
@@ -127,7 +127,7 @@ def _parts_about_edge(places: Real, reached: Real) -> Real:
     return np.unique([0.0, *about[(about > 0.0) & (about < 1.0)], 1.0])
 
 
-def _hidden(again: Callable[[Real], FrictionResult], friction: FrictionResult, time: Real, near: float) -> Iterator[Jam]:
+def _hidden(friction_at: Callable[[Real], FrictionResult], friction: FrictionResult, time: Real, near: float) -> Iterator[Jam]:
     """Jams between frames: where the stability has a low minimum at a frame, the neighbourhood of the frame is searched."""
     s = np.where(friction.jammed, np.nan, friction.stability)
     with np.errstate(invalid="ignore"):
@@ -138,13 +138,13 @@ def _hidden(again: Callable[[Real], FrictionResult], friction: FrictionResult, t
             t = np.linspace(left, right, 4 * INTERVAL_PARTS + 1)
             if not np.all(np.diff(t) > 0.0):
                 break
-            fine = again(t)
+            fine = friction_at(t)
             if fine.jammed.any():
                 first, last = runs(fine.jammed)[0]
                 inner = float(t[first]), float(t[last])
-                start = _edge(again, float(t[first - 1]), *inner, near) if first else float(t[0])
-                end = _edge(again, float(t[last + 1]), *inner[::-1], near) if last + 1 < len(t) else float(t[-1])
-                yield Jam(start, end, fine.jammed_by(first), float(fine.reached[first : last + 1].min()))
+                start = _edge(friction_at, float(t[first - 1]), *inner, near) if first else float(t[0])
+                end = _edge(friction_at, float(t[last + 1]), *inner[::-1], near) if last + 1 < len(t) else float(t[-1])
+                yield Jam(start, end, fine.jammed_by(first), float(fine.movable_share[first : last + 1].min()))
                 break
             lowest = int(np.argmin(np.where(np.isfinite(fine.stability), fine.stability, np.inf)))
             left, right = float(t[max(lowest - 1, 0)]), float(t[min(lowest + 1, len(t) - 1)])
@@ -165,7 +165,7 @@ def friction_events(forces: Forces) -> list[Event]:
         until = "to the end of the run" if jam.end >= time[-1] else f"until {jam.end:.6g} s"
         text = (
             f"jams {until}: friction in {names} is too strong for any drive effort, {at_drive(motion, jam.start)} to "
-            f"{at_drive(motion, jam.end)}; it could be moved with {100.0 * jam.reached:.4g} % of the coefficients"
+            f"{at_drive(motion, jam.end)}; it could be moved with {100.0 * jam.movable_share:.4g} % of the coefficients"
         )
         events.append(Event(jam.start, "WARN", jam.joints[0] if jam.joints else "mechanism", text))
     for first, last in runs(friction.ambiguous):

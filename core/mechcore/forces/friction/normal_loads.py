@@ -41,7 +41,7 @@ class NormalLoads:
 
     loads: Real
     jammed: Flags
-    reached: Real
+    movable_share: Real
     share: Real
     residual: Real
     iterations: int

@@ -28,7 +28,7 @@ from mechcore.motion.at_once import indeterminate
 from mechcore.motion.motion import Motion
 from mechcore.numerics.frames import lazy, plane_rows
 from mechcore.records import dataclass
-from mechcore.spec.mechanism import Revolute, braked, friction_of
+from mechcore.spec.mechanism import Revolute, friction_of, joints_with_friction
 
 TransmittedForces = tuple[list[tuple[Plane, Values]], dict[str, tuple[Plane, Plane]], dict[int, Values]]
 """Force and couple on the second link of each joint, place and force of each relation, and multiplier of each relation: see
@@ -95,7 +95,7 @@ def _refuse_indeterminate(motion: Motion) -> None:
     """Raise `MechanismError` where redundant constraints leave the normal load of a joint with friction undetermined."""
     if not motion.model.redundant:
         return
-    braked_joints = [p for p in indeterminate(motion) if p in braked(motion.mechanism.joints)]
+    braked_joints = [p for p in indeterminate(motion) if p in joints_with_friction(motion.mechanism.joints)]
     if braked_joints:
         names = ", ".join(braked_joints)
         why = f"constraints are redundant: statics does not determine the contact force at {names}, nor the friction there."
@@ -191,7 +191,7 @@ class FrictionResult:
         self.elements = tuple(elements)
         self.iterations = solution.iterations
         self.jammed = solution.jammed
-        self.reached = solution.reached
+        self.movable_share = solution.movable_share
         self.residual = solution.residual
         self._solution = solution
         if response is not None:

@@ -87,15 +87,15 @@ def stretched_cams(
             continue
         new = after[name][1]
         profile_old, profile_new = (profile_points(placed, PROFILE_POINTS) for placed in (old, new))
-        if old.own == new.own and old.mount == new.mount and np.array_equal(profile_old, profile_new):
+        if old.mount_origin == new.mount_origin and old.mount == new.mount and np.array_equal(profile_old, profile_new):
             continue
         pieces = []
         for piece in bodies[link].pieces:
-            z = (piece.vertices[:, 0].astype(float) + 1j * piece.vertices[:, 1] - old.own) / old.mount
+            z = (piece.vertices[:, 0].astype(float) + 1j * piece.vertices[:, 1] - old.mount_origin) / old.mount
             moved = stretched(z, profile_old, profile_new, wedge=old.bed is not None, groove=bool(old.groove))
             if moved is None:
                 break
-            w = new.own + new.mount * moved
+            w = new.mount_origin + new.mount * moved
             pieces.append(
                 ColoredPart(np.column_stack([w.real, w.imag, piece.vertices[:, 2]]).astype(np.float32), piece.faces, piece.color)
             )
