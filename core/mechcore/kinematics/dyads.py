@@ -88,9 +88,9 @@ def theta_theta(a: Plane, b: Plane, c: Plane, mode: Values) -> tuple[Complex, Co
     Both rotations have modulus 1, and the sum closes to a few rounding errors however thin the triangle is, because the
     components along and across ``c`` are each accurate in the relative sense.
     """
-    ra, rb, d = modulus(a), modulus(b), modulus(c)
-    half = 0.5 / determined(d * d)
-    across = _with_mode(half * four_areas(ra, rb, d), mode)
+    ra, rb, d2 = modulus(a), modulus(b), (c * c.conjugate()).real
+    half = 0.5 / determined(d2)
+    across = _with_mode(half * four_areas(ra, rb, np.sqrt(d2)), mode)
     apex: Complex = np.empty(across.shape, complex)
     np.multiply((ra - rb) * (ra + rb), half, out=apex.real)
     apex.imag = across

@@ -258,8 +258,8 @@ def dead_point_margin(model: Model, block: Block, state: State, terms: LoopTerms
     """
     target, arms, guides = terms or loop_terms(model, block, state)
     if block.kind == "theta_theta":
-        ra, rb, d = modulus(arms[0]), modulus(arms[1]), modulus(target)
-        d2, total2, difference2 = d * d, (ra + rb) ** 2, (ra - rb) ** 2
+        ra, rb, d2 = modulus(arms[0]), modulus(arms[1]), (target * target.conjugate()).real
+        total2, difference2 = (ra + rb) ** 2, (ra - rb) ** 2
         unit = 1.0 / total2
         return [(total2 - d2) * unit, (d2 - difference2) * unit]
     if block.kind == "theta_slide":

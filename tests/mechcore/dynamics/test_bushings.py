@@ -149,7 +149,7 @@ def test_a_bushing_is_in_the_solid_model():
     assert "bushing rear ring" in marks and "bushing rear cross" in marks
     assert ring.places[:, :2] == pytest.approx(np.zeros((9, 2)), abs=1e-7)  # what is drawn is of single precision
     assert cross.places[:, :2] == pytest.approx(run.motion.point("engine", "P"), abs=1e-7)
-    assert cross.turns == pytest.approx(run.motion.pose("engine")[:, 2], abs=5e-6)
+    assert cross.angles == pytest.approx(run.motion.pose("engine")[:, 2], abs=5e-6)
 
 
 def test_a_mode_of_a_free_body_cannot_be_shown():

@@ -44,7 +44,7 @@ def one_frame(program, constants, drives, near):
 
     def total(vectors, turned):
         arms = sum(a * turned[s] for s, a in vectors.arms)
-        return vectors.still + arms + sum(d * turned[s] * slide[j] for j, s, d in vectors.slides)
+        return vectors.constant + arms + sum(d * turned[s] * slide[j] for j, s, d in vectors.slides)
 
     for block in program.blocks:
         loops = [program.loop_equations[c] for c in block.loops]

@@ -50,7 +50,7 @@ def test_a_turret_goes_on_by_one_roller_every_turn(name):
     assert not cam_events(motion, forces)
     rows = cam.rows(motion)
     assert 0.0 <= rows.lift.min() < 1e-12 and rows.lift.max() < step + 1e-12
-    places = np.abs(rows.place - cam.place(motion, (cam.pivot - cam.centre) / cam.axes))
+    places = np.abs(rows.place - cam.to_world(motion, (cam.pivot - cam.centre) / cam.axes))
     np.testing.assert_allclose(places, cam.arm, rtol=1e-12)
 
 
