@@ -56,7 +56,7 @@ class SmoothedSamples(NamedTuple):
     """A block's positions at samples too near some instants, by interpolation from samples on both sides of each.
 
     ``samples`` (m,); ``positions`` (m, unknowns): rotations of its groups, then slides over the mechanism's size, as complex
-    numbers. ``tail``: size of the polynomials' last coefficients.
+    numbers. ``tail``: size of the polynomials' last coefficients, infinite where samples are NaN.
     """
 
     tail: float
@@ -70,12 +70,7 @@ class SmoothedSamples(NamedTuple):
         for g, rotation in zip(block.angles, rotations / np.abs(rotations), strict=True):
             for rotation_class in model.angles.classes_of[g]:
                 delta = state.delta[rotation_class]
-                own = (
-                    rotation
-                    if isinstance(delta, complex) and delta == 1
-                    else rotation * (delta[samples] if isinstance(delta, np.ndarray) else delta)
-                )
-                state.rot[rotation_class][samples] = own
+                state.rot[rotation_class][samples] = rotation * (delta[samples] if isinstance(delta, np.ndarray) else delta)
         for j, slide in zip(block.slides, unknowns[len(block.angles) :], strict=True):
             np.asarray(state.slide[j])[samples] = slide.real * model.length_scale
 
@@ -105,7 +100,9 @@ def smoothed(
     matrices = [_fit_at(round((place - middle) * FRACTIONS), width) for place, middle in zip(places, nearest, strict=True)]
     rows = np.array([matrix @ value for matrix, value in zip(matrices, values.view(float), strict=True)])
     tail = float(np.maximum.reduce(np.abs(rows[:, :2]), axis=None))
-    return SmoothedSamples(tail, (middles + near).ravel(), rows[:, 2:].view(complex).reshape(-1, values.shape[-1]))
+    return SmoothedSamples(
+        tail if tail < np.inf else np.inf, (middles + near).ravel(), rows[:, 2:].view(complex).reshape(-1, values.shape[-1])
+    )
 
 
 @lru_cache(16)

@@ -10,6 +10,9 @@ from change_points import coupled, misses_by
 from comparison_columns import close, column
 from mechanisms import case, four_bar, move, slider_crank
 
+from mechcore.kinematics.positions import place_block
+from mechcore.kinematics.singular_interpolation import NEAR_STEPS, smoothed
+from mechcore.kinematics.state import initial_state
 from mechcore.laws.timed import ConstantSpeed, Oscillation
 from mechcore.motion.solve import compile_mechanism, solve_motion
 from mechcore.spec.mechanism import Drive
@@ -275,6 +278,36 @@ def test_a_mechanism_that_turns_fully_is_not_looked_at_between_frames_again(monk
     compiled = compile_mechanism(misses_by(-1e-3))
     monkeypatch.setattr(singular_points, "dead_point_margin", None)
     solve_motion(compiled, np.linspace(0.0, TURN, 8))
+
+
+def test_samples_next_to_a_change_point_follow_those_beside_it():
+    """A crank and a connecting rod of equal length: at a right angle the slider stands at the crank's pivot, and both modes meet."""
+    compiled = compile_mechanism(slider_crank(r=1.0, l=1.0))
+    model, (block,), (point, *_) = compiled.model, compiled.model.blocks, compiled.singular_points.points
+    step, at = np.radians(0.5), point.time + np.radians(0.1)  # not on a sample
+    time = point.time + step * np.arange(-60, 61)
+    near = np.abs(time - at) < (NEAR_STEPS - 1.0) * step
+
+    def sampled(beyond):
+        """Positions that are wrong next to the change point and unknown beyond some distance from it."""
+        state = initial_state(model, [time])
+        place_block(model, block, state, compiled.assembly.modes[0] * compiled.singular_points.signs(0, time))
+        solved = state.rot[model.angles.classes_of[block.angles[0]][0]], state.slide[block.slides[0]]
+        for x in solved:
+            x[near] = 7.0
+            x[np.abs(time - at) > beyond] = np.nan
+        return state, solved
+
+    state, (rod, slide) = sampled(np.inf)
+    found = smoothed(model, block, state, time, [at], step)
+    found.into(model, block, state)
+    assert found.tail < 1e-12
+    np.testing.assert_allclose(rod, np.exp(-1j * time), atol=1e-12)
+    np.testing.assert_allclose(slide, 2.0 * np.cos(time), atol=1e-12)
+    state, _ = sampled(30.0 * step)
+    assert smoothed(model, block, state, time, [at], step).tail < 1e-12
+    assert smoothed(model, block, state, time, [at], 2.0 * step).tail == np.inf
+    assert smoothed(model, block, state, time, [at], 4.0 * step) is None
 
 
 @pytest.mark.parametrize("mode", ["left", "right"])
