@@ -281,7 +281,7 @@ def test_a_mechanism_that_turns_fully_is_not_looked_at_between_frames_again(monk
 
 
 def test_samples_next_to_a_change_point_follow_those_beside_it():
-    """A crank and a connecting rod of equal length: at a right angle the slider stands at the crank's pivot, and both modes meet."""
+    """A crank and a connecting rod of equal length: at a right angle the slider is at the pivot, and both modes meet."""
     compiled = compile_mechanism(slider_crank(r=1.0, l=1.0))
     model, (block,), (point, *_) = compiled.model, compiled.model.blocks, compiled.singular_points.points
     step, at = np.radians(0.5), point.time + np.radians(0.1)  # not on a sample
