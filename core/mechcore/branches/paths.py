@@ -19,15 +19,9 @@ import numpy as np
 from mechcore.arrays import Flags, Index, Real
 from mechcore.branches.assembly import Assembly, starts_of
 from mechcore.branches.continuation import REGULAR_RATIO, Branch, ContinuationPath, continuation_path
+from mechcore.branches.dead_points import dead_point_instants, rounding_of
 from mechcore.branches.modes import TWO_MODES
-from mechcore.branches.singular_points import (
-    SingularPoint,
-    SingularPoints,
-    dead_point_instants,
-    locate_singular,
-    needs_span,
-    rounding_of,
-)
+from mechcore.branches.singular_points import SingularPoint, SingularPoints, locate_singular, needs_span
 from mechcore.constants import TURN
 from mechcore.kinematics.columns import all_vectors, columns, matrix_of
 from mechcore.kinematics.model import Model

@@ -11,15 +11,15 @@ manner.
 from __future__ import annotations
 
 import cmath
-import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from functools import cache, cached_property
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
-from mechcore.arrays import Flags, Index, Real, Values
+from mechcore.arrays import Flags, Index, Real
+from mechcore.branches.dead_points import WINDOW_SAMPLES, dead_point_instants, rounding_of
 from mechcore.branches.modes import TWO_MODES
 from mechcore.kinematics.columns import all_vectors, columns, matrix_of
 from mechcore.kinematics.model import Model
@@ -40,13 +40,7 @@ from mechcore.records import dataclass
 
 SAMPLES_A_CYCLE = 720  # at least, per cycle and per turn of the fastest drive
 MOST_SAMPLES = 400_000  # samples of a whole run
-DEAD_POINT = 3e-15  # below this `dead_point_margin` is rounding: the triangle is flat
-NEAR_DEAD_POINT = 1e-2  # minima of `dead_point_margin` above this are no dead points
-CLOSURE_LIMIT = 1e-14  # where `dead_point_margin` is below minus this, the closed forms give NaN: the links do not meet
-ROUNDING = 1e-14  # `dead_point_margin` that varies by less within a window is constant: nothing moves
-WINDOW_SAMPLES = 4  # samples on each side from which the instant is located
 FINER_SAMPLING = (1, 8, 64)  # times as many samples, if a group moves too fast next to a singular point for the polynomial
-INTERPOLATED_DEAD_POINT = 3e-12  # instead of DEAD_POINT where an earlier group's positions come from such a polynomial
 
 
 @dataclass(frozen=True)
@@ -370,123 +364,6 @@ def _zero(values: Real, nodes: Real) -> float:
     for _ in range(20):
         at -= float(np.clip(fit(at) / slope(at), -0.1, 0.1)) if slope(at) != 0.0 else 0.0
     return at if abs(at) < 0.2 else 0.0
-
-
-def rounding_of(model: Model) -> float:
-    """Uncertainty of lengths, relative to the mechanism's size, due to rounding of the largest coordinate of a point.
-
-    With coordinates of 10 km, lengths are known to 2e-12 m at best, and so is whether a parallelogram is one.
-    """
-    return float(8.0 * np.finfo(float).eps * model.cached(_farthest) / model.length_scale)
-
-
-def _farthest(model: Model) -> float:
-    return max((abs(x) for link in model.bodies.values() for xy in link.points.values() for x in xy), default=0.0)
-
-
-def dead_point_instants(
-    margins: Sequence[Values], time: Real, blurred: Flags, rounding: float
-) -> tuple[list[tuple[float, bool]], list[tuple[float, float]], bool]:
-    """Dead points of a group from samples of its `dead_point_margin`: (time, whether the motion passes through), ranges of time in
-    which the group cannot be assembled, and whether the samples are too few to decide somewhere.
-
-    The margin, the squared height of the triangle, grows with the second power of time where the motion passes through, and with
-    the fourth where the drive reverses at the dead point. Between samples it is the polynomial through the neighbours, whose last
-    terms estimate its error (the margin is far from a polynomial where an arm of the triangle is as short as the travel between
-    samples). ``blurred``: samples at which an earlier group's positions are interpolated; ``rounding``: relative uncertainty of
-    lengths.
-    """
-    out: list[tuple[float, bool]] = []
-    unreachable: list[tuple[float, float]] = []
-    sharp = False
-    step = float(time[1] - time[0])
-    dead_point, reach_limit = max(DEAD_POINT, rounding), max(CLOSURE_LIMIT, rounding)
-    lowest = -max(INTERPOLATED_DEAD_POINT, rounding)
-    for height in margins:
-        if not np.ndim(height):
-            if height < lowest:
-                unreachable.append((float(time[0]), float(time[-1])))
-            continue
-        h = np.asarray(height)
-        before = (h[1:-1] < NEAR_DEAD_POINT).nonzero()[0]
-        if not len(before):
-            continue
-        heights = h[before + 1]
-        if np.minimum.reduce(heights) < lowest:
-            unreachable += _ranges_below(time, h, lowest)
-        for k in (before[(heights <= h[before]) & (heights < h[before + 2])] + 1).tolist():
-            a, b = max(k - WINDOW_SAMPLES, 0), min(k + WINDOW_SAMPLES + 1, len(time))
-            y = h[a:b].tolist()
-            if h[k] <= lowest or not max(y) - min(y) >= ROUNDING or not math.isfinite(sum(y)):  # constant, or not all are known
-                continue
-            fit = _LocalPolynomial(h[a:b], k - a, b - 1 - k)
-            at, curvature = fit.least()
-            least, rough = fit(at), any(blurred[a:b].tolist())
-            truncation = abs(fit.terms[-1]) + abs(fit.terms[-2])
-            sharp |= not rough and dead_point < abs(least) < 10.0 * truncation
-            if -max(reach_limit, INTERPOLATED_DEAD_POINT * rough) <= least <= max(dead_point, INTERPOLATED_DEAD_POINT * rough):
-                near, far = (0.5 * abs(fit(at - w) + fit(at + w)) for w in (1.5, 3.0))
-                out.append((float(time[k] + at * step), far < 8.0 * near))
-            elif least < 0.0 and h[k] > -reach_limit and curvature > 0.0:
-                half = float(np.sqrt(-2.0 * least / curvature))
-                unreachable.append((float(time[k] + (at - half) * step), float(time[k] + (at + half) * step)))
-    return out, unreachable, sharp
-
-
-class _LocalPolynomial:
-    """The polynomial through values at samples, with ``before`` of them before and ``after`` after the sample at 0. It uses plain
-    numbers because arrays are slower for so few values."""
-
-    def __init__(self, values: Real, before: int, after: int):
-        self.middle, self.half = 0.5 * (after - before), 0.5 * (after + before)
-        self.terms: list[float] = (_inverse(before, after) @ values).tolist()
-
-    def __call__(self, x: float) -> float:
-        """Value at ``x``, in samples from 0."""
-        u, value = (x - self.middle) / self.half, 0.0
-        for term in reversed(self.terms):  # Horner's scheme
-            value = value * u + term
-        return value
-
-    def least(self) -> tuple[float, float]:
-        """The place of the minimum next to 0, at most 1.5 samples from it, and the curvature there, by Newton's method; where the
-        curve is not convex, the last place before."""
-        rates = [k * term for k, term in enumerate(self.terms)][:0:-1]
-        at, last, curvature = 0.0, np.inf, 0.0
-        for _ in range(8):
-            u, slope, curvature = (at - self.middle) / self.half, 0.0, 0.0
-            for rate in rates:
-                curvature = curvature * u + slope
-                slope = slope * u + rate
-            curvature /= self.half**2
-            if curvature <= 0 or abs(at - last) < 1e-8:  # the next step would be below rounding
-                break
-            last, at = at, min(max(at - slope / self.half / curvature, -1.5), 1.5)
-        return at, curvature
-
-
-@cache
-def _inverse(before: int, after: int) -> Real:
-    """The matrix (n, samples) from values to coefficients of a polynomial on [-1, 1]."""
-    places = np.linspace(-1.0, 1.0, before + after + 1)
-    return np.asarray(np.linalg.pinv(np.vander(places, min(9, len(places)), increasing=True)))
-
-
-def _ranges_below(time: Real, h: Real, limit: float) -> list[tuple[float, float]]:
-    """Ranges of time whose samples lie below a limit, extended at each end to the zero of a straight line to the next sample, if
-    that is not negative."""
-    below = h < limit
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], below.astype(int), [0]])))
-    out = []
-    for a, b in zip(edges[::2], edges[1::2], strict=True):
-        ends = []
-        for inside, beyond in ((a, a - 1), (b - 1, b)):
-            t = float(time[inside])
-            if 0 <= beyond < len(time) and h[beyond] >= 0.0:
-                t += float((time[beyond] - time[inside]) * h[inside] / (h[inside] - h[beyond]))
-            ends.append(t)
-        out.append((ends[0], ends[1]))
-    return out
 
 
 def passages(singular_points: SingularPoints, drive: Law, time: Real, q: Real) -> list[SingularPoint]:

@@ -16,9 +16,9 @@ import numpy as np
 
 from mechcore.arrays import Flags, Index, Real, Values, ascending
 from mechcore.branches.assembly import Assembly
+from mechcore.branches.dead_points import dead_point_instants, rounding_of
 from mechcore.branches.modes import TWO_MODES
 from mechcore.branches.paths import branch_by_drive, branch_path, largest_steps
-from mechcore.branches.singular_points import dead_point_instants, rounding_of
 from mechcore.constants import TURN
 from mechcore.kinematics.model import Model
 from mechcore.kinematics.positions import dead_point_margin, equations, group_closure_error, loop_terms, place_all, place_block

@@ -13,9 +13,10 @@ from numpy.typing import ArrayLike
 from mechcore.accuracy import DEFAULT, Accuracy
 from mechcore.arrays import Flags, Real, numbers
 from mechcore.branches.assembly import Assembly, assemble, fitting_statements
+from mechcore.branches.dead_points import CLOSURE_LIMIT
 from mechcore.branches.modes import at_sketch, other_modes, sketched_drives
 from mechcore.branches.paths import BranchPath, Waypoint, travel_of
-from mechcore.branches.singular_points import CLOSURE_LIMIT, SingularPoints, find_singular_points
+from mechcore.branches.singular_points import SingularPoints, find_singular_points
 from mechcore.branches.unwrapped import UnwrappedAngles, raw_angles, start_pose
 from mechcore.compiled.motion import Executor
 from mechcore.compiled.toolchain import required_compiler
