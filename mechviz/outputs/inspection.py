@@ -9,7 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from mechcore.motion.events import Event, runs
+from mechcore.motion.events import Event
+from mechcore.numerics.frames import runs
 from mechcore.records import dataclass
 from mechviz.outputs.rerun.contract import RecordedModel
 from mechviz.outputs.rerun.entities import parts_of

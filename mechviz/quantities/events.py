@@ -13,8 +13,8 @@ from mechcore.dynamics.events import EventKind
 from mechcore.forces.cam_events import cam_events
 from mechcore.forces.friction.events import friction_events
 from mechcore.forces.load_events import belt_events, load_events
+from mechcore.motion.between_frames import EQUAL
 from mechcore.motion.events import Event, find_events
-from mechcore.motion.metrics import EQUAL
 from mechcore.spec.loads import BeltTension
 from mechcore.texts import as_force, as_torque
 from mechviz.quantities.items import joint_unit, joints_of

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 
 import numpy as np
 
@@ -12,16 +13,15 @@ from mechcore.cams.followers import Flat
 from mechcore.cams.placement.plane import KNOT_DISTANCE, PlacedCam, argument_rate_of
 from mechcore.forces.cam_rating import PULL_ROUNDING, AnyCam, contact_force, contact_stress, drawn_lift, joint_of, placed_cams
 from mechcore.forces.kinetostatics import Forces
-from mechcore.forces.load_events import crossing
+from mechcore.forces.load_events import load_exceedances
 from mechcore.laws.factors import VELOCITY_JUMP, jumps
-from mechcore.motion.events import Event, at_drive, runs
-from mechcore.motion.metrics import zeros
+from mechcore.motion.between_frames import Exceedance, exceedances, zeros
+from mechcore.motion.events import Event, at_drive
 from mechcore.motion.motion import Motion
 from mechcore.spec.mechanism import CamDrawn, CamRating, Revolute
 from mechcore.texts import as_angle, as_coordinate, as_force, as_length, as_pressure
 
 ON_PLACE = 1e-9  # part of a law's length: a frame so near to a place of the law is there
-FACE_ROUNDING = 1e-9  # part of a face's length: a contact beyond its end by less is on it
 
 
 def cam_events(motion: Motion, forces: Forces | None, touches: Mapping[str, Flags] | None = None) -> list[Event]:
@@ -49,29 +49,24 @@ def cam_events(motion: Motion, forces: Forces | None, touches: Mapping[str, Flag
 def _rated(forces: Forces, cam: AnyCam, rating: CamRating, touches: Flags) -> Iterator[Event]:
     """Hertz pressure beyond its limit, and contact force below its margin, where the follower ``touches`` its cam (F)."""
     motion = forces.motion
-    x = _arguments(motion, cam)
     if rating.width is not None and rating.limit is not None:
-        pressure = contact_stress(forces, cam, rating).pressure
-        for first, last in runs(touches & (pressure > rating.limit)):
-            k = first + int(np.argmax(pressure[first : last + 1]))
-            words = as_pressure(pressure[k], 4) if np.isfinite(pressure[k]) else "infinity: an edge touches"
-            remedy = f"It needs a width of {as_length(rating.width * (pressure[k] / rating.limit) ** 2, 4)}"
+        for high in load_exceedances(forces, lambda f: contact_stress(f, cam, rating).pressure, rating.limit, touches):
+            words = as_pressure(high.value, 4) if np.isfinite(high.value) else "infinity: an edge touches"
+            remedy = f"It needs a width of {as_length(rating.width * (high.value / rating.limit) ** 2, 4)}"
             text = (
-                f"Hertz pressure up to {words} (limit {as_pressure(rating.limit, 4)}) {_range(cam, x[first], x[last])}, "
-                f"the most at {_where(cam, x[k])}. {remedy if np.isfinite(pressure[k]) else 'Round it'}"
+                f"Hertz pressure up to {words} (limit {as_pressure(rating.limit, 4)}) {_range(motion, cam, high)}, "
+                f"the most at {_where_at(motion, cam, high.at)}. {remedy if np.isfinite(high.value) else 'Round it'}"
             )
-            yield Event(float(motion.time[first]), "WARN", cam.name, text, float(pressure[k]))
+            yield Event(high.start, "WARN", cam.name, text, high.value)
     if rating.margin is not None and not cam.form_closed:
-        force = contact_force(forces, cam)
-        for first, last in runs(touches & (force < rating.margin)):
-            if force[first : last + 1].min() < 0.0:
+        for low in load_exceedances(forces, lambda f: -contact_force(f, cam), -rating.margin, touches):
+            if low.value > 0.0:
                 continue  # contact is lost, which is an event of its own
-            k = first + int(np.argmin(force[first : last + 1]))
             text = (
-                f"contact force down to {as_force(force[k], 4)} (margin {as_force(rating.margin, 4)}) "
-                f"{_range(cam, x[first], x[last])}, the least at {_where(cam, x[k])}"
+                f"contact force down to {as_force(-low.value, 4)} (margin {as_force(rating.margin, 4)}) "
+                f"{_range(motion, cam, low)}, the least at {_where_at(motion, cam, low.at)}"
             )
-            yield Event(float(motion.time[first]), "WARN", cam.name, text, float(force[k]))
+            yield Event(low.start, "WARN", cam.name, text, -low.value)
 
 
 def _drawn(motion: Motion, cam: AnyCam, drawn: CamDrawn) -> Event:
@@ -96,11 +91,17 @@ def _drives_at(motion: Motion, t: float) -> str:
     return f", {places}" if places else ""
 
 
-def _range(cam: AnyCam, first: float, last: float) -> str:
-    """Places of the law from one to another in words."""
+def _where_at(motion: Motion, cam: AnyCam, t: float) -> str:
+    """The place of the law that the cam passes at a time, in words."""
+    return _where(cam, _at(motion, cam.argument, t))
+
+
+def _range(motion: Motion, cam: AnyCam, span: Exceedance) -> str:
+    """The places of the law over an interval of time in words."""
+    first, last = np.interp([span.start, span.end], motion.time, _arguments(motion, cam))
     if cam.bed is None and abs(last - first) >= 2.0 * np.pi * (1.0 - KNOT_DISTANCE):
         return "over the whole turn"
-    return f"from {_where(cam, first)} to {_where(cam, last)}"
+    return f"from {_where_at(motion, cam, span.start)} to {_where_at(motion, cam, span.end)}"
 
 
 def _at(motion: Motion, values: Callable[[Motion], Real], t: float) -> float:
@@ -118,25 +119,18 @@ def _lost(forces: Forces, cam: AnyCam) -> Iterator[Event]:
     motion = forces.motion
     n, time = contact_force(forces, cam), forces.motion.time
     largest = float(np.nanmax(np.abs(n), initial=0.0))
-    for first, last in runs(n < -PULL_ROUNDING * largest):
-        least = float(np.nanmin(n[first : last + 1]))
-        for k, other, what in ((first, first - 1, "lost"), (last, last + 1, "regained")):
-            if not 0 <= other < len(time) or np.isnan(n[other]):  # the run ends there, or it jams
-                if what == "regained":
-                    continue
-                t = float(time[k])
-            else:
-                ends = float(time[other]), float(time[k]), float(n[other]), float(n[k])
-                t = crossing(forces, lambda f: contact_force(f, cam), *ends)
-            where = f"at {_where(cam, _at(motion, cam.argument, t))}{_drives_at(motion, t)}"
-            if what == "lost":
-                text = (
-                    f"contact lost {where}{_turning(motion, t)}: the cam would have to pull with up to {as_force(-least, 4)}. "
-                    f"Press harder by {as_force(_lacking(forces, cam, first, last), 4)} along the follower's path, or turn slower"
-                )
-                yield Event(t, "WARN", cam.name, text, least)
-            else:
-                yield Event(t, "INFO", cam.name, f"contact regained {where}")
+    for pull in load_exceedances(forces, lambda f: -contact_force(f, cam), PULL_ROUNDING * largest):
+        t = pull.start
+        text = (
+            f"contact lost at {_where_at(motion, cam, t)}{_drives_at(motion, t)}{_turning(motion, t)}: the cam would have to pull "
+            f"with up to {as_force(pull.value, 4)}. Press harder by {as_force(_lacking(forces, cam, pull), 4)} along the "
+            "follower's path, or turn slower"
+        )
+        yield Event(t, "WARN", cam.name, text, -pull.value)
+        behind = int(np.searchsorted(time, pull.end, side="right"))
+        if behind < len(time) and not np.isnan(n[behind]):  # neither does the run end there, nor does it jam
+            t = pull.end
+            yield Event(t, "INFO", cam.name, f"contact regained at {_where_at(motion, cam, t)}{_drives_at(motion, t)}")
 
 
 def _turning(motion: Motion, t: float) -> str:
@@ -147,12 +141,18 @@ def _turning(motion: Motion, t: float) -> str:
     return f" at {abs(_at(motion, lambda m: m.coordinate(drives[0].joint)[:, 1], t)) * 30.0 / np.pi:.5g} rpm"
 
 
-def _lacking(forces: Forces, cam: AnyCam, first: int, last: int) -> float:
-    """The force along the follower's motion [N] that would just keep it on its cam over some frames; where the pressure angle is
-    unknown (a base circle that is a point), an upper bound."""
-    part = slice(first, last + 1)
-    angle = np.nan_to_num(cam.rows(forces.motion).pressure_angle[part])
-    return float(np.max(-contact_force(forces, cam)[part] * np.cos(angle)))
+def _lacking(forces: Forces, cam: AnyCam, pull: Exceedance) -> float:
+    """The force along the follower's motion [N] that would just keep it on its cam while this has to pull; where the pressure angle
+    is unknown (a base circle that is a point), an upper bound."""
+
+    def along(f: Forces) -> Real:
+        return -contact_force(f, cam) * np.cos(np.nan_to_num(cam.rows(f.motion).pressure_angle))
+
+    time = forces.motion.time
+    largest = along(forces)[(time >= pull.start) & (time <= pull.end)]
+    if forces.motion.at_times is not None:
+        largest = np.append(largest, along(forces.at_times(np.array([pull.at]))))
+    return float(np.max(largest))
 
 
 def _shocks(motion: Motion, cam: AnyCam) -> Iterator[Event]:
@@ -262,29 +262,31 @@ def lost_ranges(cam: AnyCam) -> list[tuple[float, float, float, float]]:
     return ranges
 
 
+def _pressure_angle(cam: AnyCam, what: str, m: Motion) -> Real:
+    return np.abs(cam.pressure_angles(m)[what])
+
+
+def _eccentricity(cam: AnyCam, side: float, m: Motion) -> Real:
+    return np.asarray(side * cam.rows(m).eccentricity)
+
+
 def limit_events(motion: Motion, cam: AnyCam, touches: Flags | None = None) -> Iterator[Event]:
     """Pressure angles beyond the limit, and contacts beyond the ends of a flat face, where the follower ``touches`` its cam (F)."""
-    rows = cam.rows(motion)
-    on = np.ones(motion.frames, bool) if touches is None else touches
-    x = _arguments(motion, cam)
     if cam.pressure_limit is not None:
-        for what, angle in cam.pressure_angles(motion).items():
-            size = np.abs(angle)
-            for first, last in runs(on & (size > cam.pressure_limit)):
-                k = first + int(np.argmax(size[first : last + 1]))
+        for what in cam.pressure_angles(motion):
+            for steep in exceedances(motion, partial(_pressure_angle, cam, what), cam.pressure_limit, touches):
                 text = (
-                    f"pressure angle{what} up to {as_angle(size[k], 4)} (limit {as_angle(cam.pressure_limit, 4)}) "
-                    f"{_range(cam, x[first], x[last])}. Enlarge the base circle or move the follower"
+                    f"pressure angle{what} up to {as_angle(steep.value, 4)} (limit {as_angle(cam.pressure_limit, 4)}) "
+                    f"{_range(motion, cam, steep)}. Enlarge the base circle or move the follower"
                 )
-                yield Event(float(motion.time[first]), "WARN", cam.name, text, float(size[k]))
+                yield Event(steep.start, "WARN", cam.name, text, steep.value)
     face = cam.face
-    if isinstance(face, Flat) and np.isfinite([face.left, face.right]).any():
-        slack = 1.0 + FACE_ROUNDING
-        for first, last in runs(on & ((rows.eccentricity < -slack * face.left) | (rows.eccentricity > slack * face.right))):
-            far = rows.eccentricity[first : last + 1]
-            worst = float(far[np.argmax(np.abs(far))])
+    if not isinstance(face, Flat):
+        return
+    for side, end in ((-1.0, face.left), (1.0, face.right)):
+        for off in exceedances(motion, partial(_eccentricity, cam, side), end, touches) if np.isfinite(end) else ():
             text = (
-                f"the contact leaves the face at {_where(cam, x[first])}: it reaches {as_length(worst, 4)} from the follower's "
-                "point. Motion and forces are those of a longer face"
+                f"the contact leaves the face at {_where_at(motion, cam, off.start)}: it reaches {as_length(side * off.value, 4)} "
+                "from the follower's point. Motion and forces are those of a longer face"
             )
-            yield Event(float(motion.time[first]), "WARN", cam.name, text, worst)
+            yield Event(off.start, "WARN", cam.name, text, side * off.value)

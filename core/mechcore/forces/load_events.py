@@ -8,12 +8,12 @@ from functools import partial
 
 import numpy as np
 
-from mechcore.arrays import Real
+from mechcore.arrays import Flags, Real
 from mechcore.effects.resistance import spans
 from mechcore.forces.kinetostatics import Forces
 from mechcore.laws.timed import Table
-from mechcore.motion.events import Event, at_drive, runs
-from mechcore.motion.metrics import largest_maximum
+from mechcore.motion.between_frames import Exceedance, exceedances, exceedances_of
+from mechcore.motion.events import Event, at_drive
 from mechcore.motion.motion import Motion
 from mechcore.records import dataclass
 from mechcore.spec.loads import Actuator, BeltTension, Factor, Force, Load, Spring, Torque
@@ -22,8 +22,6 @@ from mechcore.texts import as_angle, as_coordinate, as_force, as_length, as_quan
 
 IDLE_PART = 1e-12
 """Factors below this part of a table's largest are zero."""
-SEARCH_ROUNDS = 4  # of the search for a time between two frames, each to an eighth of the interval before
-INTERVAL_PARTS = 8
 MOST_ARGUMENT = 700.0
 """Largest exponent: beyond it the capacity of a belt exceeds the range of a double and counts as infinite."""
 
@@ -110,35 +108,19 @@ def _squeezed(motion: Motion, load: Spring, solid: float) -> Iterator[Event]:
         a, b = (m.point(*end) for end in zip(load.links, load.points, strict=True))
         return np.asarray(-np.hypot(*(b - a)[:, :2].T))
 
-    own = -closeness(motion)
-    spans = runs(own < solid)
-    t, most = largest_maximum(motion, closeness)
-    if not spans and -most < solid * (1.0 - 1e-9):  # between two frames
-        spans = [(int(np.argmin(np.abs(motion.time - t))),) * 2]
-    for first, last in spans:
-        least = min(float(own[first : last + 1].min()), -most if motion.time[first] <= t <= motion.time[last] else np.inf)
+    for short in exceedances(motion, closeness, -solid):
         text = (
-            f"squeezed to {as_length(least, 5)}, below its solid length of {as_length(solid)}, from {motion.time[first]:.6g} s to "
-            f"{motion.time[last]:.6g} s: its coils touch. The motion goes on as if they did not"
+            f"squeezed to {as_length(-short.value, 5)}, below its solid length of {as_length(solid)}, from {short.start:.6g} s to "
+            f"{short.end:.6g} s: its coils touch. The motion goes on as if they did not"
         )
-        yield Event(float(motion.time[first]), "WARN", load.name, text, least)
+        yield Event(short.start, "WARN", load.name, text, -short.value)
 
 
-def crossing(forces: Forces, values: Callable[[Forces], Real], t0: float, t1: float, n0: float, n1: float) -> float:
-    """The time [s] at which ``values`` (F,) turn from ``n0`` >= 0 at ``t0`` to ``n1`` < 0 at ``t1`` (earlier or later); where a jam
-    lies between, the edge of the jam next to ``t1``."""
-    for _ in range(SEARCH_ROUNDS if forces.motion.at_times is not None else 0):
-        t = np.sort(np.linspace(t0, t1, INTERVAL_PARTS + 1))
-        if not np.all(np.diff(t) > 0.0):
-            break
-        loads = values(forces.at_times(t))
-        if t1 < t0:
-            t, loads = t[::-1], loads[::-1]
-        k = int(np.argmax(loads < 0.0)) or INTERVAL_PARTS
-        t0, t1, n0, n1 = float(t[k - 1]), float(t[k]), float(loads[k - 1]), float(loads[k])
-    if np.isnan(n0):
-        return t1
-    return t0 if n0 == n1 else t0 + (t1 - t0) * float(np.clip(n0 / (n0 - n1), 0.0, 1.0))
+def load_exceedances(
+    forces: Forces, quantity: Callable[[Forces], Real], limit: float, within: Flags | None = None
+) -> list[Exceedance]:
+    """`mechcore.motion.between_frames.exceedances` of a quantity (F,) that depends on forces."""
+    return exceedances_of(forces.motion, quantity(forces), limit, lambda t: quantity(forces.at_times(t)), within)
 
 
 @dataclass(frozen=True)
@@ -175,33 +157,17 @@ def belt_events(forces: Forces) -> list[Event]:
             continue
         grip = belt_grip(motion, load)
 
-        def asked(f: Forces, joint: str = load.joint) -> Real:
+        def transmitted(f: Forces, joint: str = load.joint) -> Real:
             return np.asarray(np.hypot(*f.reaction(joint)[:, :2].T), float)
 
-        def margin(f: Forces, most: float = grip.most) -> Real:
-            return most - asked(f)
-
-        time, left = motion.time, margin(forces)
-        peak, most = largest_maximum(
-            motion, lambda m: asked(forces if m is motion else forces.at_times(m.time))
-        )  # between two frames
-        if np.isfinite(peak) and peak not in time:
-            k = int(np.searchsorted(time, peak))
-            time, left = np.insert(time, k, peak), np.insert(left, k, grip.most - most)
-        for first, last in runs(left < -1e-9 * grip.most):
-            available = grip.most - float(left[first : last + 1].min())
-            start, end = float(time[first]), float(time[last])
-            if first:
-                start = crossing(forces, margin, float(time[first - 1]), start, float(left[first - 1]), float(left[first]))
-            if last + 1 < len(time):
-                end = crossing(forces, margin, float(time[last + 1]), end, float(left[last + 1]), float(left[last]))
+        for slip in load_exceedances(forces, transmitted, grip.most):
             text = (
-                f"slips from {_moment(motion, start)} to {_moment(motion, end)}: up to {as_force(available, 5)} is asked for, "
-                f"{as_force(grip.most, 5)} is the most that it carries (Euler and Eytelwein: {as_force(grip.slack, 5)} in the "
-                f"slack span, coefficient {load.coefficient:g}, wrap {as_angle(min(grip.wraps), 4)}). The motion goes on as if it "
-                "held"
+                f"slips from {_moment(motion, slip.start)} to {_moment(motion, slip.end)}: up to {as_force(slip.value, 5)} is "
+                f"asked for, {as_force(grip.most, 5)} is the most that it carries (Euler and Eytelwein: {as_force(grip.slack, 5)} "
+                f"in the slack span, coefficient {load.coefficient:g}, wrap {as_angle(min(grip.wraps), 4)}). The motion goes on as "
+                "if it held"
             )
-            events.append(Event(start, "WARN", load.joint, text, available))
+            events.append(Event(slip.start, "WARN", load.joint, text, slip.value))
     return sorted(events, key=lambda e: e.time)
 
 

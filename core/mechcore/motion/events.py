@@ -9,20 +9,20 @@ from typing import Any, Literal
 
 import numpy as np
 
-from mechcore.arrays import Flags, Real
+from mechcore.arrays import Real
 from mechcore.constants import REST, SINGULAR
 from mechcore.laws.timed import JUMPS, Law, Table, TableLaw, moves
 from mechcore.motion.at_once import indeterminate
+from mechcore.motion.between_frames import largest_maximum, zeros
 from mechcore.motion.metrics import (
     curvature,
-    largest_maximum,
     per_unit_drive_speed,
     ratio_in_time,
     transmission_angles,
     velocity_ratios,
-    zeros,
 )
 from mechcore.motion.motion import Motion
+from mechcore.numerics.frames import runs
 from mechcore.numerics.interpolation import between
 from mechcore.records import dataclass
 from mechcore.spec.mechanism import Mechanism
@@ -420,12 +420,6 @@ def _indeterminate(motion: Motion) -> Iterator[Event]:
         names = ", ".join(indeterminate(motion.parts[0][1]))
         text = f"indeterminate reactions at {names}: constraints are redundant, the smallest reactions that balance are given"
         yield Event(float(motion.time[0]), "WARN", "mechanism", text)
-
-
-def runs(flags: Flags) -> list[tuple[int, int]]:
-    """First and last index of each run of True."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(int), [0]])))
-    return [(int(a), int(b) - 1) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
 @dataclass(frozen=True)

@@ -3,8 +3,7 @@
 All of them describe geometry, not speed: they use the motion per unit of a drive's coordinate, so that they exist while the drive
 is at rest. Ratios are those of the first drive while all others are at rest. Instant centres and curvatures are those of the actual
 motion: where several drives move, or forces drive several freedoms, they exist while something moves. Everything is vectorised over
-the frames. `largest_maximum` and `zeros` locate extremes and zeros of a quantity between the frames, by solving the mechanism again
-at times close to them.
+the frames.
 """
 
 from __future__ import annotations
@@ -16,9 +15,8 @@ from itertools import combinations
 from typing import Any, TypeVar
 
 import numpy as np
-from numpy.polynomial import chebyshev
 
-from mechcore.arrays import Complex, Index, Plane, Real
+from mechcore.arrays import Complex, Plane, Real
 from mechcore.constants import REST
 from mechcore.kinematics.model import Model
 from mechcore.kinematics.rates import Rates
@@ -30,19 +28,6 @@ from mechcore.records import dataclass
 
 T = TypeVar("T")
 CHANGE_POINT = 1e-12  # of the perimeter: below, a Grashof margin is rounding
-
-# for the search for extremes
-Metric = Callable[[Motion], Real]  # motion -> a smooth quantity (F,)
-WINDOW_NODES = -np.cos(
-    np.pi * np.arange(9) / 8
-)  # Chebyshev points: the polynomial through them approximates a smooth quantity to many digits
-FIT = np.linalg.inv(chebyshev.chebvander(WINDOW_NODES, 8))
-SEARCH_ROUNDS = 2  # each in a window that is narrower than the one before by NARROWING
-NARROWING = 8.0
-MOST_MAXIMA = 24  # largest local maxima of the frames that are refined
-EQUAL = 1e-9  # relative difference up to which maxima are equal: the first counts
-NEWTON_STEPS = 3  # for a zero, from the estimate by a cubic; then its two frames are divided
-SECTION_ROUNDS, SECTIONS = 12, np.linspace(0.0, 1.0, 9)  # 8^12 = 7e10 places
 
 
 def over_parts(compute: Callable[..., T]) -> Callable[..., T]:
@@ -301,105 +286,3 @@ def grashof_type(crank: float, coupler: float, rocker: float, frame: float) -> s
     if s == coupler:
         return "double-rocker (Grashof)"
     return "crank-rocker" if s == crank else "rocker-crank"
-
-
-def largest_maximum(motion: Motion, metric: Metric) -> tuple[float, float]:
-    """Time [s] and value of the largest maximum of a run, to about 1e-9 of the interval between frames; NaN if there is none.
-
-    Only a motion that follows laws can be solved again between frames. For others, and where the quantity is not finite next to the
-    maximum, the result is the largest value at the frames.
-    """
-    values = np.asarray(metric(motion), float)
-    if not np.isfinite(values).any():
-        return np.nan, np.nan
-    highest = _first_highest(motion.time, values)
-    if motion.at_times is None or motion.frames < 3 or np.nanmin(values) >= highest[1] - EQUAL * abs(highest[1]):
-        return highest
-    filled = np.where(np.isfinite(values), values, -np.inf)
-    around = np.concatenate([[-np.inf], filled, [-np.inf]])
-    local = np.flatnonzero((filled >= around[:-2]) & (filled >= around[2:]) & np.isfinite(filled))
-    tops = np.sort(local[np.argsort(-filled[local], kind="stable")[:MOST_MAXIMA]])
-    low = motion.time[np.maximum(tops - 1, 0)]
-    high = motion.time[np.minimum(tops + 1, motion.frames - 1)]
-    first, last = low, high
-    at = motion.time[tops]
-    for _ in range(SEARCH_ROUNDS):
-        middle, half = 0.5 * (low + high), 0.5 * (high - low)
-        inner = _again(motion, metric, middle[:, None] + half[:, None] * WINDOW_NODES)
-        where = np.array([_highest(row) for row in inner])
-        at = np.where(np.isfinite(where), middle + half * where, at)
-        low, high = np.maximum(at - half / NARROWING, first), np.minimum(at + half / NARROWING, last)
-    refined = _again(motion, metric, at)
-    return _first_highest(np.append(at, highest[0]), np.append(refined, highest[1]))
-
-
-def _first_highest(time: Real, values: Real) -> tuple[float, float]:
-    """The first of the times (n,) [s] at which values (n,), not all of them NaN, are largest, and this value."""
-    known = np.where(np.isnan(values), -np.inf, values)
-    highest = known.max()
-    first = int(np.argmax(known >= highest - EQUAL * abs(highest) if np.isfinite(highest) else known == highest))
-    return float(time[first]), float(values[first])
-
-
-def _highest(values: Real) -> float:
-    """The point of [-1, 1] at which the polynomial through values at the nodes is highest; NaN if a value is not finite."""
-    if not np.isfinite(values).all():
-        return np.nan
-    coefficients = FIT @ values
-    extremes = chebyshev.chebroots(chebyshev.chebder(coefficients)) if np.ptp(values) > 0.0 else np.zeros(1)
-    inside = extremes.real[(np.abs(extremes.imag) < 1e-6) & (np.abs(extremes.real) < 1.0)]
-    places = np.concatenate([[-1.0], inside, [1.0]])
-    return float(places[np.argmax(chebyshev.chebval(places, coefficients))])
-
-
-def _again(motion: Motion, metric: Metric, times: Real) -> Real:
-    """A quantity at other times (...) [s], in any order; values of several parts have these as their last axes."""
-    assert motion.at_times is not None
-    flat = np.ravel(times)
-    order = np.argsort(flat, kind="stable")
-    values = metric(motion.at_times(flat[order]))
-    out = np.empty(values.shape)
-    out[order] = values
-    return out.reshape((*np.shape(times), *values.shape[1:]))
-
-
-def zeros(motion: Motion, rows: Metric, places: Real, which: Index | None = None) -> Real:
-    """Times (n,) [s] at which quantities pass through zero or jump past it, to the accuracy of events.
-
-    ``places`` (n, 3) [s]: the last frame before, an estimate, and the first frame behind; ``rows``: motion -> value and rate
-    (F, 2), or of several quantities (F, k, 2), of which ``which`` (n,) names the one of each place. Newton's method finds simple
-    zeros; where it does not settle between the two frames, as at jumps and at zeros of higher order, these are divided again and
-    again.
-    """
-    low, at, high = np.array(places, float).reshape(-1, 3).T
-    if motion.at_times is None or not len(at) or motion.frames < 2:
-        return at
-    tolerance = motion.accuracy.event * float(np.max(np.diff(motion.time)))
-
-    def there(t: Real, chosen: Index) -> Real:
-        found = _again(motion, rows, t)
-        return found if which is None else found[np.arange(len(t)), which[chosen]]
-
-    every, moved = np.arange(len(at)), np.full(len(at), np.inf)
-    for _ in range(NEWTON_STEPS):
-        value, rate = there(at, every).T
-        with np.errstate(divide="ignore", invalid="ignore"):
-            to = at - value / rate
-        inside = (to >= low - tolerance) & (to <= high + tolerance)
-        to = np.where(inside, np.clip(to, low, high), at)
-        moved, at = np.where(inside, np.abs(to - at), np.inf), to
-        if moved.max() <= tolerance:
-            return at
-    late = np.flatnonzero(moved > tolerance)
-    side, other = (np.sign(there(ends[late], late)[:, 0]) for ends in (low, high))
-    late, side = late[side * other < 0.0], side[side * other < 0.0]
-    ends = np.stack([low[late], high[late]], axis=1)
-    for _ in range(SECTION_ROUNDS if len(late) else 0):
-        if np.ptp(ends, axis=1).max() <= tolerance:
-            break
-        t = ends[:, :1] + np.diff(ends) * SECTIONS
-        inner = there(t[:, 1:-1].ravel(), np.repeat(late, len(SECTIONS) - 2))[:, 0].reshape(len(late), -1)
-        before = np.sum(np.logical_and.accumulate(np.sign(inner) == side[:, None], axis=1), axis=1)
-        ends = np.stack([np.take_along_axis(t, before[:, None] + k, axis=1)[:, 0] for k in (0, 1)], axis=1)
-    at[late] = ends.mean(axis=1)
-    return at

@@ -24,8 +24,8 @@ from mechcore.kinematics.model import Model
 from mechcore.kinematics.positions import dead_point_margin, equations, group_closure_error, loop_terms, place_all, place_block
 from mechcore.kinematics.program import Block
 from mechcore.kinematics.state import State, initial_state
+from mechcore.motion.between_frames import largest_maximum
 from mechcore.motion.compiled import Compiled, motion_or_nan
-from mechcore.motion.metrics import largest_maximum
 from mechcore.motion.motion import Motion
 from mechcore.numerics.newton import Residual, least_squares
 from mechcore.records import dataclass

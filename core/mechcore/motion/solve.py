@@ -28,11 +28,11 @@ from mechcore.kinematics.program import Block
 from mechcore.kinematics.state import relation_sum
 from mechcore.laws.timed import ConstantSpeed, moves
 from mechcore.motion.compiled import Compiled, drive_values, motion_or_nan, place
-from mechcore.motion.events import at_drive, runs
+from mechcore.motion.events import at_drive
 from mechcore.motion.motion import Motion
 from mechcore.motion.reach import SlotOverrun, greatest_closure_error, nearest_range, reachable_ranges, slot_overruns
 from mechcore.motion.structure import gruebler, rank_mobility
-from mechcore.numerics.frames import keep_freed_memory
+from mechcore.numerics.frames import keep_freed_memory, runs
 from mechcore.spec.mechanism import Mechanism, PinSlot, Prismatic
 from mechcore.texts import Text, as_coordinate, as_length
 from mechcore.topology.checks import missing_joint

@@ -13,7 +13,7 @@ from typing import Any, Generic, TypeVar, overload
 import numpy as np
 from numpy import ndarray
 
-from mechcore.arrays import Complex, Plane, Real, Values
+from mechcore.arrays import Complex, Flags, Plane, Real, Values
 
 QUIET: Any = {"invalid": "ignore", "divide": "ignore", "over": "ignore"}  # out of reach or singular: NaN or infinite, no warning
 Value = TypeVar("Value")
@@ -132,6 +132,12 @@ def rotation_of(angle: Values) -> Complex:
     np.cos(angle, out=out.real)
     np.sin(angle, out=out.imag)
     return out
+
+
+def runs(flags: Flags) -> list[tuple[int, int]]:
+    """First and last index of each run of True."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(int), [0]])))
+    return [(int(a), int(b) - 1) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
 TRIM_THRESHOLD, MMAP_THRESHOLD, ARENA_MAX = -1, -3, -8  # of glibc's malloc.h

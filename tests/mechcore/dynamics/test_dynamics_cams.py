@@ -428,4 +428,8 @@ def test_a_face_too_short_is_told_while_the_follower_touches():
     assert (outside & ~touching).any(), "it flies where the law's contact would be beyond the face"
     assert told and {e.level for e in told} == {"WARN"}
     starts = np.flatnonzero(np.diff((outside & touching).astype(int), prepend=0) == 1)
-    np.testing.assert_array_equal([e.time for e in told], run.motion.time[starts])
+    for event, k in zip(told, starts, strict=True):
+        assert run.motion.time[k - 1] <= event.time <= run.motion.time[k]
+        if touching[k - 1]:
+            reached = cam.rows(run.motion.at_times(np.array([event.time]))).eccentricity
+            np.testing.assert_allclose(np.abs(reached), 2e-3, rtol=1e-7)

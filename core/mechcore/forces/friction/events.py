@@ -10,9 +10,10 @@ from mechcore.arrays import Real
 from mechcore.forces.friction.elements import Element, relative_rate
 from mechcore.forces.friction.solve import FrictionResult
 from mechcore.forces.kinetostatics import Forces, solve_forces
-from mechcore.motion.events import Event, at_drive, runs, turning_places
-from mechcore.motion.metrics import zeros
+from mechcore.motion.between_frames import intervals, zeros
+from mechcore.motion.events import Event, at_drive, turning_places
 from mechcore.motion.motion import Motion
+from mechcore.numerics.frames import runs
 from mechcore.records import dataclass
 
 INTERVAL_PARTS = 16  # into which an interval is divided at every round of the search for an edge
@@ -168,25 +169,26 @@ def friction_events(forces: Forces) -> list[Event]:
             f"{at_drive(motion, jam.end)}; it could be moved with {100.0 * jam.movable_share:.4g} % of the coefficients"
         )
         events.append(Event(jam.start, "WARN", jam.joints[0] if jam.joints else "mechanism", text))
-    for first, last in runs(friction.ambiguous):
+    friction_at = _friction_at(forces) or (lambda t: friction)
+
+    for start, end in intervals(motion, friction.ambiguous, lambda t: friction_at(t).ambiguous):
         text = (
-            f"more than one state of friction is in equilibrium {_span(motion, first, last)}: the results are those of the state "
+            f"more than one state of friction is in equilibrium {_span(motion, start, end)}: the results are those of the state "
             "that is reached continuously from the frictionless one"
         )
-        events.append(Event(float(time[first]), "WARN", "mechanism", text))
+        events.append(Event(start, "WARN", "mechanism", text))
     drives = ", ".join(d.joint for d in motion.mechanism.drives) or "mechanism"
     locked = friction.self_locking
-    for first, last in runs(locked):
-        where = "over the whole run" if locked.all() else _span(motion, first, last)
-        events.append(Event(float(time[first]), "INFO", drives, f"self-locking {where}: the loads cannot move the drive"))
+    for start, end in intervals(motion, locked, lambda t: friction_at(t).self_locking):
+        where = "over the whole run" if locked.all() else _span(motion, start, end)
+        events.append(Event(start, "INFO", drives, f"self-locking {where}: the loads cannot move the drive"))
     events += _cost(forces, friction)
     return sorted(events, key=lambda e: e.time)
 
 
-def _span(motion: Motion, first: int, last: int) -> str:
-    """The frames from the first to the last in words: their times and where the drives are."""
-    start, end = float(motion.time[first]), float(motion.time[last])
-    if first == last:
+def _span(motion: Motion, start: float, end: float) -> str:
+    """An interval of time [s] in words: its times, and where the drives are."""
+    if start == end:
         return f"at {start:.6g} s ({at_drive(motion, start)})"
     there, drives = at_drive(motion, end), motion.mechanism.drives
     if len(drives) == 1:  # the only drive need not be named twice

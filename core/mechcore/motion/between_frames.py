@@ -1,0 +1,247 @@
+"""Extremes, zeros and exceedances of a quantity between the frames of a motion, by solving the mechanism again at other times."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.polynomial import chebyshev
+
+from mechcore.arrays import Flags, Index, Real
+from mechcore.motion.motion import Motion
+from mechcore.numerics.frames import runs
+from mechcore.records import dataclass
+
+Metric = Callable[[Motion], Real]  # motion -> a smooth quantity (F,)
+AtTimes = Callable[[Real], Real]  # ascending times (n,) [s] -> a quantity (n,)
+WINDOW_NODES = -np.cos(
+    np.pi * np.arange(9) / 8
+)  # Chebyshev points: the polynomial through them approximates a smooth quantity to many digits
+FIT = np.linalg.inv(chebyshev.chebvander(WINDOW_NODES, 8))
+SEARCH_ROUNDS = 2  # each in a window that is narrower than the one before by NARROWING
+NARROWING = 8.0
+MOST_MAXIMA = 24  # largest local maxima of the frames that are refined
+PEAK_ROUNDS = 8  # of the search for the largest value of an exceedance, each in a quarter of the interval before
+PEAK_RISE = 0.25  # share of its drop to a neighbour by which a maximum may exceed the highest frame; an eighth for a parabola
+EQUAL = 1e-9  # relative difference up to which maxima are equal: the first counts
+NEWTON_STEPS = 3  # for a zero, from the estimate by a cubic; then its two frames are divided
+SECTION_ROUNDS, SECTIONS = 12, np.linspace(0.0, 1.0, 9)  # 8^12 = 7e10 places
+
+
+def largest_maximum(motion: Motion, metric: Metric) -> tuple[float, float]:
+    """Time [s] and value of the largest maximum of a run, to about 1e-9 of the interval between frames; NaN if there is none.
+
+    Only a motion that follows laws can be solved again between frames. For others, and where the quantity is not finite next to the
+    maximum, the result is the largest value at the frames.
+    """
+    values = np.asarray(metric(motion), float)
+    if not np.isfinite(values).any():
+        return np.nan, np.nan
+    highest = _first_highest(motion.time, values)
+    if motion.at_times is None or motion.frames < 3 or np.nanmin(values) >= highest[1] - EQUAL * abs(highest[1]):
+        return highest
+    filled = np.where(np.isfinite(values), values, -np.inf)
+    around = np.concatenate([[-np.inf], filled, [-np.inf]])
+    local = np.flatnonzero((filled >= around[:-2]) & (filled >= around[2:]) & np.isfinite(filled))
+    tops = np.sort(local[np.argsort(-filled[local], kind="stable")[:MOST_MAXIMA]])
+    low = motion.time[np.maximum(tops - 1, 0)]
+    high = motion.time[np.minimum(tops + 1, motion.frames - 1)]
+    first, last = low, high
+    at = motion.time[tops]
+    solved = _at_other_times(motion, metric)
+    for _ in range(SEARCH_ROUNDS):
+        middle, half = 0.5 * (low + high), 0.5 * (high - low)
+        inner = _again(solved, middle[:, None] + half[:, None] * WINDOW_NODES)
+        where = np.array([_highest(row) for row in inner])
+        at = np.where(np.isfinite(where), middle + half * where, at)
+        low, high = np.maximum(at - half / NARROWING, first), np.minimum(at + half / NARROWING, last)
+    refined = _again(solved, at)
+    return _first_highest(np.append(at, highest[0]), np.append(refined, highest[1]))
+
+
+def _first_highest(time: Real, values: Real) -> tuple[float, float]:
+    """The first of the times (n,) [s] at which values (n,), not all of them NaN, are largest, and this value."""
+    known = np.where(np.isnan(values), -np.inf, values)
+    highest = known.max()
+    first = int(np.argmax(known >= highest - EQUAL * abs(highest) if np.isfinite(highest) else known == highest))
+    return float(time[first]), float(values[first])
+
+
+def _highest(values: Real) -> float:
+    """The point of [-1, 1] at which the polynomial through values at the nodes is highest; NaN if a value is not finite."""
+    if not np.isfinite(values).all():
+        return np.nan
+    coefficients = FIT @ values
+    extremes = chebyshev.chebroots(chebyshev.chebder(coefficients)) if np.ptp(values) > 0.0 else np.zeros(1)
+    inside = extremes.real[(np.abs(extremes.imag) < 1e-6) & (np.abs(extremes.real) < 1.0)]
+    places = np.concatenate([[-1.0], inside, [1.0]])
+    return float(places[np.argmax(chebyshev.chebval(places, coefficients))])
+
+
+def _at_other_times(motion: Motion, metric: Metric) -> AtTimes:
+    return lambda t: metric(motion.at_times(t)) if motion.at_times is not None else np.full(len(t), np.nan)
+
+
+def _again(solved: Callable[[Real], Any], times: Real) -> Any:
+    """A quantity at times (...) [s] in any order; values of several parts have these as their last axes."""
+    flat = np.ravel(times)
+    order = np.argsort(flat, kind="stable")
+    values = solved(flat[order])
+    out = np.empty_like(values)
+    out[order] = values
+    return out.reshape((*np.shape(times), *values.shape[1:]))
+
+
+def zeros(motion: Motion, rows: Metric, places: Real, which: Index | None = None) -> Real:
+    """Times (n,) [s] at which quantities pass through zero or jump past it, to the accuracy of events.
+
+    ``places`` (n, 3) [s]: the last frame before, an estimate, and the first frame behind; ``rows``: motion -> value and rate
+    (F, 2), or of several quantities (F, k, 2), of which ``which`` (n,) names the one of each place. Newton's method finds simple
+    zeros; where it does not settle between the two frames, as at jumps and at zeros of higher order, these are divided again and
+    again.
+    """
+    low, at, high = np.array(places, float).reshape(-1, 3).T
+    if motion.at_times is None or not len(at) or motion.frames < 2:
+        return at
+    tolerance, solved = _tolerance(motion), _at_other_times(motion, rows)
+
+    def there(t: Real, chosen: Index) -> Real:
+        found: Real = _again(solved, t)
+        return found if which is None else found[np.arange(len(t)), which[chosen]]
+
+    every, moved = np.arange(len(at)), np.full(len(at), np.inf)
+    for _ in range(NEWTON_STEPS):
+        value, rate = there(at, every).T
+        with np.errstate(divide="ignore", invalid="ignore"):
+            to = at - value / rate
+        inside = (to >= low - tolerance) & (to <= high + tolerance)
+        to = np.where(inside, np.clip(to, low, high), at)
+        moved, at = np.where(inside, np.abs(to - at), np.inf), to
+        if moved.max() <= tolerance:
+            return at
+    late = np.flatnonzero(moved > tolerance)
+    side, other = (np.sign(there(ends[late], late)[:, 0]) for ends in (low, high))
+    late, side = late[side * other < 0.0], side[side * other < 0.0]
+    ends = np.stack([low[late], high[late]], axis=1)
+    for _ in range(SECTION_ROUNDS if len(late) else 0):
+        if np.ptp(ends, axis=1).max() <= tolerance:
+            break
+        t = ends[:, :1] + np.diff(ends) * SECTIONS
+        inner = there(t[:, 1:-1].ravel(), np.repeat(late, len(SECTIONS) - 2))[:, 0].reshape(len(late), -1)
+        before = np.sum(np.logical_and.accumulate(np.sign(inner) == side[:, None], axis=1), axis=1)
+        ends = np.stack([np.take_along_axis(t, before[:, None] + k, axis=1)[:, 0] for k in (0, 1)], axis=1)
+    at[late] = ends.mean(axis=1)
+    return at
+
+
+def _tolerance(motion: Motion) -> float:
+    """The accuracy of events in time [s]."""
+    return motion.accuracy.event * float(np.max(np.diff(motion.time), initial=0.0))
+
+
+@dataclass(frozen=True)
+class Exceedance:
+    """An interval of time [s] in which a quantity exceeds a limit, and its largest ``value``, at the time ``at`` [s]."""
+
+    start: float
+    end: float
+    at: float
+    value: float
+
+
+def exceedances(motion: Motion, metric: Metric, limit: float, within: Flags | None = None) -> list[Exceedance]:
+    """Intervals in which a quantity exceeds a limit, also those between two frames, in order of time; see `exceedances_of`."""
+    return exceedances_of(motion, metric(motion), limit, _at_other_times(motion, metric), within)
+
+
+def exceedances_of(motion: Motion, values: Real, limit: float, solved: AtTimes, within: Flags | None = None) -> list[Exceedance]:
+    """Intervals in which a quantity exceeds a limit, also those between two frames, in order of time.
+
+    ``values`` (F,): the quantity at the frames, NaN where it is unknown; ``solved``: the same at other times, where the motion can
+    be solved there (else it is linear between the frames); ``within`` (F,): the frames that count. The ends have the accuracy of
+    events, at jumps too; the largest value is that of a smooth quantity to about 1e-9 of its change between two frames. What
+    exceeds the limit by less than ``EQUAL`` of it is rounding.
+    """
+    time, known = motion.time, np.ones(motion.frames, bool) if within is None else within
+    if motion.at_times is None:
+        solved = partial(_linear, time, values)
+    elif len(tops := _tops(np.where(known, values, np.nan), limit)):
+        at, highest = _peaks(time, tops, solved)
+        place = np.searchsorted(time, at)
+        fresh = time[np.minimum(place, len(time) - 1)] != at
+        place, at, highest = place[fresh], at[fresh], highest[fresh]
+        time, values, known = np.insert(time, place, at), np.insert(values, place, highest), np.insert(known, place, True)
+    with np.errstate(invalid="ignore"):
+        above = known & (values > limit)
+        ends = _intervals(time, above, known, lambda t: solved(t) > limit, _tolerance(motion))
+    tops = np.array([a + int(np.argmax(values[a : b + 1])) for a, b in runs(above)], int)
+    found = zip(ends, time[tops].tolist(), values[tops].tolist(), strict=True)
+    return [Exceedance(*interval, at, value) for interval, at, value in found if value > limit + EQUAL * abs(limit)]
+
+
+def intervals(motion: Motion, flags: Flags, solved: Callable[[Real], Flags]) -> list[tuple[float, float]]:
+    """Starts and ends [s] of the intervals in which a condition holds, to the accuracy of events.
+
+    ``flags`` (F,): whether it holds at the frames; ``solved``: ascending times (n,) -> whether it holds there, where the motion can
+    be solved there.
+    """
+    known = np.ones(motion.frames, bool)
+    return _intervals(motion.time, flags, known if motion.at_times is not None else flags, solved, _tolerance(motion))
+
+
+def _intervals(
+    time: Real, flags: Flags, known: Flags, holds: Callable[[Real], Flags], tolerance: float
+) -> list[tuple[float, float]]:
+    """Starts and ends of the intervals in which a condition holds: between the frames at which it does and next ones, if these are
+    ``known``, at which it does not."""
+    spans = runs(flags)
+    if not spans:
+        return []
+    first, last = np.array(spans).T
+    before, behind = np.maximum(first - 1, 0), np.minimum(last + 1, len(time) - 1)
+    before, behind = np.where(known[before], before, first), np.where(known[behind], behind, last)
+    outside, inside = time[np.concatenate([before, behind])], time[np.concatenate([first, last])]
+    start, end = _crossings(outside, inside, holds, tolerance).reshape(2, -1).tolist()
+    return list(zip(start, end, strict=True))
+
+
+def _linear(time: Real, values: Real, t: Real) -> Real:
+    return np.interp(t, time, values)
+
+
+def _tops(values: Real, limit: float) -> Index:
+    """The frames at which values (F,) are local maxima that may exceed a limit, if only between the frames; the highest ones."""
+    around = np.pad(values, 1, mode="edge")
+    before, behind = around[:-2], around[2:]
+    with np.errstate(invalid="ignore"):
+        reached = values + PEAK_RISE * (values - np.minimum(before, behind))
+        tops = np.flatnonzero((values >= before) & (values >= behind) & (reached > limit) & np.isfinite(reached))
+    return tops[np.argsort(-values[tops], kind="stable")[:MOST_MAXIMA]]
+
+
+def _peaks(time: Real, tops: Index, solved: AtTimes) -> tuple[Real, Real]:
+    """Times (n,) [s], ascending and distinct, and values of the maxima next to the frames ``tops``."""
+    low, high = time[np.maximum(tops - 1, 0)], time[np.minimum(tops + 1, len(time) - 1)]
+    row = np.arange(len(tops))
+    for _ in range(PEAK_ROUNDS):
+        t = low[:, None] + (high - low)[:, None] * SECTIONS
+        values = _again(solved, t)
+        best = np.argmax(np.where(np.isnan(values), -np.inf, values), axis=1)
+        low, high = t[row, np.maximum(best - 1, 0)], t[row, np.minimum(best + 1, len(SECTIONS) - 1)]
+    at, which = np.unique(t[row, best], return_index=True)
+    return at, values[row, best][which]
+
+
+def _crossings(outside: Real, inside: Real, holds: Callable[[Real], Flags], tolerance: float) -> Real:
+    """Times (n,) [s] at which a condition begins to hold, each between a time at which it does not and one at which it does."""
+    row, parts = np.arange(len(inside)), len(SECTIONS) - 1
+    for _ in range(SECTION_ROUNDS):
+        if np.abs(inside - outside).max() <= tolerance:
+            break
+        t = outside[:, None] + (inside - outside)[:, None] * SECTIONS
+        held = _again(holds, t[:, 1:-1])
+        first = np.where(held.any(axis=1), np.argmax(held, axis=1) + 1, parts)
+        outside, inside = t[row, first - 1], np.where(first == parts, inside, t[row, first])
+    return inside
