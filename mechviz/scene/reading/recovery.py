@@ -93,6 +93,8 @@ def _keys_repaired(cls: type[DocumentTable], raw: Mapping[str, Any], loc: Loc, f
             fitting = (key for key in candidates if _fits(hints[key], raw[written], (*loc, written)))
             guess = next(fitting, next((key for key in candidates if misspelt(str(written), key)), ""))
             inside = next((key for key in beside if written in _keys_within(hints[key], raw.get(key))), "")
+            if guess and guess == _SYNONYMS.get(str(written)):
+                inside = ""  # the other word for a key of this table is meant
             faults.append(unknown_key((*loc, written), beside, guess, inside))
             if guess and not inside:
                 taken.setdefault(guess, written)

@@ -429,6 +429,9 @@ def test_a_guess_goes_with_the_kind_of_its_table():
     assert (fault.path, fault.remedy) == ("joints.A", "Write it in drive.")
     (fault,) = faults_of(changed(("frames", 100)))
     assert fault.remedy == "Write it in run."
+    load = {"force": [1, 0], "on": "coupler", "point": "B", "table": {"position": [0, 1], "factor": [0, 1]}}
+    (fault,) = faults_of(changed(("loads/S", load)))
+    assert fault.remedy == "Did you mean 'at'?", "not the point of the table's argument"
 
 
 def test_without_joints_no_moment_of_inertia_is_missed():
