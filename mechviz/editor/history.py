@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
+from mechcore.accuracy import Accuracy
 from mechcore.records import dataclass
 from mechviz.scene.annotations import Place
 from mechviz.scene.document import SceneDocument
@@ -22,12 +23,16 @@ MOST_STEPS = 500
 
 @dataclass(frozen=True)
 class Draft:
-    """A scene being edited: its document, and the names of ``disabled_loads``, which are switched off and keep their values."""
+    """A scene being edited: its document, and the names of ``disabled_loads``, which are switched off and keep their values.
+
+    ``accuracy``: settings with which the scene was opened, in place of its own.
+    """
 
     name: str
     document: SceneDocument
     folder: SceneFolder
     disabled_loads: tuple[str, ...] = ()
+    accuracy: Accuracy | None = None
 
     @classmethod
     def of(cls, scene: Scene) -> Draft:
@@ -65,6 +70,10 @@ class Draft:
             return self.changed({(key, name): {} if on else None})
         named = [n for n in getattr(self.document, key) if n != name] + ([name] if on else [])
         return self.changed({(key,): named or None})
+
+    def with_accuracy(self, changes: Mapping[Place, Any]) -> Draft:
+        """The draft with other settings of accuracy, which are those of the scene. Raises `SceneError`."""
+        return replace(self.changed(changes), accuracy=None)
 
     def with_load(self, load: str, on: bool) -> Draft:
         """The draft with a load switched on or off."""

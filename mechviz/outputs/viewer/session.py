@@ -93,11 +93,11 @@ class EditSession:
         self._asking = threading.Lock()  # held only briefly: browsers wait for it
         self._pending: list[tuple[str, DraftChange | _Value | str]] = []  # in the order of the requests
         self._working: frozenset[str] = frozenset()  # keys of the changes being solved and not yet shown
-        self.history = History(Draft.of(run.scene))
+        own = None if run.accuracy == run.scene.accuracy else run.accuracy
+        self.history = History(replace(Draft.of(run.scene), accuracy=own))
         self._built: Built = build(run)
         self.run = run
         self.source = run.scene  # as opened, with the text of its file
-        self._accuracy = None if run.accuracy == run.scene.accuracy else run.accuracy  # overrides that of the scene
         self.opened = self.view_model = view_model_of_run(run, self._built)
         self.status = Status(oscillating_drives=oscillating_drives(run.scene))
         self._patient = False
@@ -112,10 +112,6 @@ class EditSession:
     def change(self, key: str, change: DraftChange) -> None:
         """Apply a function to the draft; ``key`` names what it changes."""
         self._ask(key, change)
-
-    def follow_scene(self) -> None:
-        """Use the accuracy of the scene from now on, without the override with which the session was opened."""
-        self._accuracy = None
 
     def undo(self) -> None:
         self._ask("", "undo")
@@ -219,14 +215,14 @@ class EditSession:
     def _solved(self, draft: Draft) -> tuple[Draft, Run]:
         """A draft and its run. If a drive cannot make full turns, the draft is changed: it oscillates over its reachable range."""
         try:
-            return draft, run_scene(draft.scene(), accuracy=self._accuracy)
+            return draft, run_scene(draft.scene(), accuracy=draft.accuracy)
         except MechanismError as error:
             changes = oscillation_changes(draft.document)
             if not changes:
                 raise
             try:
                 swung = draft.changed(changes)
-                return swung, run_scene(swung.scene(), accuracy=self._accuracy)
+                return swung, run_scene(swung.scene(), accuracy=draft.accuracy)
             except MechanismError:
                 raise error from None
 

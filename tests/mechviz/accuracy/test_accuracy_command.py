@@ -301,7 +301,7 @@ def test_picking_a_point_in_the_viewer_applies_it(monkeypatch):
         )
         viewer.session.undo()
         assert viewer.session.wait()
-        assert viewer.run.accuracy.interpolation == 3
+        assert viewer.run.accuracy.interpolation == 1 and viewer.run.accuracy.target == 1e-3, "as opened"
         tab.wanted.value = "1e-6"
         tab._set_target("1e-6")
         assert viewer.session.wait()
@@ -310,6 +310,8 @@ def test_picking_a_point_in_the_viewer_applies_it(monkeypatch):
             and viewer.run.scene.frames == 265
             and viewer.run.errors.interpolation.max() < 1e-6
         )
+        viewer.session.reset()
+        assert viewer.session.wait() and viewer.run.accuracy.target == 1e-3, "with the target of the command"
 
 
 # -- effects -----------------------------------------------------------------------------------------------------------------------

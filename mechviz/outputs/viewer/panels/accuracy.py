@@ -113,8 +113,7 @@ class AccuracyTab:
     def _pick(self, _: object) -> None:
         point = self._named.get(str(self.choice.value))
         if point is not None:
-            self._session.follow_scene()
-            self._session.change("accuracy", lambda draft: draft.changed(setting_changes(draft.document, point.options)))
+            self._session.change("accuracy", lambda draft: draft.with_accuracy(setting_changes(draft.document, point.options)))
 
     def _target_label(self) -> str:
         """The entry of the list for the target error of the present run."""
@@ -128,8 +127,7 @@ class AccuracyTab:
     def _set_target(self, wanted: object) -> None:
         target = TARGET_CHOICES.get(str(wanted), self._session.run.accuracy.target)
         if target != self._session.run.accuracy.target:
-            self._session.follow_scene()
-            self._session.change("accuracy", lambda draft: draft.changed(target_changes(target)))
+            self._session.change("accuracy", lambda draft: draft.with_accuracy(target_changes(target)))
 
     def _estimate_text(self) -> str:
         return "".join(words.hint(line) for line in accuracy_words(self._session.run))
