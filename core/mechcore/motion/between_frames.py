@@ -23,10 +23,11 @@ FIT = np.linalg.inv(chebyshev.chebvander(WINDOW_NODES, 8))
 SEARCH_ROUNDS = 2  # each in a window that is narrower than the one before by NARROWING
 NARROWING = 8.0
 MOST_MAXIMA = 24  # largest local maxima of the frames that are refined
-PEAK_ROUNDS = 8  # of the search for the largest value of an exceedance, each in a quarter of the interval before
+PEAK_ROUNDS = 5  # of the search for the largest value of an exceedance, each in a quarter of the interval before
 PEAK_RISE = 0.25  # share of its drop to a neighbour by which a maximum may exceed the highest frame; an eighth for a parabola
 EQUAL = 1e-9  # relative difference up to which maxima are equal: the first counts
 NEWTON_STEPS = 3  # for a zero, from the estimate by a cubic; then its two frames are divided
+ABOUT_ZERO = np.array([-1e-2, -1e-4, -1e-6, 1e-6, 1e-4, 1e-2])  # parts of an interval, about the estimated zero of an excess
 SECTION_ROUNDS, SECTIONS = 12, np.linspace(0.0, 1.0, 9)  # 8^12 = 7e10 places
 
 
@@ -175,27 +176,25 @@ def exceedances_of(motion: Motion, values: Real, limit: float, solved: AtTimes, 
         time, values, known = np.insert(time, place, at), np.insert(values, place, highest), np.insert(known, place, True)
     with np.errstate(invalid="ignore"):
         above = known & (values > limit)
-        ends = _intervals(time, above, known, lambda t: solved(t) > limit, _tolerance(motion))
+        ends = _intervals(time, above, known, lambda t: solved(t) - limit, _tolerance(motion))
     tops = np.array([a + int(np.argmax(values[a : b + 1])) for a, b in runs(above)], int)
     found = zip(ends, time[tops].tolist(), values[tops].tolist(), strict=True)
     return [Exceedance(*interval, at, value) for interval, at, value in found if value > limit + EQUAL * abs(limit)]
 
 
-def intervals(motion: Motion, flags: Flags, solved: Callable[[Real], Flags]) -> list[tuple[float, float]]:
+def intervals(motion: Motion, flags: Flags, excess: AtTimes) -> list[tuple[float, float]]:
     """Starts and ends [s] of the intervals in which a condition holds, to the accuracy of events.
 
-    ``flags`` (F,): whether it holds at the frames; ``solved``: ascending times (n,) -> whether it holds there, where the motion can
-    be solved there.
+    ``flags`` (F,): whether it holds at the frames; ``excess``: a quantity at other times that is positive where it holds, where the
+    motion can be solved there.
     """
-    known = np.ones(motion.frames, bool)
-    return _intervals(motion.time, flags, known if motion.at_times is not None else flags, solved, _tolerance(motion))
+    known = np.ones(motion.frames, bool) if motion.at_times is not None else flags
+    return _intervals(motion.time, flags, known, excess, _tolerance(motion))
 
 
-def _intervals(
-    time: Real, flags: Flags, known: Flags, holds: Callable[[Real], Flags], tolerance: float
-) -> list[tuple[float, float]]:
-    """Starts and ends of the intervals in which a condition holds: between the frames at which it does and next ones, if these are
-    ``known``, at which it does not."""
+def _intervals(time: Real, flags: Flags, known: Flags, excess: AtTimes, tolerance: float) -> list[tuple[float, float]]:
+    """Starts and ends of the intervals in which an excess is positive: between the frames at which it is and next ones, if these
+    are ``known``, at which it is not."""
     spans = runs(flags)
     if not spans:
         return []
@@ -203,7 +202,7 @@ def _intervals(
     before, behind = np.maximum(first - 1, 0), np.minimum(last + 1, len(time) - 1)
     before, behind = np.where(known[before], before, first), np.where(known[behind], behind, last)
     outside, inside = time[np.concatenate([before, behind])], time[np.concatenate([first, last])]
-    start, end = _crossings(outside, inside, holds, tolerance).reshape(2, -1).tolist()
+    start, end = _crossings(outside, inside, excess, tolerance).reshape(2, -1).tolist()
     return list(zip(start, end, strict=True))
 
 
@@ -225,23 +224,46 @@ def _peaks(time: Real, tops: Index, solved: AtTimes) -> tuple[Real, Real]:
     """Times (n,) [s], ascending and distinct, and values of the maxima next to the frames ``tops``."""
     low, high = time[np.maximum(tops - 1, 0)], time[np.minimum(tops + 1, len(time) - 1)]
     row = np.arange(len(tops))
+    vertex = time[tops]
     for _ in range(PEAK_ROUNDS):
-        t = low[:, None] + (high - low)[:, None] * SECTIONS
+        t = np.sort(np.column_stack([low[:, None] + (high - low)[:, None] * SECTIONS, vertex]), axis=1)
         values = _again(solved, t)
         best = np.argmax(np.where(np.isnan(values), -np.inf, values), axis=1)
-        low, high = t[row, np.maximum(best - 1, 0)], t[row, np.minimum(best + 1, len(SECTIONS) - 1)]
+        beside = np.clip(best - 1, 0, t.shape[1] - 3)[:, None] + np.arange(3)
+        vertex = _vertex(np.take_along_axis(t, beside, axis=1), np.take_along_axis(values, beside, axis=1), t[row, best])
+        low, high = t[row, np.maximum(best - 1, 0)], t[row, np.minimum(best + 1, t.shape[1] - 1)]
     at, which = np.unique(t[row, best], return_index=True)
     return at, values[row, best][which]
 
 
-def _crossings(outside: Real, inside: Real, holds: Callable[[Real], Flags], tolerance: float) -> Real:
-    """Times (n,) [s] at which a condition begins to hold, each between a time at which it does not and one at which it does."""
-    row, parts = np.arange(len(inside)), len(SECTIONS) - 1
+def _vertex(t: Real, values: Real, otherwise: Real) -> Real:
+    """The times (n,) of the vertices of parabolas through three values each (n, 3), where these lie between the outer ones."""
+    (a, b, c), (p, q, r) = t.T, values.T
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        left, right = (q - p) / (b - a), (r - q) / (c - b)
+        vertex = 0.5 * (a + b) - 0.5 * left * (c - a) / (right - left)
+    return np.where((vertex > a) & (vertex < c), vertex, otherwise)
+
+
+def _crossings(outside: Real, inside: Real, excess: AtTimes, tolerance: float) -> Real:
+    """Times (n,) [s] at which an excess (n,) becomes positive, each between a time at which it is not and one at which it is.
+
+    In every round the interval is divided into equal sections, and more finely about the zero of a straight line.
+    """
+    row, zero = np.arange(len(inside)), np.full(len(inside), 0.5)
     for _ in range(SECTION_ROUNDS):
         if np.abs(inside - outside).max() <= tolerance:
             break
-        t = outside[:, None] + (inside - outside)[:, None] * SECTIONS
-        held = _again(holds, t[:, 1:-1])
-        first = np.where(held.any(axis=1), np.argmax(held, axis=1) + 1, parts)
-        outside, inside = t[row, first - 1], np.where(first == parts, inside, t[row, first])
+        about = np.clip(zero[:, None] + ABOUT_ZERO, 0.0, 1.0)
+        places = np.sort(np.column_stack([np.broadcast_to(SECTIONS, (len(row), len(SECTIONS))), about]), axis=1)
+        t = outside[:, None] + (inside - outside)[:, None] * places
+        values = _again(excess, t)
+        with np.errstate(invalid="ignore"):
+            exceeds = values > 0.0
+        exceeds[:, 0], exceeds[:, -1] = False, True  # as is known
+        first = np.argmax(exceeds, axis=1)
+        before, behind = values[row, first - 1], values[row, first]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            zero = np.clip(np.nan_to_num(before / (before - behind), nan=0.5), 0.0, 1.0)
+        outside, inside = t[row, first - 1], t[row, first]
     return inside

@@ -55,7 +55,7 @@ def test_a_jump_and_unknown_values_are_edges():
 
     (found,) = exceedances(motion, jumping, 0.5)
     assert found.start == pytest.approx(2.0, abs=1e-8) and found.end == motion.time[-1]
-    (span,) = intervals(motion, motion.time > 2.0, lambda t: t > 2.0)
+    (span,) = intervals(motion, motion.time > 2.0, lambda t: np.where(t > 2.0, 1.0, -1.0))
     assert span == pytest.approx((2.0, motion.time[-1]), abs=1e-8)
 
 

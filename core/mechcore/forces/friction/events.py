@@ -171,7 +171,7 @@ def friction_events(forces: Forces) -> list[Event]:
         events.append(Event(jam.start, "WARN", jam.joints[0] if jam.joints else "mechanism", text))
     friction_at = _friction_at(forces) or (lambda t: friction)
 
-    for start, end in intervals(motion, friction.ambiguous, lambda t: friction_at(t).ambiguous):
+    for start, end in intervals(motion, friction.ambiguous, lambda t: np.where(friction_at(t).ambiguous, 1.0, -1.0)):
         text = (
             f"more than one state of friction is in equilibrium {_span(motion, start, end)}: the results are those of the state "
             "that is reached continuously from the frictionless one"
@@ -179,7 +179,7 @@ def friction_events(forces: Forces) -> list[Event]:
         events.append(Event(start, "WARN", "mechanism", text))
     drives = ", ".join(d.joint for d in motion.mechanism.drives) or "mechanism"
     locked = friction.self_locking
-    for start, end in intervals(motion, locked, lambda t: friction_at(t).self_locking):
+    for start, end in intervals(motion, locked, lambda t: friction_at(t).back_driving_excess):
         where = "over the whole run" if locked.all() else _span(motion, start, end)
         events.append(Event(start, "INFO", drives, f"self-locking {where}: the loads cannot move the drive"))
     events += _cost(forces, friction)

@@ -350,7 +350,13 @@ class FrictionResult:
         p0 = np.abs(self.frictionless_power)
         driven = p0 > 1e-9 * np.max(p0, initial=0.0, where=np.isfinite(p0))  # elsewhere the loads push in neither direction
         with np.errstate(invalid="ignore"):
-            return np.asarray(driven & (self.back_driving_power >= -1e-12 * p0))
+            return np.asarray(driven & (self.back_driving_excess > 0.0))
+
+    @cached_property
+    def back_driving_excess(self) -> Real:
+        """Power that the drives need for the loads to move them (F,) [W], rounding added: positive where these cannot, and zero
+        where they push in neither direction."""
+        return np.asarray(self.back_driving_power + 1e-12 * np.abs(self.frictionless_power))
 
     # -- inside -------------------------------------------------------------------------------------------------------
     def _elements_of(self, joint: str) -> list[int]:
