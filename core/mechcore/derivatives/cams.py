@@ -44,6 +44,14 @@ def moved_on(cam: Any, nominal: Motion, later: float = 0.0) -> Any:
     return moved
 
 
+def in_phase(shape: Any, nominal: Placed | None) -> Any:
+    """A cam with the phase of the ``nominal`` one: its own changes the argument of the law. Other shapes are unchanged."""
+    if nominal is None or shape.phase == nominal.phase:
+        return shape
+    mate = None if shape.mate is None else in_phase(shape.mate, nominal.mate)
+    return replace(shape, phase=nominal.phase, mate=mate) if mate is not None else replace(shape, phase=nominal.phase)
+
+
 def by_argument(values: Callable[[Any], Sequence[Any]], cam: Placed, nominal: Motion) -> list[Any]:
     """Derivatives of ``values`` of a cam by the argument of its law. Raises `MechanismError`."""
 

@@ -20,7 +20,16 @@ import numpy as np
 
 from mechcore.arrays import Index, Real, Values
 from mechcore.branches.unwrapped import LinkAngles
-from mechcore.derivatives.cams import by_argument, key_of_signs, moved_on, shape_of, sliding_of, sliding_parts, third_derivative
+from mechcore.derivatives.cams import (
+    by_argument,
+    in_phase,
+    key_of_signs,
+    moved_on,
+    shape_of,
+    sliding_of,
+    sliding_parts,
+    third_derivative,
+)
 from mechcore.derivatives.friction import forces_with_friction
 from mechcore.derivatives.knots import with_nominal_knots
 from mechcore.derivatives.model_numbers import (
@@ -230,7 +239,7 @@ class Derivatives:
         at, own = self.nominal, self.nominal.model.relations[r]
 
         def of(k: int) -> Callable[[Model], Any]:
-            return lambda model: np.broadcast_to(values(shape_of(model.relations[r]), at)[k], at.shape)
+            return lambda model: np.broadcast_to(values(in_phase(shape_of(model.relations[r]), own.geometry), at)[k], at.shape)
 
         argument: Any = None if own.geometry is None else argument_of(self._model, r, self._state)
         moves = isinstance(argument, Traced)
@@ -309,7 +318,7 @@ class Derivatives:
 
         curve = own.curve
         if curve is not None:
-            curve = replace(curve, function=lambda _: self._curve_slopes(r))
+            curve = replace(curve, function=lambda _: self._curve_slopes(r), shift=self._get(("shift", r), curve.shift))
         return replace(own, curve=curve, **{kind: with_leaves(kind) for kind in ("groups", "drives", "slides")})
 
     def _curve_slopes(self, r: int) -> list[Any]:

@@ -109,6 +109,7 @@ def numbers_of_model(model: Model, at: Motion, time: Real) -> ModelNumbers:
         if constraint.curve is not None:
             curve_value = constraint.curve.function(argument_of(at.model, r, at.state))
             numbers |= {("curve_value", r, k): np.asarray(curve_value[k]) for k in range(3)}
+            numbers["shift", r] = constraint.curve.shift
     if model.constraints:
         constants = [c.constant for c in model.constraints]
         if any(c is None for c in constants):

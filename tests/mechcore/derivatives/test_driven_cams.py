@@ -160,3 +160,45 @@ def test_inverse_cams_may_swing_farther(name, joint):
     effort = "torque" if joint == "O" else "force"
     keys = [f"drive.{joint}.{effort}", "joint.K.reaction", *LIMITS]
     agree(scene, f"joints.{joint}.drive.oscillation.amplitude", 0.01, keys)
+
+
+TURNED = """
+[links.shaft]
+points = { O = [0, 0] }
+[joints]
+O = { revolute = ["frame", "shaft"], drive = { speed = "240 rpm" } }
+W = { weld = ["shaft", "cam"], at = ["O", "O"], angle = 21.7 }
+"""
+
+
+@pytest.mark.parametrize(
+    ("name", "number"),
+    [
+        ("cam-roller", "phase"),
+        ("cam-indexing", "phase"),
+        ("cam-wedge", "phase"),
+        ("cam-conjugate", "phase"),
+        ("cam-roller", "weld"),
+    ],
+)
+def test_a_cam_s_phase_moves_its_follower(name, number):
+    """Also that of a cam which is fixed on its shaft at another angle."""
+    place = ("joints", "K", "profile", "phase")
+    scene = load(name).changed({("run", "frames"): FRAMES} | ({place: 3.3} if number == "phase" else {}))
+    if number == "weld":
+        head, _, tail = scene.to_toml().partition("[joints.O]")
+        scene = loads(head + TURNED + tail[tail.index("\n[") :], "welded")
+    effort = "drive.B.force" if name == "cam-wedge" else "drive.O.torque"
+    follower = "joint.P.angle" if name == "cam-indexing" else "joint.S.displacement"
+    agree(scene, "joints.W.angle" if number == "weld" else ".".join(place), 0.02, [follower, effort, *LIMITS])
+
+
+STARTS = {("joints", "K", "profile", "phase"): 0.0, ("joints", "O", "drive", "start"): 0.0}
+
+
+def test_a_frame_on_a_knot_stays_on_its_side_as_the_phase_changes():
+    """At an even speed a phase of one degree more is a start of one degree more, but for the weight and inertia of the cam."""
+    scene = load("cam-roller").changed({("run", "frames"): 24, ("links", "cam", "centre"): "O"} | STARTS)  # every 15 degrees
+    measures = [parse_measure(scene, key) for key in ("joint.S.acceleration", "drive.O.torque", *LIMITS)]
+    for one in sensitivities(run_scene(scene), measures, variables_of(scene, ["joints.K.profile.phase", "joints.O.drive.start"])):
+        np.testing.assert_allclose(*one.slopes, rtol=1e-9, atol=1e-9 * np.abs(one.slopes).max(), err_msg=one.quantity.key)
