@@ -59,11 +59,12 @@ def _rated(forces: Forces, cam: AnyCam, rating: CamRating, touches: Flags) -> It
             )
             yield Event(high.start, "WARN", cam.name, text, high.value)
     if rating.margin is not None and not cam.form_closed:
+        pull = PULL_ROUNDING * float(np.nanmax(np.abs(contact_force(forces, cam)), initial=0.0))
         for low in load_exceedances(forces, lambda f: -contact_force(f, cam), -rating.margin, touches):
-            if low.value > 0.0:
+            if low.value > pull:
                 continue  # contact is lost, which is an event of its own
             text = (
-                f"contact force down to {as_force(-low.value, 4)} (margin {as_force(rating.margin, 4)}) "
+                f"contact force down to {as_force(max(-low.value, 0.0), 4)} (margin {as_force(rating.margin, 4)}) "
                 f"{_range(motion, cam, low)}, the least at {_where_at(motion, cam, low.at)}"
             )
             yield Event(low.start, "WARN", cam.name, text, -low.value)

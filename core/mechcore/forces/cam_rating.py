@@ -153,10 +153,12 @@ def least_springs(forces: Forces, cam: AnyCam, margin: float) -> list[LeastSprin
             continue  # it does not press this follower
         rest = now - pull * gain
         stiff, first = _least(gain * (length - load.free_length), margin - rest - load.preload * gain)
-        slack, second = _least(-load.stiffness * gain, margin - rest - (load.preload + load.stiffness * length) * gain)
-        if load.stiffness == 0.0:
+        by_length = -load.stiffness * gain
+        sense = -1.0 if by_length.max(initial=-np.inf) <= 0.0 else 1.0  # one that pulls it onto the cam is the tighter, the shorter
+        slack, second = _least(sense * by_length, margin - rest - (load.preload + load.stiffness * length) * gain)
+        if load.stiffness == 0.0 or (slack is not None and sense < 0.0 < slack):
             slack = None
-        rate, free = (None if x is None else max(x, 0.0) for x in (stiff, slack))
+        rate, free = (None if x is None else max(x, 0.0) for x in (stiff, None if slack is None else sense * slack))
         springs.append(LeastSpring(load.name, margin, float(now.min()), rate, free, (first, second)))
     return springs
 

@@ -14,6 +14,7 @@ import mechviz
 from mechcore.cams.followers import Roller
 from mechcore.cams.real_profiles import graphical
 from mechcore.errors import MechanismError
+from mechcore.forces import cam_events as events_module
 from mechcore.forces import cam_rating as rating_module
 from mechcore.forces.cam_events import cam_events
 from mechcore.forces.cam_rating import contact_force, contact_stress, drawn_lift, drawn_rows, least_springs, placed_cams
@@ -148,6 +149,17 @@ def test_with_the_least_spring_the_margin_is_just_kept(name):
             if min(change.values()) > 0.0:  # else it is kept without the spring
                 assert force.min() == pytest.approx(margin, rel=1e-9)
         assert computed.force == pytest.approx(contact_force(forces, cam).min())
+
+
+def test_the_least_spring_that_pulls_a_follower_onto_its_cam_is_the_longest_one():
+    """Its pull is k (L - L0), and L is least on the base circle: 50 mm from the axis; there it carries the weight, too."""
+    line = 'spring = ["follower.E", "frame.H"], stiffness = "3 N/mm", free_length = 80'
+    text = text_of("cam-roller").replace(line, 'spring = ["follower.T", "frame.O"], stiffness = "3 N/mm", free_length = 20')
+    _, forces, cam = solved(mechviz.loads(text.replace("240 rpm", "1 rpm")), 36)
+    (found,) = least_springs(forces, cam, 30.0)
+    assert found.free_length == pytest.approx(0.05 - (30.0 - 0.35 * 9.81) / 3000.0, rel=1e-6)
+    (tighter,) = least_springs(forces, cam, 400.0)
+    assert tighter.free_length is None and tighter.stiffness == pytest.approx((400.0 - 0.35 * 9.81) / 0.03, rel=1e-6)
 
 
 def test_springs_are_not_sized_where_the_force_is_not_linear():
@@ -294,6 +306,15 @@ def test_what_holds_at_every_angle_is_said_of_the_whole_turn(start):
     part = solve_motion(compile_mechanism(scene.mechanism), motion.time[:180])
     (event,) = (e.text for e in cam_events(part, solve_forces(part)) if e.text.startswith("Hertz pressure"))
     assert f") from {start}° of the cam to {start + 179}° of the cam, the " in event
+
+
+def test_a_margin_is_reported_where_the_least_force_is_zero_but_for_rounding(monkeypatch):
+    """A spring that is just slack on the base circle."""
+    text = text_of("cam-roller").replace("free_length = 80", "free_length = 50").replace('effects = ["inertia", "gravity"]', "")
+    motion, forces, _ = solved(mechviz.loads(text))
+    monkeypatch.setattr(events_module, "contact_force", lambda *of: contact_force(*of) - 1e-13)
+    said = [e.text for e in cam_events(motion, forces)]
+    assert sum(words.startswith("contact force down to 0 N (margin 40 N)") for words in said) == 2
 
 
 # -- violated limits --------------------------------------------------------------------------------------------------------
