@@ -94,7 +94,7 @@ def cam_lines(motion: Motion, facts: list[CamFact], units: UnitSystem) -> list[s
 
 
 def _kind(joint: CamJoint, cam: AnyCam) -> str:
-    kind = joint.spatial.kind if joint.spatial is not None else "wedge" if joint.bed else "inverse" if joint.inverse else "disc"
+    kind = joint.spatial.kind if joint.spatial is not None else "inverse" if joint.inverse else "wedge" if joint.bed else "disc"
     face = type(joint.face).__name__.lower()
     size = getattr(joint.face, "radius", None)
     face = {"arc": "mushroom", "flat": "flat face"}.get(face, face) + (f" of {as_length(size)}" if size else "")
@@ -174,13 +174,14 @@ def _limits(cam: AnyCam) -> Iterator[ReportRow]:
             yield "undercut", f"{_verdict(False)}; from {_place(cam, first)} to {_place(cam, last)} {words}", False, False
     if not isinstance(cam, PlacedCam) or cam.given is not None:
         return
-    limits, *others = (find_limits(profile) for profile in cam.profiles)
+    limits, *others = (cam.limits(profile) for profile in cam.profiles)
     other = "outer flank" if cam.mate is None else "second cam"
-    ends = [
-        f"{word} up to {as_angle(abs(reached.value), 5)} at {_place(cam, reached.angle)}"
-        for word, reached in (("rise", limits.rise), ("return", limits.fall))
-    ]
     worst = max(limits.rise.value, limits.fall.value)
+    ends = [
+        f"{word} up to {as_angle(reached.value if reached.value > NOISE else 0.0, 5)} at {_place(cam, reached.angle)}"
+        for word, reached in (("rise", limits.rise), ("return", limits.fall))
+        if reached.value >= -NOISE  # else all angles are of the other sign
+    ]
     for each in others if cam.mate is not None else ():  # the flanks of a groove have one pressure angle
         steepest = max(each.rise, each.fall, key=lambda reached: reached.value)
         ends.append(f"{other} up to {as_angle(steepest.value, 5)} at {_place(cam, steepest.angle)}")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -52,6 +54,15 @@ class CamLimits:
     def undercut(self) -> bool:
         """The profile folds back on itself; a cusp (sharpness zero up to rounding) is not yet undercut."""
         return self.sharpness.value < -1e-9
+
+    def mirrored(self) -> CamLimits:
+        """The limits as the law is read backwards: of the law -x, with rise and return exchanged."""
+
+        def there(reached: Reached | None) -> Reached | None:
+            return None if reached is None else Reached(reached.value, -reached.angle)
+
+        back = {f.name: there(getattr(self, f.name)) for f in fields(self)}
+        return CamLimits(**(back | {"rise": back["fall"], "fall": back["rise"]}))  # type: ignore[arg-type]  # these are never None
 
 
 def _grid(cam: Cam, given: Synthesis | None, count: int) -> tuple[Synthesis, Synthesis]:

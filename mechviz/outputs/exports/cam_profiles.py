@@ -28,7 +28,8 @@ if TYPE_CHECKING:
     from mechviz.runs import Run
 
 POINT_SPACING = 1.0  # degrees of cam rotation between the points through which arcs pass
-FEWEST_STEPS, MOST_STEPS = 8, 2048  # of a piece of a given profile
+FEWEST_STEPS, MOST_STEPS = 8, 2048  # of a piece of a profile
+WEDGE_STEPS = 120  # of a piece of a wedge's law
 ON_CENTRE = 1e-6  # [mm] distance up to which two centres coincide
 _NO_LAYER = re.compile(r'[<>/\\":;?*|=`,]')  # characters that names of layers must not contain
 
@@ -45,7 +46,7 @@ def cam_outlines(run: Run) -> list[Outline]:
             own += developed(cam)
         elif isinstance(cam, PlacedCam):
             own.append(_profile(cam))
-            if cam.groove and cam.bed is None and cam.cam.follower.radius > 0.0:
+            if cam.groove and cam.cam.follower.radius > 0.0:
                 own.append(_far_flank(cam))
             if cam.mate is not None:
                 own.append(replace(_profile(cam.mate), name=f"{cam.name} second cam"))
@@ -68,7 +69,7 @@ def _profile(cam: PlacedCam) -> Outline:
             length = law.pieces[piece.piece].length
             if cam.bed is not None and piece.piece in (0, len(law.pieces) - 1):
                 continue  # the dwells before and after the law
-            n = max(int(np.ceil(np.degrees(length) / POINT_SPACING)) if cam.bed is None else 120, 8)
+            n = _law_steps(cam, length)
         else:
             n, length = _steps(piece), 0.0
         u = np.linspace(0.0, 1.0, n + 1)
@@ -76,12 +77,17 @@ def _profile(cam: PlacedCam) -> Outline:
         angle = np.full(n + 1, np.nan)
         if isinstance(piece, CamPiece):
             share = piece.first + (piece.last - piece.first) * (1.0 - u if piece.backwards else u)
-            angle = law.knots[piece.piece] + length * share
+            angle = cam.law_scale * (law.knots[piece.piece] + length * share)
         size = np.abs(d[1])
         with np.errstate(divide="ignore", invalid="ignore"):
             radius = 1e3 * size**3 / np.imag(np.conj(d[1]) * d[2])
         runs.append((_into_link(cam, d[0]), cam.mount * d[1] / size, radius, angle))
     return Outline(cam.name, contour.closed, tuple(runs), 1e3 * complex(cam.mount_origin), 1)
+
+
+def _law_steps(cam: PlacedCam, length: float) -> int:
+    """Number of equal steps of a piece of the law of this length."""
+    return max(int(np.ceil(np.degrees(length) / POINT_SPACING)), FEWEST_STEPS) if cam.bed is None else WEDGE_STEPS
 
 
 def _steps(piece: SmoothPiece) -> int:
@@ -101,14 +107,15 @@ def _far_flank(cam: PlacedCam) -> Outline:
     other = replace(cam.cam, outer=True)
     law = other.law
     runs = []
-    for piece, start in zip(law.pieces, law.knots, strict=False):
-        n = max(int(np.ceil(np.degrees(piece.length) / POINT_SPACING)), 8)
-        theta = start + piece.length * np.linspace(0.0, 1.0, n + 1)
+    between = slice(None) if cam.bed is None else slice(1, -1)  # without the dwells before and after the law
+    for piece, start in zip(law.pieces[between], law.knots[between], strict=False):
+        theta = start + piece.length * np.linspace(0.0, 1.0, _law_steps(cam, piece.length) + 1)
         inside = np.clip(theta, start + 1e-12, start + piece.length - 1e-12)  # one-sided at the knots
         w = other.working_curve(inside, 1)
         size = np.abs(w[1])
-        runs.append((_into_link(cam, w[0]), cam.mount * w[1] / size, 1e3 * other.at(inside).radius, theta))
-    return Outline(f"{cam.name} outer flank", True, tuple(runs), 1e3 * complex(cam.mount_origin), -1)
+        runs.append((_into_link(cam, w[0]), cam.mount * w[1] / size, 1e3 * other.at(inside).radius, cam.law_scale * theta))
+    # a disc is passed against its rotation, a wedge along x
+    return Outline(f"{cam.name} outer flank", cam.bed is None, tuple(runs), 1e3 * complex(cam.mount_origin), other.turn)
 
 
 def _check(outline: Outline) -> None:
@@ -212,9 +219,7 @@ def profile_csv(outlines: Iterable[Outline]) -> str:
     for o in outlines:
         name = '"' + o.name.replace('"', '""') + '"' if re.search(r'[",\r\n]', o.name) else o.name
         for points, tangents, radius, angle in o.runs:
-            normal = -1j * tangents
-            if o.outside < 0:  # a flank that faces the axis
-                normal = np.where(np.real(np.conj(normal) * (points - o.centre)) > 0.0, -normal, normal)
+            normal = -1j * o.outside * tangents
             columns = (angle, points.real, points.imag, normal.real, normal.imag, radius)
             for row in zip(*(c.tolist() for c in columns), strict=True):
                 lines.append(",".join([name, *("" if v != v else repr(v) for v in row)]))

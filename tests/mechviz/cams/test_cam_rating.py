@@ -410,3 +410,23 @@ def test_the_report_is_in_the_units_of_the_scene():
     lines = "\n".join(cam_lines(run.motion, cam_facts(run.motion, run.forces), units))
     assert "roller of 0.393701 in" in lines and f"{np.radians(steepest()):.5g} rad" in lines and "margin 0.04 kN: pass" in lines
     assert not re.search(r"\d ?(mm|°|deg|m|N)\b", lines)
+
+
+@pytest.mark.parametrize("change", ["", "along = [-1, 0]", 'bed = "B"\nsense = "cw"\nphase = 140'])
+def test_the_rise_of_a_wedge_is_its_rise_whichever_way_it_moves(tmp_path, change):
+    """A cycloidal rise of 22 mm over 60 mm, steepest in its middle, then a return of 16 mm by 3-4-5 over 60 mm."""
+    text = text_of("cam-wedge").replace('bed = "B"' if "bed" in change else "along = [1, 0]", change or "along = [1, 0]")
+    rise, fall = (np.degrees(np.arctan(slope)) for slope in (2.0 * 22.0 / 60.0, 1.875 * 16.0 / 60.0))
+    output = invoked(tmp_path, text, "cams").output
+    assert f"pressure angle     rise up to {rise:.5g}° at 30 mm, return up to {fall:.5g}° at 110 mm" in output
+    assert re.search(r"least radius 21.004 mm at 47.50\d mm", output)
+
+
+def test_pressure_angles_of_one_sign_have_no_largest_one_of_the_other(tmp_path):
+    """A face at 10 degrees has this pressure angle at rise and return alike."""
+    text = text_of("cam-flat").replace("flat = true", "flat = true, tilt = 10")
+    assert "pressure angle     rise up to 10° at 0°\n" in invoked(tmp_path, text, "cams").output
+
+
+def test_a_slot_for_a_roller_on_a_slide_is_an_inverse_cam():
+    assert "cam K: inverse, oscillating follower" in CliRunner().invoke(app, ["cams", "cam-inverse-slide"]).output

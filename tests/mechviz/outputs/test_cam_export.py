@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import io
 import re
 from dataclasses import replace
@@ -126,3 +127,28 @@ def test_files_and_scenes_without_cams(tmp_path):
     with pytest.raises(OutputError, match="no cam"):
         export_profiles(run_scene(mechviz.load("crank-rocker"), frames=8), tmp_path / "x.dxf", "dxf")
     assert not (tmp_path / "x.dxf").exists()
+
+
+@pytest.mark.parametrize("way", ["along = [1, 0]", "along = [-1, 0]"])
+@pytest.mark.parametrize("name", ["cam-wedge", "cam-groove"])
+def test_both_flanks_of_a_groove_face_each_other_across_its_roller(name, way):
+    """Of a wedge, too, whichever way it moves; at the coordinates of the cam that the table states."""
+    scene = mechviz.load(name)
+    if name == "cam-wedge":
+        scene = mechviz.loads(
+            scene.source.replace("follower = { roller", 'closure = "form"\nfollower = { roller').replace("along = [1, 0]", way)
+        )
+    elif way != "along = [1, 0]":
+        scene = scene.changed({("joints", "K", "profile", "sense"): "cw"})
+    run = run_scene(scene, frames=8)
+    radius = 1e3 * next(p for p in run.motion.mechanism.joints if p.name == "K").face.radius
+    flanks: dict[str, dict[float, tuple[complex, complex]]] = {}
+    for row in csv.reader(profile_csv(cam_outlines(run)).splitlines()[1:]):
+        x, y, nx, ny = map(float, row[2:6])
+        flanks.setdefault(row[0], {})[round(float(row[1]), 9)] = complex(x, y), complex(nx, ny)
+    near, far = flanks["K"], flanks["K outer flank"]
+    law = next(p for p in run.motion.mechanism.joints if p.name == "K").lift
+    assert set(near) == set(far) and min(near) == 0.0 and max(near) == pytest.approx(law.length)
+    for place, (point, normal) in near.items():
+        other, facing = far[place]
+        assert abs(normal + facing) < 1e-6 and abs(other - point - 2.0 * radius * normal) < 1e-5

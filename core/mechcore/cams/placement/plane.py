@@ -15,7 +15,7 @@ from mechcore.cams.analysis import Bridge
 from mechcore.cams.closures import SecondRoller, breadth
 from mechcore.cams.contour import Contour, cam_contour
 from mechcore.cams.followers import Face, Flat, Oscillating, Translating
-from mechcore.cams.limits import Requirement, find_limits
+from mechcore.cams.limits import CamLimits, Requirement, find_limits
 from mechcore.cams.sizing import axis_distance, least_base, outer_flank
 from mechcore.cams.synthesis import Cam, Synthesis, cam_on_base
 from mechcore.errors import Fault, MechanismError
@@ -187,6 +187,11 @@ class PlacedCam:
         """All profiles that the follower touches, the first one first; the other face of a yoke touches the same profile."""
         return (self.cam, *self.other_profiles(self.cam))
 
+    def limits(self, profile: Cam, count: int = 3600) -> CamLimits:
+        """Extremes of one of the `profiles`, each at the law's argument."""
+        limits = find_limits(profile, count=count)
+        return limits.mirrored() if self.law_scale < 0.0 else limits
+
     @cached_property
     def contour(self) -> Contour:
         """The profile in the theory's axes of the cam; of a groove, its inner flank."""
@@ -239,7 +244,7 @@ class PlacedCam:
             why = f"on a base circle of {as_length(self.base)} the profile comes to the cam's axis, or its follower beyond it."
             raise MechanismError(Fault("cam.base", why, f"{self._remedy()}. Leave room for the shaft."))
         for profile in self.profiles if self.groove and cam.follower.radius else (cam,):
-            limits = find_limits(profile, count=720)
+            limits = self.limits(profile, 720)
             if not limits.undercut:
                 continue
             if limits.sharpness.value == -math.inf and not second:
