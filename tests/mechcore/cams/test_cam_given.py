@@ -88,6 +88,15 @@ def test_an_eccentric_disc_is_a_scotch_yoke_and_a_slider_crank():
     np.testing.assert_allclose(roller(x, 0)[0], e * np.sin(x) + np.sqrt(rod**2 - (e * np.cos(x)) ** 2), atol=3e-16)
 
 
+def test_the_lift_of_a_given_profile_is_that_above_its_lowest_place():
+    """A flat face on a disc of 38 mm, 12 mm off its axis in any direction, is lowest at 26 mm."""
+    for angle in (0.001, 0.7013, 2.9):
+        centre = [f"{12.0 * x} mm" for x in (np.cos(angle), np.sin(angle))]
+        scene = mechviz.load("cam-eccentric").changed({("joints", "K", "profile", "eccentric", "centre"): centre})
+        (cam,) = (r.geometry for r in run_scene(scene, frames=4).motion.model.relations)
+        assert cam.zero == pytest.approx(0.026, rel=1e-12)
+
+
 def test_accelerations_of_a_given_profile_in_a_scene():
     """A flat follower on an eccentric disc: the yoke's acceleration, to twelve digits of the largest, between the frames too."""
     motion, _ = solved(text_of("cam-eccentric"))

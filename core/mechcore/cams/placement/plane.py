@@ -16,7 +16,7 @@ from mechcore.cams.closures import SecondRoller, breadth
 from mechcore.cams.contour import Contour, cam_contour
 from mechcore.cams.followers import Face, Flat, Oscillating, Translating
 from mechcore.cams.limits import CamLimits, Requirement, find_limits
-from mechcore.cams.sizing import axis_distance, least_base, outer_flank
+from mechcore.cams.sizing import axis_distance, greatest, least_base, outer_flank
 from mechcore.cams.synthesis import Cam, Synthesis, cam_on_base
 from mechcore.errors import Fault, MechanismError
 from mechcore.records import dataclass
@@ -163,7 +163,7 @@ class PlacedCam:
         law = self.cam.law
         if self.given is None or self.intended is not None:
             return float((law if self.intended is None else self.intended.law).pieces[0].at(0.0, 0)[0])
-        return float(law(law.start + law.length * np.arange(1440) / 1440, 0)[0].min())
+        return -greatest(law, lambda s: -s[0])[0]
 
     @property
     def yoke(self) -> bool:
