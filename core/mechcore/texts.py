@@ -22,6 +22,8 @@ QuantityKind = Literal[
     "torsional stiffness",
     "Pa",
     "1/m",
+    "m/rad",
+    "rad/m",
     "rad/m^2",
 ]
 """Kinds of quantities; a kind for which scenes have no unit of their own is named by its SI unit."""
@@ -53,6 +55,8 @@ class _MillimetresAndDegrees:
         "torsional stiffness": (1.0, "N m/rad"),
         "Pa": (1e6, "MPa"),
         "1/m": (1.0, "1/m"),
+        "m/rad": (1.0, "m/rad"),
+        "rad/m": (1.0, "rad/m"),
         "rad/m^2": (1.0, "rad/m²"),
     }
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
+from math import isfinite
 from pathlib import Path
 
 import numpy as np
@@ -310,11 +311,11 @@ def format_inspection(inspection: Inspection) -> str:
 
 
 def _without_noise(peaks: tuple[Peak, ...]) -> tuple[Peak, ...]:
-    """Peaks with zero for round-off relative to the largest value of the same unit. Not for health figures, which show
+    """Peaks with zero for round-off relative to the largest finite value of the same unit. Not for health figures, which show
     round-off."""
     largest: dict[str, float] = {}
     for peak in peaks:
-        largest[peak.unit] = max(largest.get(peak.unit, 0.0), abs(peak.value))
+        largest[peak.unit] = max(largest.get(peak.unit, 0.0), abs(peak.value) if isfinite(peak.value) else 0.0)
     return tuple(replace(peak, value=0.0) if abs(peak.value) <= LEAST_PEAK * largest[peak.unit] else peak for peak in peaks)
 
 

@@ -256,6 +256,9 @@ def _metrics(run: Run) -> Iterator[ItemTable]:
         for key in metrics.metric_items(name, motion.model) if name in motion.mechanism.metrics else ():
             item = key if isinstance(key, str) else point_name(*key) if name == "curvature" else " ".join(key)
             label = "instant centre" if name == "instant_centre" else name
+            if name in ("velocity_ratio", "mechanical_advantage"):
+                unit = metrics.ratio_units(motion.model, key)[name == "mechanical_advantage"]
+                columns = ((columns[0][0], unit),)
             yield ItemTable(("data", "answers", name, item), f"{label} {item}", columns, partial(_metric, compute, key))
 
 

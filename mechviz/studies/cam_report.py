@@ -17,6 +17,7 @@ from mechcore.cams.placement.plane import PlacedCam
 from mechcore.cams.placement.spatial import PlacedSpatial
 from mechcore.cams.sizing import best_offset, least_base, outer_flank
 from mechcore.cams.synthesis import simplified_offset_error
+from mechcore.constants import TURN
 from mechcore.errors import MechanismError
 from mechcore.forces.cam_events import lost_ranges
 from mechcore.forces.cam_rating import AnyCam, contact_force, contact_stress, drawn_lift, joint_of, least_springs, placed_cams
@@ -30,6 +31,8 @@ if TYPE_CHECKING:
     from mechcore.motion.motion import Motion
 
 NOISE = 1e-9  # relative: a pull below this fraction of the largest contact force, or an excess over a limit by it, is rounding
+
+LAW_POINTS = 7201  # of a turn at which the second derivative of a law is compared
 
 
 @dataclass(frozen=True)
@@ -107,12 +110,13 @@ def _facts(motion: Motion, forces: Forces | None, cam: AnyCam, joint: CamJoint, 
     rows = cam.rows(motion)  # one face is enough: each face of a yoke meets the whole profile in a turn
     x = cam.argument(motion)
     travel = float(np.nanmax(rows.lift) - np.nanmin(rows.lift))
-    steepest = _second_derivative(cam, float(np.nanmax(np.abs(cam.law(x)[2]))))
-    yield "lift", f"{as_coordinate(travel, rotary=cam.arm != 0.0)}, largest s'' {steepest}", None, False
     steep = np.abs(rows.pressure_angle)
     by_law = list(_limits(cam))
-    yield from by_law
     exact = any(what == "pressure angle" for what, *_ in by_law)
+    at = np.nanmin(x) + np.linspace(0.0, min(np.ptp(x), TURN), LAW_POINTS) if exact and cam.bed is None else x
+    steepest = _second_derivative(cam, float(np.nanmax(np.abs(cam.law(at)[2]))))
+    yield "lift", f"{as_coordinate(travel, rotary=cam.arm != 0.0)}, largest s'' {steepest}", None, False
+    yield from by_law
     if np.isfinite(steep).any() and not exact:  # a given profile has no law: the largest angle at the frames
         k = int(np.nanargmax(steep))
         words = f"up to {as_angle(steep[k], 5)} at {_place(cam, x[k])}"

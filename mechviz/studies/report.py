@@ -26,7 +26,7 @@ from mechcore.laws.program import CLOCK, CurveOverMaster
 from mechcore.laws.timed import ConstantSpeed, Free, Law, Piecewise
 from mechcore.motion.at_once import agreement, indeterminate
 from mechcore.motion.compiled import Compiled
-from mechcore.motion.events import overshoots, strokes
+from mechcore.motion.events import coordinate_range, overshoots, strokes
 from mechcore.motion.metrics import grashof
 from mechcore.motion.motion import Motion
 from mechcore.motion.reach import reachable_ranges
@@ -354,8 +354,8 @@ def _slots(motion: Motion, units: Units) -> list[str]:
     lines = []
     for joint in motion.mechanism.joints:
         if isinstance(joint, PinSlot) and joint.ends is None:
-            travel = motion.coordinate(joint.name)[:, 0]
-            low, high = (units.show(_plain(float(x)), "length", 6) for x in (travel.min(), travel.max()))
+            travel = coordinate_range(motion, joint.name)
+            low, high = (units.show(_plain(x), "length", 6) for x in travel)
             lines.append(
                 f"slot       {joint.name}: its pin goes from {low} to {high}; the slot has no length, so it never leaves it"
             )

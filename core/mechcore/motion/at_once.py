@@ -345,12 +345,18 @@ def undetermined(matrix: Real) -> Flags:
 
 def indeterminate(motion: Motion) -> tuple[str, ...]:
     """Names of the joints whose reactions statics does not determine, at the run's best conditioned frame."""
+    return tuple(dict.fromkeys(name for name, _ in indeterminate_parts(motion)))
+
+
+def indeterminate_parts(motion: Motion) -> tuple[tuple[str, str], ...]:
+    """The parts of reactions that statics does not determine there: name of the joint, and "force", "couple" or "tie" (the force
+    of a relation)."""
     model = motion.model
     matrix, labels = equilibrium_matrix(motion, {})
     frame = int(np.argmin(np.where(np.isfinite(motion.condition), motion.condition, np.inf)))
     loose = undetermined(matrix[frame : frame + 1])
-    names = [model.relations[i].name if what == "tie" else model.joints[i].name for what, i, _ in labels]
-    return tuple(dict.fromkeys(name for name, free in zip(names, loose, strict=True) if free))
+    parts = [(model.relations[i].name if what == "tie" else model.joints[i].name, what) for what, i, _ in labels]
+    return tuple(dict.fromkeys(part for part, free in zip(parts, loose, strict=True) if free))
 
 
 Cells = dict[tuple[int, int], Values]

@@ -18,6 +18,7 @@ from mechcore.motion.metrics import (
     curvature,
     per_unit_drive_speed,
     ratio_in_time,
+    ratio_units,
     transmission_angles,
     velocity_ratios,
 )
@@ -26,7 +27,7 @@ from mechcore.numerics.frames import runs
 from mechcore.numerics.interpolation import between
 from mechcore.records import dataclass
 from mechcore.spec.mechanism import Mechanism
-from mechcore.texts import Text, UnitSystem, as_angle, as_coordinate, as_length
+from mechcore.texts import QuantityKind, Text, UnitSystem, as_angle, as_coordinate, as_length, as_quantity
 
 MOST_SOLVED = 100_000  # limit positions times links, up to which limit positions are solved exactly
 MOST_REPORTED = 12  # distinct limit positions of a joint; if there are more, as in drawing machines, the outermost two are reported
@@ -194,6 +195,17 @@ def limit_positions(motion: Motion) -> Iterator[tuple[str, Real, Real]]:
         yield name, times[owner == k], values[owner == k]
 
 
+def coordinate_range(motion: Motion, joint: str) -> tuple[float, float]:
+    """Least and greatest coordinate of a joint over a run, also between frames [rad or m]."""
+    rows = motion.coordinate(joint)
+    values = rows[:, 0]
+    if motion.at_times is not None and np.isfinite(rows).all():
+        times = zeros(motion, lambda m: m.coordinate(joint)[:, 1:3], turning_places(motion.time, rows[:, 1], rows[:, 2]))
+        if len(times):
+            values = np.concatenate([values, motion.at_times(np.sort(times)).coordinate(joint)[:, 0]])
+    return float(values.min()), float(values.max())
+
+
 def _one_moves(motion: Motion) -> bool:
     """Whether exactly one drive moves."""
     return sum(moves(d.law) for d in motion.mechanism.drives) == 1
@@ -321,7 +333,9 @@ def _extremes(motion: Motion) -> Iterator[Event]:
     if "curvature" in requested:
         for link, point in motion.mechanism.traced:
             t, value = largest_maximum(motion, partial(_curvature, link, point))
-            if np.isfinite(t) and value > 0.0:
+            if np.isfinite(t) and value * motion.model.length_scale <= REST:
+                yield Event(float(motion.time[0]), "INFO", f"{link}.{point}", f"the path of {link}.{point} is a straight line")
+            elif np.isfinite(t):
                 text = f"sharpest bend of the path of {link}.{point}, radius {as_length(1.0 / value, 5)}"
                 yield Event(t, "INFO", f"{link}.{point}", text, value)
 
@@ -336,6 +350,7 @@ def _ratios(motion: Motion, requested: Sequence[str]) -> Iterator[Event]:
         finite = ratio[np.isfinite(ratio)]
         if not len(finite) or np.ptp(finite) <= REST * motion.model.length_scale:
             continue
+        units = ratio_units(motion.model, joint)
         t = next((t for t in dead if _unbounded(motion, joint, t, step)), np.nan)
         if np.isfinite(t):
             value = np.inf
@@ -343,14 +358,20 @@ def _ratios(motion: Motion, requested: Sequence[str]) -> Iterator[Event]:
         else:
             t, _ = largest_maximum(motion, partial(_squared_ratio, joint))
             value = float(_value_at(motion, partial(_ratio, joint), t))
-            words = f"largest velocity ratio of the run, {value:.5g}"
+            words = f"largest velocity ratio of the run, {_ratio_words(value, units[0])}"
         if "velocity_ratio" in requested:
             yield Event(t, "INFO", joint, _placed(words, motion, t), value)
         if "mechanical_advantage" in requested and joint in at_frame:
             least = 0.0 if np.isinf(value) else 1.0 / abs(value)
-            words = f"smallest mechanical advantage of the run, {least:.5g}"
+            words = f"smallest mechanical advantage of the run, {_ratio_words(least, units[1])}"
             yield Event(t, "INFO", joint, _placed(words, motion, t), least)
             yield from _toggles(motion, joint)
+
+
+def _ratio_words(value: float, unit: str) -> str:
+    """A ratio [``unit``, see `ratio_units`] as a part of a text."""
+    kinds: dict[str, QuantityKind] = {"m": "length", "1/m": "1/m", "m/rad": "m/rad", "rad/m": "rad/m"}
+    return as_quantity(value, kinds[unit], 5) if unit in kinds else f"{value:.5g}"
 
 
 def _unbounded(motion: Motion, joint: str, dead: float, step: float) -> bool:

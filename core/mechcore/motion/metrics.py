@@ -197,8 +197,18 @@ def velocity_ratios(motion: Motion) -> dict[str, Real]:
     return {name: unit.coordinate(name)[:, 1] for name in metric_items("velocity_ratio", motion.model)}
 
 
+def ratio_units(model: Model, joint: str) -> tuple[str, str]:
+    """SI units of a joint's velocity ratio to the first drive, and of its mechanical advantage, which is a force per torque where a
+    crank drives a slide: "1" where both turn or both slide."""
+    turns = model.rotary(joint)
+    if turns == model.rotary(model.mechanism.drives[0].joint):
+        return "1", "1"
+    return ("rad/m", "m") if turns else ("m/rad", "1/m")
+
+
 def mechanical_advantage(motion: Motion) -> dict[str, Real]:
-    """Output torque or force per input torque or force of an ideal mechanism (F,), for every joint at the frame link.
+    """Output torque or force per input torque or force of an ideal mechanism (F,), for every joint at the frame link, in the units
+    of `ratio_units`.
 
     By the power balance it is the reciprocal of the velocity ratio; infinite where the output is at rest (dead point, toggle).
     """

@@ -8,8 +8,6 @@ theta(q) has J_red = J_q / theta'^2. Derivatives are exact, from the second deri
 
 from __future__ import annotations
 
-from functools import cached_property
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -28,9 +26,10 @@ class Reduced:
     """A mechanism reduced to a link (``point`` None: to its angle) or to a point (to the arc length of its path).
 
     ``mass`` (F,): reduced moment of inertia [kg m^2] or mass [kg], infinite where link or point stand still while something moves.
-    ``slope`` (F,): its derivative by the angle [kg m^2/rad] or by the arc length [kg/m]. ``force`` (F,): reduced moment [N m] or
-    force [N] of all loads but inertia. ``energy`` (F,): kinetic energy [J]. ``rate`` (F,): angular velocity [rad/s] or speed [m/s],
-    ``second`` (F,): its derivative by time.
+    ``slope`` (F,): its derivative by the angle [kg m^2/rad] or by the arc length [kg/m], NaN there. ``force`` (F,): reduced moment
+    [N m] or force [N] of all loads but inertia; where link or point stand still infinite, or NaN if the loads have no power there
+    either. ``energy`` (F,): kinetic energy [J]. ``rate`` (F,): angular velocity [rad/s] or speed [m/s], ``second`` (F,): its
+    derivative by time.
     """
 
     link: str
@@ -38,14 +37,9 @@ class Reduced:
     mass: Real
     slope: Real
     force: Real
+    energy: Real
     rate: Real
     second: Real
-
-    @cached_property
-    def energy(self) -> Real:
-        """Kinetic energy of the mechanism (F,) [J]."""
-        with np.errstate(invalid="ignore"):
-            return 0.5 * self.mass * self.rate**2
 
 
 def reduce_mechanism(motion: Motion, link: str, point: str | None = None, loads: tuple[Wrench, ...] = ()) -> Reduced:
@@ -86,18 +80,36 @@ def reduce_mechanism(motion: Motion, link: str, point: str | None = None, loads:
         with np.errstate(invalid="ignore", divide="ignore"):
             turn = np.real(np.conj(p1) * p2) / ratio
     _, v, a = motion.drives[lead]
+    size = model.length_scale
+    fastest = sum(np.abs(first[i]) + np.abs(unit.origin(i, 1)) / size for i in range(1, len(model.links)))
+    still = np.abs(ratio) <= ZERO_SUM * (1.0 if point is None else size) * fastest
+    if np.all(still):
+        raise MechanismError(_never_moves(motion, link, point))
     with np.errstate(invalid="ignore", divide="ignore"):
-        mass_q = energy / ratio**2
-        slope = (bend - 2.0 * energy * turn / ratio) / ratio**3
-        force = work / ratio
+        mass_q = np.where(still, np.inf, energy / ratio**2)
+        slope = np.where(still, np.nan, (bend - 2.0 * energy * turn / ratio) / ratio**3)
+        unbounded = np.where(np.abs(work) > ZERO_SUM * np.abs(work).max(initial=0.0), np.copysign(np.inf, work), np.nan)
+        force = np.where(still, unbounded, work / ratio)
     return Reduced(
         link=link,
         point=point,
         mass=_rows(motion, np.where(energy == 0.0, 0.0, mass_q)),
         slope=_rows(motion, np.where((energy == 0.0) & (bend == 0.0), 0.0, slope)),
-        force=_rows(motion, np.where(work == 0.0, 0.0, force)),
+        force=_rows(motion, np.where(np.any(work), force, 0.0)),
+        energy=_rows(motion, 0.5 * energy * v**2),
         rate=_rows(motion, ratio * v),
         second=_rows(motion, ratio * a + turn * v**2),
+    )
+
+
+def _never_moves(motion: Motion, link: str, point: str | None) -> Fault:
+    model = motion.model
+    if point is not None:
+        return Fault("reduced", f"'{link}.{point}' never moves: no mass there has a kinetic energy.", "Name a point that moves.")
+    names = [f"'{link}.{name}'" for name in model.points[model.index[link]]]
+    why = f"'{link}' never turns: no moment of inertia of it has a kinetic energy."
+    return Fault(
+        "reduced", why, f"Name a link that turns, or a point that moves, such as {names[0]}." if names else "Name another."
     )
 
 

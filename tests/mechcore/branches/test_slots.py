@@ -147,6 +147,23 @@ def test_check_tells_how_far_a_pin_goes_in_a_slot_without_ends():
     assert not any(line.startswith("slot") for line in check_lines(mechviz.loads(geneva(SWING.replace("AMPLITUDE", "40"), "50"))))
 
 
+def test_the_travel_of_a_pin_is_that_between_frames_too():
+    """A Scotch yoke that starts at 7 degrees: no frame is at the ends of the slot."""
+    text = """
+units = { length = "mm", angle = "deg" }
+run = { frames = 36 }
+links.frame.points.O = [0, 0]
+links.crank.points = { O = [0, 0], A = [50, 0] }
+links.yoke.points.Q = [0, 0]
+[joints]
+O = { revolute = ["frame", "crank"], drive = { speed = "60 rpm", start = 7 } }
+S = { prismatic = ["frame", "yoke"], at = ["O", "Q"] }
+A = { pin_slot = ["yoke", "crank"], at = ["Q", "A"], along = [0, 1] }
+"""
+    (line,) = (line for line in check_lines(mechviz.loads(text)) if line.startswith("slot"))
+    assert "its pin goes from -50 mm to 50 mm" in line
+
+
 SLIDER = """
 units = { length = "mm", angle = "deg" }
 [links]

@@ -519,3 +519,33 @@ def test_redundant_constraints_are_refused_where_they_hide_the_normal_load():
     journal = Friction(coefficient=0.1, radius=0.01)
     same = load(rub(doubled, B=journal), TURN, 1.0), load(rub(m, B=journal), TURN, 1.0)
     np.testing.assert_allclose(same[0].effort("O"), same[1].effort("O"), rtol=0, atol=1e-9)
+
+
+def test_a_wedge_between_three_guides_needs_the_force_of_the_textbook():
+    """Couples in the guides are redundant, but friction follows from their forces alone, by the equilibrium of both bodies. It was
+    refused. With the length of a bearing, the couple there counts."""
+    slope, mu, p = np.radians(8.0), 0.15, 1000.0
+    guides = (
+        Prismatic(name="A", links=("frame", "wedge"), points=("O", "O"), along=(1.0, 0.0)),
+        Prismatic(name="W", links=("wedge", "block"), points=("O", "W"), along=(np.cos(slope), -np.sin(slope))),
+        Prismatic(name="B", links=("frame", "block"), points=("O", "W"), along=(0.0, 1.0)),
+    )
+    links = (
+        Link(name="frame", points={"O": (0.0, 0.0)}),
+        Link(name="wedge", points={"O": (0.0, 0.0)}),
+        Link(name="block", points={"W": (0.0, 0.0)}),
+    )
+    weight = Force(name="P", link="block", point="W", vector=(0.0, -p))
+    for sense in (1.0, -1.0):
+        drives = (Drive(joint="A", law=ConstantSpeed(0.0, sense * 0.01, travel=0.02)),)
+        m = Mechanism(
+            name="wedge", frame="frame", links=links, joints=guides, drives=drives, loads=(weight,), effects=("friction",)
+        )
+        rubbing = Friction(coefficient=mu)
+        mu_up = sense * mu  # the wedge is pushed under the block, which rises, or drawn out
+        forces = load(rub(m, A=rubbing, W=rubbing, B=rubbing), [0.001, 0.002], sense)
+        across, down = np.sin(slope) + mu_up * np.cos(slope), np.cos(slope) - mu_up * np.sin(slope)  # per normal force
+        n = p / (down - mu_up * abs(across))
+        np.testing.assert_allclose(forces.effort("A"), n * (across + mu_up * down), rtol=1e-9)
+    with pytest.raises(MechanismError, match="statics does not determine the contact force at A"):
+        load(rub(m, A=Friction(coefficient=mu, length=0.04)), [0.001], 1.0)

@@ -12,6 +12,7 @@ from mechcore.laws.program import CurveOverMaster, Segment, over_time, program
 from mechcore.laws.timed import ConstantSpeed, Oscillation, zones
 from mechcore.motion import events
 from mechcore.motion.events import Event, find_events, strokes, turning_points
+from mechcore.motion.metrics import ratio_units
 from mechcore.motion.motion import Motion
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
 from mechcore.spec.mechanism import Drive, Link, Mechanism, PinSlot, Prismatic, Revolute
@@ -336,3 +337,34 @@ def test_of_equal_extremes_the_first_is_told():
     told = [find_events(move(crank_rocker(), 97, cycles)) for cycles in (1, 3)]
     once, thrice = ([e.time for e in events if "of the run" in e.text] for events in told)
     assert len(once) >= 3 and thrice == pytest.approx(once, abs=1e-6)
+
+
+def test_ratios_of_a_slide_to_a_crank_have_units():
+    """Of a Scotch yoke: r metres a radian, and the force per torque."""
+    a = 0.05
+    m = Mechanism(
+        name="yoke",
+        frame="frame",
+        links=(
+            Link(name="frame", points={"O": (0.0, 0.0)}),
+            Link(name="crank", points={"O": (0.0, 0.0), "A": (a, 0.0)}),
+            Link(name="yoke", points={"Q": (0.0, 0.0)}),
+        ),
+        joints=(
+            Revolute(name="O", links=("frame", "crank"), points=("O", "O")),
+            Prismatic(name="S", links=("frame", "yoke"), points=("O", "Q"), along=(1.0, 0.0)),
+            PinSlot(name="A", links=("yoke", "crank"), points=("Q", "A"), along=(0.0, 1.0)),
+        ),
+        drives=(Drive(joint="O", law=ConstantSpeed(0.1, 1.0)),),
+        metrics=("velocity_ratio", "mechanical_advantage", "curvature"),
+        traced=(("crank", "A"), ("yoke", "Q")),
+    )
+    events = find_events(move(m))
+    said = [e.text for e in events]
+    assert any("largest velocity ratio of the run, -0.05 m/rad" in text for text in said)
+    assert any("smallest mechanical advantage of the run, 20 1/m" in text for text in said)
+    assert any(text == "the path of yoke.Q is a straight line" for text in said)
+    assert any("sharpest bend of the path of crank.A, radius 50 mm" in text for text in said)
+    assert ratio_units(compile_mechanism(m).model, "O") == ("1", "1")
+    other = replace(m, drives=(Drive(joint="S", law=Oscillation(0.0, 0.04, 1.0)),), modes={"A": "ahead"})
+    assert ratio_units(compile_mechanism(other).model, "O") == ("rad/m", "m")

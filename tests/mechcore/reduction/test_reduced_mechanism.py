@@ -115,6 +115,25 @@ def test_several_drives_and_unknown_places_are_refused():
         reduce_mechanism(motion, "crank", "Q")
 
 
+def test_a_point_that_stands_still_has_an_infinite_reduced_mass_not_a_rounded_one():
+    """A piston at both dead points, exactly: one over the square of a rounded speed was 1e32 kg there, and the energy NaN."""
+    bodies = {"crank": (1.0, (0.01, 0.0), 0.001), "rod": (1.0, (0.075, 0.0), 0.002), "piston": (0.7, (0.0, 0.0), 0.0)}
+    load = Force(name="P", link="piston", point="C", vector=(-100.0, 0.0))
+    motion = moved(slider_crank(r=0.04, l=0.15, bodies=bodies, loads=(load,), effects=("inertia",)), 12)
+    applied = solve_forces(motion).applied
+    of_crank, of_piston = reduce_mechanism(motion, "crank", None, applied), reduce_mechanism(motion, "piston", "C", applied)
+    dead = np.isin(np.arange(13), [0, 6, 12])
+    assert np.isinf(of_piston.mass[dead]).all() and np.isfinite(of_piston.mass[~dead]).all()
+    assert np.isnan(of_piston.slope[dead]).all() and np.isfinite(of_piston.slope[~dead]).all()
+    assert np.isnan(of_piston.force[dead]).all()  # no power at no speed: any force
+    np.testing.assert_allclose(np.abs(of_piston.force[~dead]), 100.0)
+    np.testing.assert_allclose(of_piston.energy, of_crank.energy, rtol=1e-12)
+    with pytest.raises(MechanismError, match=r"'piston' never turns.*such as 'piston.C'"):
+        reduce_mechanism(motion, "piston")
+    with pytest.raises(MechanismError, match=r"'crank\.O' never moves"):
+        reduce_mechanism(motion, "crank", "O")
+
+
 SHAPER = """
 units = { length = "mm", angle = "deg" }
 effects = ["inertia"]

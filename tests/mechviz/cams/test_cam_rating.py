@@ -430,3 +430,13 @@ def test_pressure_angles_of_one_sign_have_no_largest_one_of_the_other(tmp_path):
 
 def test_a_slot_for_a_roller_on_a_slide_is_an_inverse_cam():
     assert "cam K: inverse, oscillating follower" in CliRunner().invoke(app, ["cams", "cam-inverse-slide"]).output
+
+
+@pytest.mark.parametrize("frames", [17, 360])
+def test_the_largest_second_derivative_is_that_of_the_law_not_of_the_frames(frames):
+    scene = mechviz.load("cam-roller").changed({("run", "frames"): frames})
+    run = run_scene(scene)
+    (cam,) = placed_cams(run.motion)
+    exact = 1e3 * np.abs(cam.law(np.linspace(0.0, 2.0 * np.pi, 100_001))[2]).max()
+    (lift,) = (fact.text for fact in cam_facts(run.motion, run.forces) if fact.what == "lift")
+    assert float(lift.split("s'' ")[1].split()[0]) == pytest.approx(exact, rel=1e-5)

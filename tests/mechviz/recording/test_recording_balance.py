@@ -245,3 +245,37 @@ def test_inspection_tells_the_couple_of_a_weld(tmp_path):
     b.force("F", (0, -3), on="arm", at="P")
     inspection = inspect(write_recording(run_scene(b.scene()), tmp_path / "arm.rrd").path)
     assert "couple O              60 lbf in" in format_inspection(inspection)
+
+
+def test_an_infinite_reduced_mass_does_not_hide_the_other_peaks(tmp_path):
+    """Infinity counted as the largest value of its unit, next to which all others were shown as zero."""
+    scene = mechviz.loads("""
+units = { length = "mm" }
+effects = ["inertia"]
+reduced = ["rod.C"]
+shaking = {}
+run = { frames = 12 }
+
+[links]
+frame = { points = { O = [0, 0] } }
+crank = { points = { O = [0, 0], B = [40, 0] }, mass = 1, shape = "bar" }
+rod = { points = { B = [0, 0], C = [150, 0] }, mass = 1, shape = "bar" }
+piston = { points = { C = [0, 0] }, mass = 0.7 }
+
+[joints]
+O = { revolute = ["frame", "crank"], drive = { speed = "600 rpm" } }
+B = { revolute = ["crank", "rod"] }
+C = { revolute = ["rod", "piston"] }
+S = { prismatic = ["frame", "piston"], at = ["O", "C"], branch = "ahead" }
+
+[loads]
+M = { torque = "-3 N m", on = "crank" }
+""")
+    path = write_recording(run_scene(scene), tmp_path / "engine.rrd").path
+    inspection = inspect(path)
+    largest = {peak.item: peak.value for peak in inspection.studies}
+    assert largest["reduced mass rod.C.reduced"] == largest["reduced force rod.C.reduced"] * -1.0 == np.inf
+    said = format_inspection(inspection)
+    force = np.hypot(*Recording(path).scalars("data", "shaking")[1][:, :2].T).max()
+    assert force > 100.0 and largest["force shaking"] == pytest.approx(force)
+    assert f"{force:.5g} N" in next(line for line in said.splitlines() if "force shaking" in line)

@@ -24,7 +24,7 @@ from mechcore.errors import Fault, MechanismError
 from mechcore.forces.equilibrium import transmit
 from mechcore.forces.friction.elements import Element, elements_of, two_sided
 from mechcore.forces.friction.normal_loads import NormalLoads, has_several_solutions, jacobian, solve_normal_loads, stability
-from mechcore.motion.at_once import indeterminate
+from mechcore.motion.at_once import indeterminate_parts
 from mechcore.motion.motion import Motion
 from mechcore.numerics.frames import lazy, plane_rows
 from mechcore.records import dataclass
@@ -92,10 +92,14 @@ def check_friction(motion: Motion) -> None:
 
 
 def _refuse_indeterminate(motion: Motion) -> None:
-    """Raise `MechanismError` where redundant constraints leave the normal load of a joint with friction undetermined."""
+    """Raise `MechanismError` where redundant constraints leave the normal load of a joint with friction undetermined. The couple in
+    a guide is no part of it, unless its bearing has a length."""
     if not motion.model.redundant:
         return
-    braked_joints = [p for p in indeterminate(motion) if p in joints_with_friction(motion.mechanism.joints)]
+    joints = motion.mechanism.joints
+    friction = dict(zip(joints_with_friction(joints), filter(None, map(friction_of, joints)), strict=True))
+    loaded = [(p, what) for p, what in indeterminate_parts(motion) if (f := friction.get(p)) and (what != "couple" or f.length)]
+    braked_joints = list(dict.fromkeys(p for p, _ in loaded))
     if braked_joints:
         names = ", ".join(braked_joints)
         why = f"constraints are redundant: statics does not determine the contact force at {names}, nor the friction there."
