@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 
 LARGEST_TURN = 0.35  # largest rotation of a link in a displayed mode [rad]
+NO_DAMPING = 1e-12  # smaller damping ratios are rounding
 SLOW = 0.5  # displayed frequency of a mode that does not vibrate [Hz]
 
 
@@ -42,9 +43,10 @@ def _rotary(vibrations: Vibrations) -> list[bool]:
 
 
 def _shape(vibrations: Vibrations, mode: Mode) -> Any:
-    """The shape of a mode, scaled so that its largest component is one radian or one mechanism size."""
-    size = vibrations.equilibrium.compiled.model.length_scale
-    scale = np.array([1.0 if r else size for r in _rotary(vibrations)])
+    """The shape of a mode, scaled so that its largest component is 1; beside angles one radian or one mechanism size."""
+    rotary = _rotary(vibrations)
+    size = vibrations.equilibrium.compiled.model.length_scale if any(rotary) else 1.0
+    scale = np.array([1.0 if r else size for r in rotary])
     return mode.shape / np.abs(mode.shape / scale).max()
 
 
@@ -55,7 +57,8 @@ def _row(vibrations: Vibrations, k: int) -> list[str]:
         halving = f"{'doubles' if mode.growth > 0 else 'halves'} in {np.log(2.0) / abs(mode.growth):.4g} s"
     cells = [mode.kind, "-", "-"]
     if mode.kind in ("vibration", "flutter") or mode.frequency > 0:
-        numbers = (mode.frequency, ".6g"), (mode.damping_ratio, ".4g"), (mode.damped_frequency, ".6g")
+        ratio = 0.0 if abs(mode.damping_ratio) <= NO_DAMPING else mode.damping_ratio
+        numbers = (mode.frequency, ".6g"), (ratio, ".4g"), (mode.damped_frequency, ".6g")
         cells = ["-" if np.isnan(x) else format(x, digits) for x, digits in numbers]
     return [str(k + 1), *cells, halving, *map(_part, _shape(vibrations, mode))]
 

@@ -134,6 +134,9 @@ def standstill(document: SceneDocument, laws: Iterable[Law], convert: Converter)
         return max((law.cycle for law in laws if isinstance(law, Rest)), default=0.0)
     if any(map(moves, laws)):
         remedy = "Leave it out: cycles says how long it goes on. Or let forces move a joint, free = ... instead of its drive."
+        pressed = [name for name, joint in document.joints.items() if joint.kinds == ["cam"] and joint.closure != "form"]
+        if pressed:
+            remedy += f" Or let a follower leave its cam: joints.{pressed[0]}.liftoff = {{}}."
         convert.note("run.duration", "nothing is free: the drive decides the motion.", remedy)
     return _duration(document, convert)
 

@@ -244,3 +244,8 @@ def test_a_start_beyond_a_stop_of_a_joint_that_is_led_is_told_in_units():
     text = text.replace("angle = 180 }", 'angle = 180, stops = [{ at = -90, side = "upper" }] }')
     with pytest.raises(MechanismError, match=r"(?s)joints\.S\.stops.*starts 60.5 mm above the upper stop 'S upper' at -90 mm"):
         run_scene(mechviz.loads(text))
+
+
+def test_a_duration_beside_a_cam_that_only_presses_names_liftoff():
+    with pytest.raises(mechviz.SceneError, match=r"joints\.\w+\.liftoff = \{\}"):
+        mechviz.load("cam-flat").changed({("run", "duration"): "0.1 s"})

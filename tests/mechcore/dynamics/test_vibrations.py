@@ -26,7 +26,7 @@ from mechcore.spec.loads import Damper, Drag, Factor, Force, Spring, Torque, Tor
 from mechcore.spec.mechanism import Drive, Link, Mechanism, Prismatic, Revolute
 from mechviz.commands.main import app
 from mechviz.hard_cases.mechanisms import bars
-from mechviz.studies.vibrations import mode_scene, vibrations_of
+from mechviz.studies.vibrations import mode_scene, vibration_lines, vibrations_of
 
 TURN = 2.0 * np.pi
 
@@ -306,6 +306,29 @@ def test_the_mode_of_a_four_bar_starts_where_another_joint_leads():
     motion = solve_motion(compile_mechanism(mode.mechanism), np.zeros(1))
     for link in ("crank", "coupler", "rocker"):
         assert np.abs(motion.pose(link)[0, :2] - vibrations.equilibrium.motion.pose(link)[0, :2]).max() < 1e-9
+
+
+def test_shapes_of_slides_have_a_largest_part_of_one_and_no_damping_is_zero():
+    """Two masses whose damper lies in a node of the first mode: it had 0.9 m, the size of the mechanism, and 7e-30."""
+    scene = mechviz.loads("""
+units = { length = "mm" }
+effects = ["inertia"]
+run = { duration = "1 s" }
+links.frame.points = { A = [0, 0], B = [900, 0] }
+links.m1 = { points = { P = [0, 0] }, mass = 2 }
+links.m2 = { points = { Q = [0, 0] }, mass = 3 }
+[joints]
+S1 = { prismatic = ["frame", "m1"], at = ["A", "P"], free = { position = 310 } }
+S2 = { prismatic = ["frame", "m2"], at = ["A", "Q"], free = { position = 600 } }
+[loads]
+k1 = { spring = ["frame.A", "m1.P"], stiffness = "1 N/mm", free_length = 300 }
+k2 = { spring = ["m1.P", "m2.Q"], stiffness = "2 N/mm", free_length = 300 }
+k3 = { spring = ["m2.Q", "frame.B"], stiffness = "1.5 N/mm", free_length = 300 }
+c = { damper = ["m1.P", "m2.Q"], linear = "5 N s/m" }
+""")
+    first, second = (line.split() for line in vibration_lines(scene, vibrations_of(scene))[-2:])
+    assert first[:3] == ["1", "3.55881", "0"] and first[-2:] == ["1", "1"]
+    assert [abs(float(x)) for x in second[-2:]] == pytest.approx([1.0, 2.0 / 3.0], rel=1e-3)
 
 
 def test_the_command_prints_writes_and_refuses(tmp_path: Path):
