@@ -100,6 +100,7 @@ def _on_material(model: ScaledMechanism, guide: Guide) -> Guide:
     """
     r = model.proportions.half_width
     slots = [_slot(model, g) for g in model.guides if g.rail == guide.block and _form(model, g) == "slot"]
+    slots += [slot_of(model, slot) for slot in model.slots if slot.link == guide.block]
 
     def free(s: float) -> bool:
         place = Point(_along(guide.block_point, guide.block_along, s))
@@ -273,9 +274,9 @@ def _plate(model: ScaledMechanism, link: str, forms: Mapping[str, str]) -> Polyg
 
 
 def _compact(model: ScaledMechanism, guide: Guide) -> bool:
-    """Whether a block needs no plate: it belongs to no other guide, and its pins and marks are close together on its centre
-    line."""
-    if any(drawing.driven == guide.block for drawing in model.inverse_cams):
+    """Whether a block needs no plate: it belongs to no other guide and has no slot, and its pins and marks are close together on
+    its centre line."""
+    if any(drawing.driven == guide.block for drawing in model.inverse_cams) or any(s.link == guide.block for s in model.slots):
         return False
     if any(guide.block in (other.rail, other.block) and other.joint != guide.joint for other in model.guides):
         return False

@@ -128,6 +128,19 @@ def pin_on_the_frame() -> SceneBuilder:
     return b.pin_slot("S", "rod", "frame", at=["B", "Q"], branch="ahead")
 
 
+def scotch_yoke() -> SceneBuilder:
+    b = scene("scotch yoke").link("frame", O=(0, 0)).link("crank", O=(0, 0), P=(50, 0)).link("yoke", Q=(0, 0))
+    b.revolute("O", "frame", "crank", drive=TURN).prismatic("S", "frame", "yoke", at=["O", "Q"])
+    return b.pin_slot("A", "yoke", "crank", at=["Q", "P"], along=[0, 1])
+
+
+def wedge() -> SceneBuilder:
+    b = scene("wedge").link("frame", O=(0, 0), B=(100, 0)).link("slide", O=(0, 0), W=(100, 0)).link("block", W=(0, 0), B=(0, 50))
+    b.prismatic("S", "frame", "slide", at="O", drive={"speed": -10, "travel": 20})
+    b.pin_slot("A", "slide", "block", at="W", along=[0.99, -0.14])
+    return b.prismatic("B", "frame", "block", along=[0, 1])
+
+
 def rack_on_an_arm() -> SceneBuilder:
     b = scene("rack on an arm").link("frame", O=(0, 0)).link("arm", O=(0, 0), A=(60, 0), G=(60, -30))
     b.link("pinion", A=(0, 0)).link("rack", G=(0, 0), E=(40, -25))
@@ -167,8 +180,8 @@ def rack_from_the_right() -> SceneBuilder:
 CASES = {
     case.__name__: case
     for case in (
-        planetary, turning_ring, welded_ring, slot_on_the_frame, pin_on_the_frame, rack_on_an_arm, rolling_on_an_arm, welded_chain,
-        welded_to_the_frame, long_crank_on_a_gear, rack_from_the_right,
+        planetary, turning_ring, welded_ring, slot_on_the_frame, pin_on_the_frame, scotch_yoke, wedge, rack_on_an_arm,
+        rolling_on_an_arm, welded_chain, welded_to_the_frame, long_crank_on_a_gear, rack_from_the_right,
     )
 }  # fmt: skip
 
@@ -369,7 +382,13 @@ def test_what_is_welded_to_the_ground_stands_on_it(built):
     assert len(parts_of(solids, "frame", "pedestal")) == 3, "the arm's bearing and two feet under the ring"
 
 
-@pytest.mark.parametrize(("name", "lever", "pin"), [("slotted-lever", "lever", "crank"), ("pin_on_the_frame", "rod", "frame")])
+@pytest.mark.parametrize(
+    ("name", "lever", "pin"),
+    [
+        ("slotted-lever", "lever", "crank"), ("pin_on_the_frame", "rod", "frame"), ("scotch_yoke", "yoke", "crank"),
+        ("wedge", "slide", "block"),
+    ],
+)  # fmt: skip
 def test_the_slot_is_as_long_as_the_way_of_its_pin(built, name, lever, pin):
     spec, poses, solids = built(name)
     joint = next(p for p in spec.joints if p.name in ("A", "S") and type(p).__name__ == "PinSlot")
