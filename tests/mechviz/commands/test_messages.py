@@ -62,9 +62,9 @@ def test_the_units_of_a_scene_have_all_kinds_of_quantities_of_texts():
     assert shown == {
         "length": "1000 mm", "angle": "57.3°", "linear speed": "1000 mm/s", "angular speed": "57.3 °/s", "force": "0.001 kN",
         "torque": "0.001 kN m", "stiffness": "1e-06 kN/mm", "torsional stiffness": "1.745e-05 kN m/°", "Pa": "1e-06 MPa",
-        "1/m": "1 1/m", "rad/m^2": "1 rad/m²",
+        "1/m": "1 1/m", "m/rad": "1 m/rad", "rad/m": "1 rad/m", "rad/m^2": "1 rad/m²",
     }  # fmt: skip
-    assert set(shown) - set(UNIT_KINDS) == {"Pa", "1/m", "rad/m^2"}
+    assert set(shown) - set(UNIT_KINDS) == {"Pa", "1/m", "m/rad", "rad/m", "rad/m^2"}
 
 
 # --- faults: scenes whose numbers are changed -------------------------------------------------------------------------
