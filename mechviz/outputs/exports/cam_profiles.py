@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
-from io import StringIO
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -21,6 +20,7 @@ from mechcore.forces.cam_rating import placed_cams
 from mechcore.records import dataclass
 from mechcore.texts import Text, as_angle, as_coordinate
 from mechviz.files import OutputError, replacing
+from mechviz.outputs.exports.dxf import dxf_of, layer_names, new_drawing
 from mechviz.scene.kinds.cam_files import biarcs
 
 if TYPE_CHECKING:
@@ -31,7 +31,6 @@ POINT_SPACING = 1.0  # degrees of cam rotation between the points through which 
 FEWEST_STEPS, MOST_STEPS = 8, 2048  # of a piece of a profile
 WEDGE_STEPS = 120  # of a piece of a wedge's law
 ON_CENTRE = 1e-6  # [mm] distance up to which two centres coincide
-_NO_LAYER = re.compile(r'[<>/\\":;?*|=`,]')  # characters that names of layers must not contain
 
 
 def cam_outlines(run: Run) -> list[Outline]:
@@ -150,13 +149,10 @@ def dxf_text(outlines: Iterable[Outline]) -> str:
     Several cams, which may overlap, have layers of their own: PROFILE with the cam's name. The radius of a cylinder from which a
     profile is developed is among the properties of the drawing.
     """
-    import ezdxf
-
-    ezdxf.options.write_fixed_meta_data_for_testing = True  # without date and random number: equal cams give equal files
-    drawing = ezdxf.new("R2004", units=4)
+    drawing = new_drawing()
     outlines = list(outlines)
     cams = list(dict.fromkeys(outline.cam for outline in outlines))
-    profile = {cam: "PROFILE" if len(cams) == 1 else "PROFILE " + _NO_LAYER.sub("_", cam) for cam in cams}
+    profile = {cams[0]: "PROFILE"} if len(cams) == 1 else layer_names(cams, "PROFILE ")
     for name in profile.values():
         drawing.layers.add(name, color=7)
     drawing.layers.add("CENTRE", color=1)
@@ -173,9 +169,7 @@ def dxf_text(outlines: Iterable[Outline]) -> str:
         elif all(abs(outline.centre - c) > ON_CENTRE for c in centres):
             centres.append(outline.centre)
             sheet.add_point((outline.centre.real, outline.centre.imag), dxfattribs={"layer": "CENTRE"})
-    text = StringIO()
-    drawing.write(text)
-    return text.getvalue()
+    return dxf_of(drawing)
 
 
 def _text(value: float) -> str:

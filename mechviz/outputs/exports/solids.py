@@ -6,7 +6,6 @@ from __future__ import annotations
 import re
 import zipfile
 from collections.abc import Iterator, Sequence
-from io import StringIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from xml.sax.saxutils import escape, quoteattr
@@ -16,6 +15,7 @@ import numpy as np
 from mechviz.files import OutputError, replacing, replacing_in
 from mechviz.meshes.kit import FlatPart, kit_of, laid_out
 from mechviz.meshes.solids import Solid, Solids, stl_bytes
+from mechviz.outputs.exports.dxf import dxf_of, new_drawing
 from mechviz.picture.build import collision_poses, solids_of
 from mechviz.picture.fixtures import find_fixtures
 from mechviz.picture.springs import find_coils
@@ -163,10 +163,7 @@ def list_text(parts: Sequence[FlatPart]) -> str:
 def parts_dxf(placed: PlacedParts) -> str:
     """Outlines and holes of parts (DXF, millimetres) on the layer CUT, round holes as circles; names with thicknesses on the layer
     NAME."""
-    import ezdxf
-
-    ezdxf.options.write_fixed_meta_data_for_testing = True  # equal kits give equal files
-    drawing = ezdxf.new("R2004", units=4)
+    drawing = new_drawing()
     drawing.layers.add("CUT", color=1)
     drawing.layers.add("NAME", color=5)
     sheet = drawing.modelspace()
@@ -177,9 +174,7 @@ def parts_dxf(placed: PlacedParts) -> str:
             sheet.add_circle((x + dx, y + dy), radius, dxfattribs={"layer": "CUT"})
         at = part.outline.representative_point()
         sheet.add_text(_label(part), height=3.0, dxfattribs={"layer": "NAME", "insert": (at.x + dx, at.y + dy)})
-    text = StringIO()
-    drawing.write(text)
-    return text.getvalue()
+    return dxf_of(drawing)
 
 
 def parts_svg(placed: PlacedParts) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import resource
 import zipfile
+from dataclasses import replace
 from io import StringIO
 from xml.etree import ElementTree
 
@@ -14,7 +15,7 @@ from shapely import affinity
 from mechcore.errors import MechanismError
 from mechviz.files import OutputError
 from mechviz.meshes.kit import kit_of, laid_out
-from mechviz.outputs.exports.solids import export_kit, export_stl
+from mechviz.outputs.exports.solids import export_kit, export_stl, parts_dxf
 from mechviz.picture.build import collision_poses
 from mechviz.runs import run_scene
 from mechviz.scene.scene import load
@@ -73,6 +74,17 @@ def test_the_sheet_says_how_thick_each_plate_is(tmp_path):
     plates = [f"{name[1:-1]}, {thick} mm" for name, kind, _, thick, *_ in listed if kind == "plate"]
     assert sorted(names) == sorted(plates) and sum(name.endswith(f", {0.22 * THICK:.6g} mm") for name in names) == 2
     assert all(f">{name}</text>" in paths["plates.svg"].read_text() for name in names)
+
+
+def test_names_on_the_sheet_are_read_as_they_are(parts, tmp_path):
+    """A DXF of this release is read by a code page, not as UTF-8."""
+    from ezdxf import recover
+
+    plate = next(part for part in parts if part.kind == "plate")
+    sheet = parts_dxf([(replace(plate, name="Kürbel 曲柄"), 0.0, 0.0)])
+    (tmp_path / "plates.dxf").write_text(sheet, encoding="utf-8", newline="")
+    (text,) = recover.readfile(tmp_path / "plates.dxf")[0].modelspace().query("TEXT")
+    assert text.dxf.text == f"Kürbel 曲柄, {plate.thickness:.6g} mm"
 
 
 def test_parts_lie_apart(parts):

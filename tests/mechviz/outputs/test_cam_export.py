@@ -10,6 +10,7 @@ from dataclasses import replace
 import ezdxf
 import numpy as np
 import pytest
+from ezdxf import recover
 from shapely.geometry import LineString, Point
 
 import mechviz
@@ -152,3 +153,13 @@ def test_both_flanks_of_a_groove_face_each_other_across_its_roller(name, way):
     for place, (point, normal) in near.items():
         other, facing = far[place]
         assert abs(normal + facing) < 1e-6 and abs(other - point - 2.0 * radius * normal) < 1e-5
+
+
+def test_names_in_a_dxf_are_read_as_they_are(outlines, tmp_path):
+    """Release 2004 is read by a code page, not as UTF-8; names of layers that differ in case only are one."""
+    (outline,) = outlines["cam-roller"]
+    text = dxf_text([replace(outline, cam=cam) for cam in ("Kurventräger 曲", "kurventräger 曲", "a,b", "a;b")])
+    (tmp_path / "cams.dxf").write_text(text, encoding="utf-8", newline="")
+    drawing, _ = recover.readfile(tmp_path / "cams.dxf")
+    layers = [line.dxf.layer for line in drawing.modelspace().query("LWPOLYLINE")]
+    assert layers == ["PROFILE Kurventräger 曲", "PROFILE kurventräger 曲 2", "PROFILE a_b", "PROFILE a_b 2"]
