@@ -10,7 +10,7 @@ import re
 import shutil
 import stat
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Collection, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import BinaryIO
@@ -152,10 +152,18 @@ def replacing(path: Path) -> Iterator[Path]:
         temporary.unlink(missing_ok=True)
 
 
+def check_inputs(paths: Iterable[Path | None], inputs: Collection[Path]) -> None:
+    """Raise `OutputError` where a file to be written is one of the ``inputs``, real paths of files that what is written is made
+    from."""
+    for path in paths:
+        if path is not None and Path(os.path.realpath(path)) in inputs:
+            raise OutputError(f"'{path}' is a file that the scene reads.", "Give another name.")
+
+
 @contextmanager
-def replacing_in(folder: Path) -> Iterator[Path]:
+def replacing_in(folder: Path, inputs: Collection[Path] = ()) -> Iterator[Path]:
     """A temporary folder whose files move to ``folder`` if the block succeeds; otherwise nothing there has changed. ``folder`` is
-    created if need be. Raises `OutputError`."""
+    created if need be. Raises `OutputError`, also where one of the ``inputs`` would be replaced (see `check_inputs`)."""
     try:
         missing = [place for place in (folder, *folder.parents) if not place.exists()]
         folder.mkdir(parents=True, exist_ok=True)
@@ -166,6 +174,7 @@ def replacing_in(folder: Path) -> Iterator[Path]:
     try:
         yield temporary
         targets = {made: check_target(folder / made.name) for made in sorted(temporary.iterdir())}
+        check_inputs(targets.values(), inputs)
         for made, target in targets.items():
             put_in_place(made, target)
     except OSError as error:

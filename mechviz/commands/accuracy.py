@@ -51,7 +51,7 @@ def accuracy(
         if target is not None:
             accuracy_for(target)  # raises for an invalid target
         check_targets(scene, output, rrd)
-        loaded = load_scene(scene, values)
+        loaded = load_scene(scene, values, targets=(output, rrd))
         if not loaded.frames:
             fail(f"{loaded.name}: nothing moves and no time passes: all is exact to rounding. Add a duration to [run].")
         measured = None if again else load_study(loaded, target, rough=quick)

@@ -132,7 +132,7 @@ def walk(
         check_suffix(output, ".toml")
         if output is not None:
             check_targets(scene, output)
-        loaded = load_scene(scene, values)
+        loaded = load_scene(scene, values, targets=(output,))
         feet = [_foot(loaded, text) for text in foot]
         gait = walk_of(loaded, feet, quantity_option(loaded, touch, "touch", "length") or 0.0)
         duration = float(gait.time[-1] - gait.time[0])

@@ -87,7 +87,7 @@ def sweep(
         fail("--seed is for --sample: a grid has nothing random.")
     with clear_errors(scene):
         check_targets(scene, output)
-        loaded = load_scene(scene, values)
+        loaded = load_scene(scene, values, targets=(output,))
         variations = [parse_variation(loaded, text) for text in vary]
         chosen = None if sample is None else parse_sample(sample, seed)
         designs = grid(variations) if chosen is None else sampled(variations, chosen)
@@ -189,7 +189,7 @@ def sensitivity(
         check_targets(scene, plot, csv_file)
         if plot is not None:
             check_ending(plot)
-        loaded = load_scene(scene, values)
+        loaded = load_scene(scene, values, targets=(plot, csv_file))
         measures = [parse_measure(loaded, text) for text in of]
         variables = variables_of(loaded, by or ())
         with interruptible(*(["matplotlib.figure"] if plot is not None else [])):
@@ -250,7 +250,7 @@ def tolerance(
         check_targets(scene, plot, csv_file)
         if plot is not None:
             check_ending(plot)
-        loaded = load_scene(scene, values)
+        loaded = load_scene(scene, values, targets=(plot, csv_file))
         measures = [parse_measure(loaded, text) for text in of]
         variables = toleranced(loaded, stated or ())
         ends = [parse_limits(text) for text in limits or ()]
@@ -316,7 +316,7 @@ def optimise(
         check_targets(scene, output, front, plot)
         if plot is not None:
             check_ending(plot)
-        loaded = load_scene(scene, values)
+        loaded = load_scene(scene, values, targets=(output, front, plot))
         opened = load(scene) if values else loaded
         problem = problem_of(
             loaded,

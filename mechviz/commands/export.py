@@ -105,7 +105,8 @@ def export(
     for path, suffix in ((glb, ".glb"), (threemf, ".3mf"), (parquet, ".parquet"), (code, ".c")):
         check_suffix(path, suffix, f"--{suffix[1:]}")
     with clear_errors(source):
-        check_targets(source, csv, parquet, glb, threemf, code, *profiles.values())
+        targets = (csv, parquet, glb, threemf, code, *profiles.values())
+        check_targets(source, *targets)
         if is_recording(source):
             others = (csv, parquet, stl, threemf, kit, code, every, frames, cycles, accuracy)
             if glb is None or profiles or values or reachable or any(option is not None for option in others):
@@ -113,7 +114,7 @@ def export(
             with interruptible("pyarrow"), progress_bar(f"exporting {glb.name}"):
                 print(export_glb(presentation_in(open_recording(source)), glb, arrows=families))
             return
-        loaded = load_scene(source, values, reachable=reachable)
+        loaded = load_scene(source, values, reachable=reachable, targets=targets)
         if code is not None:
             written, missing = export_code(loaded, code)
             print(written)
@@ -201,7 +202,7 @@ def share(
     with clear_errors(source):
         path = output or Path(f"{Path(source).stem}.html")
         check_targets(source, path)
-        shown = _presentation(source, values, frames, cycles, keep, most)
+        shown = _presentation(source, path, values, frames, cycles, keep, most)
         if shown.bands().missing_reason:
             say(f"note: some curves have no tolerance band: {shown.bands().missing_reason}")
         with interruptible("pyarrow"), progress_bar("sharing") as bar:
@@ -249,7 +250,7 @@ def shot(
             find_chromium()
         check_targets(source, output)
         anywhere = at is None and frame is None and angle is None  # otherwise the frames on both sides of the moment are needed
-        shown = _presentation(source, values, frames, cycles, keep, MOST_FRAMES if anywhere else None)
+        shown = _presentation(source, output, values, frames, cycles, keep, MOST_FRAMES if anywhere else None)
         place = picture_time(shown, frame=frame, **when)
         with interruptible("pyarrow"), progress_bar("drawing") as bar:
             if drawing:
@@ -284,18 +285,25 @@ def film(
         if output.suffix.lower() == ".mp4":
             find_ffmpeg()
         check_targets(source, output)
-        shown = _presentation(source, values, frames, cycles, keep, MOST_FRAMES)
+        shown = _presentation(source, output, values, frames, cycles, keep, MOST_FRAMES)
         with interruptible("pyarrow", "PIL.Image"), progress_bar("filming") as bar:
             make(shown, output, look, seconds=seconds, rate=rate, progress=bar, reading=bar, begin=bar.stage)
         print(output)
 
 
 def _presentation(
-    source: str, values: list[str] | None, frames: int | None, cycles: int | None, keep: bool, most: int | None = None
+    source: str,
+    target: Path,
+    values: list[str] | None,
+    frames: int | None,
+    cycles: int | None,
+    keep: bool,
+    most: int | None = None,
 ) -> Presentation:
-    """Presentation of the recording or scene at ``source``; ``most``: largest number of frames that are read from a recording."""
+    """Presentation of the recording or scene at ``source``, of which ``target`` will be made; ``most``: largest number of frames
+    that are read from a recording."""
     if not is_recording(source):
-        run = solve(load_scene(source, values), frames, cycles)
+        run = solve(load_scene(source, values, targets=(target,)), frames, cycles)
         check_trust(run, keep)
         with interruptible("mechviz.meshes"), progress_bar("building") as bar:
             return presentation_of(run, bar.stage)

@@ -87,7 +87,7 @@ def forces(
         return
     with clear_errors(scene):
         check_targets(scene, csv, plot)
-        run = solve(load_scene(scene, values, reachable=reachable), frames, cycles, accuracy, executor)
+        run = solve(load_scene(scene, values, reachable=reachable, targets=(csv, plot)), frames, cycles, accuracy, executor)
         check_trust(run, keep)
         warn_of_accuracy(run)
         if run.forces is None:

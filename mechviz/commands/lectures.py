@@ -61,7 +61,7 @@ def laws(
             print("\n".join(laws_table(chosen)))
             figure = partial(laws_figure, chosen)
         else:
-            loaded = load_scene(scene, values)
+            loaded = load_scene(scene, values, targets=(plot,))
             rows = compare_laws(loaded, cam, given, frames)
             print("\n".join([loaded.title, "", *comparison_lines(rows, loaded.units)]))
             figure = partial(comparison_figure, rows, loaded.units)

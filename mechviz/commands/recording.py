@@ -49,7 +49,7 @@ def record(
     """Solve a scene and write a rerun recording (.rrd). Open it with: mechviz view FILE, or rerun FILE."""
     check_suffix(output, ".rrd")
     with clear_errors(scene):
-        loaded = load_scene(scene, values, reachable=reachable)
+        loaded = load_scene(scene, values, reachable=reachable, targets=(output,))
         path = output
         if path is None:
             Path("recordings").mkdir(exist_ok=True)

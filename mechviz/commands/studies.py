@@ -38,7 +38,7 @@ def balance(
     check_suffix(output, ".toml")
     with clear_errors(scene):
         check_targets("", output, plot)  # no source: the output may replace the scene itself
-        loaded = load_scene(scene, values)
+        loaded = load_scene(scene, values, targets=(output, plot))
         stated = ((radius, "radius"), (rocker_radius, "rocker-radius"))
         first, second = (quantity_option(loaded, text, name, "length") for text, name in stated)
         balanced = balance_scene(loaded, radius=first, rocker_radius=second, fraction=fraction)
@@ -72,7 +72,7 @@ def graph(
     """
     with clear_errors(scene):
         check_targets(scene, output)
-        loaded = load_scene(scene, values)
+        loaded = load_scene(scene, values, targets=(output,))
         drawn = contour_graph(compile_mechanism(loaded.mechanism).model)
         print("\n".join([loaded.title, *graph_lines(drawn)]))
         if output is not None:
@@ -113,7 +113,7 @@ def vibrations(
         fail(f"--output: '{output}' ends neither in .rrd (a recording) nor in .toml (a scene).")
     with clear_errors(scene):
         check_targets(scene, csv, output)
-        loaded = load_scene(scene, values)
+        loaded = load_scene(scene, values, targets=(csv, output))
         modes = vibrations_of(loaded, seek="nearest" if nearest else "stable")
         print("\n".join(vibration_lines(loaded, modes)))
         with interruptible(*(() if output is None else ("rerun", "mechviz.meshes"))):

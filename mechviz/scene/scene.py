@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from dataclasses import field, replace
 from functools import cached_property
@@ -95,6 +96,11 @@ class Scene:
     def files(self) -> dict[str, bytes]:
         """The contents of the files that it names, by these names: meshes of masses, profiles of cams, tables of laws."""
         return {name: self.folder.read(name) for name in files_named(self.document)}
+
+    @property
+    def file_paths(self) -> list[Path]:
+        """The real paths of those files."""
+        return [Path(os.path.realpath(self.folder.path / name)) for name in files_named(self.document)]
 
     @property
     def title(self) -> str:

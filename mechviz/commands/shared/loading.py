@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
@@ -12,6 +12,7 @@ import typer
 
 from mechcore.errors import MechanismError
 from mechviz.commands.shared.messages import errors_as_messages, fail, say
+from mechviz.files import check_inputs
 from mechviz.scene.assembly.simulation import oscillation_changes
 from mechviz.scene.faults import SceneError
 from mechviz.scene.kinds.segments import former_laws
@@ -37,10 +38,13 @@ def clear_errors(source: str) -> Iterator[None]:
             fail(str(e if isinstance(e, SceneError) else SceneError(Path(source).name, e.faults)))
 
 
-def load_scene(source: str, values: list[str] | None = None, *, reachable: bool = False) -> Scene:
+def load_scene(
+    source: str, values: list[str] | None = None, *, reachable: bool = False, targets: Iterable[Path | None] = ()
+) -> Scene:
     """A scene of the gallery or of a file. ``values``: of parameters, as ``NAME=VALUE``; ``reachable``: the drive runs over its
-    reachable range and back."""
+    reachable range and back; ``targets``: files to be written, none of which the scene may name (`OutputError`)."""
     scene = load(source).with_parameters(dict(map(_setting, values or ())))
+    check_inputs(targets, scene.file_paths)
     for place, former, present in former_laws(scene.document):
         say(f"note: {place}: the law '{former}' is called '{present}' now, and read as that.")
     if not reachable:

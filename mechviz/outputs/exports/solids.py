@@ -111,7 +111,7 @@ def write_3mf(path: Path, text: str) -> None:
 def export_stl(run: Run, folder: Path | str, *, solids: Solids | None = None) -> list[Path]:
     """Write one binary STL per link, in millimetres and in the link's own frame, into a folder, which is created if necessary."""
     written: list[Path] = []
-    with replacing_in(Path(folder)) as temporary:
+    with replacing_in(Path(folder), run.scene.file_paths) as temporary:
         for name, _, mesh in _printed(run, solids or solids_of(run)):
             written.append(_free_name(Path(folder), name, written))
             (temporary / written[-1].name).write_bytes(stl_bytes(mesh))
@@ -143,7 +143,7 @@ def export_kit(run: Run, folder: Path | str, thickness: float, clearance: float,
     plates = [entry for entry in placed if entry[0].kind == "plate"]
     plates = laid_out([part for part, _, _ in plates], SHEET_WIDTH)
     texts = {"plates.dxf": parts_dxf(plates), "plates.svg": parts_svg(plates), "parts.csv": list_text(parts)}
-    with replacing_in(Path(folder)) as temporary:
+    with replacing_in(Path(folder), run.scene.file_paths) as temporary:
         for name, text in texts.items():
             (temporary / name).write_text(text, encoding="utf-8", newline="")
         write_3mf(temporary / "kit.3mf", model_text(run.scene.title, placed))

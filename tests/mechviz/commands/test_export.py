@@ -11,13 +11,16 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 import trimesh
+from typer.testing import CliRunner
 
 import mechviz
+from mechviz.commands.main import app
 from mechviz.files import OutputError
 from mechviz.outputs.exports.solids import export_stl
 from mechviz.outputs.exports.tables import export_csv, export_parquet, wide_table
 from mechviz.picture.build import picture_of, solids_of
 from mechviz.runs import Run, run_scene
+from mechviz.scene.builder import SceneBuilder
 from mechviz.scene.scene import loads
 from recordings import ran
 
@@ -127,3 +130,20 @@ def test_a_folder_that_cannot_be_made(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(OutputError, match="cannot be made"):
         export_stl(compressor(), tmp_path / "file" / "folder")
+
+
+def test_files_that_a_scene_reads_are_not_replaced(tmp_path, monkeypatch):
+    """A link whose mesh gives its mass has an STL of the same name; a table of results may have the name of one of a law."""
+    monkeypatch.chdir(tmp_path)
+    trimesh.creation.box((0.1, 0.02, 0.01)).export("arm.stl")
+    before = (tmp_path / "arm.stl").read_bytes()
+    scene = SceneBuilder("arm").link("frame", O=(0, 0))
+    scene.link("arm", O=(0, 0), mass={"mesh": "arm.stl", "density": "7850 kg/m^3", "mesh_unit": "1 m"})
+    scene.revolute("O", "frame", "arm", drive={"speed": "60 rpm"})
+    mechviz.dump(scene.scene(), tmp_path / "arm.toml")
+    for arguments in (["export", "--stl", "."], ["export", "--csv", "./arm.stl"], ["forces", "--csv", "arm.stl"]):
+        command, *more = arguments
+        result = CliRunner().invoke(app, [command, "arm.toml", *more])
+        assert result.exit_code == 2 and "is a file that the scene reads" in result.output, result.output
+        assert (tmp_path / "arm.stl").read_bytes() == before and len(list(tmp_path.iterdir())) == 2
+    assert CliRunner().invoke(app, ["export", "arm.toml", "--stl", "parts"]).exit_code == 0
