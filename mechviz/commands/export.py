@@ -33,7 +33,7 @@ from mechviz.outputs.exports.solids import export_3mf, export_kit, export_stl
 from mechviz.outputs.exports.tables import even_times, export_csv, export_parquet
 from mechviz.outputs.images.browser import find_chromium
 from mechviz.outputs.images.drawing import write_svg
-from mechviz.outputs.images.pictures import VIEW_NAMES, Look, find_ffmpeg, picture_time
+from mechviz.outputs.images.pictures import VIEW_NAMES, Look, film_rate, find_ffmpeg, picture_time
 from mechviz.outputs.images.pictures import film as make
 from mechviz.outputs.images.pictures import shot as take
 from mechviz.outputs.page.pack import MOST_FRAMES
@@ -281,6 +281,7 @@ def film(
     with clear_errors(source):
         _ending(output, (".gif", ".mp4"), "a film")
         look = _look(view, size, dark, show)
+        rate = film_rate(output, rate)
         find_chromium()
         if output.suffix.lower() == ".mp4":
             find_ffmpeg()

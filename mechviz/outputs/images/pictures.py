@@ -24,7 +24,8 @@ from mechviz.outputs.presentation import Presentation
 from mechviz.quantities.catalogue import time_at
 
 VIEW_NAMES = ("3d", "front", "iso", "top", "left", "right", "back")
-GIF_RATE, VIDEO_RATE = 20, 30  # pictures per second; times in a GIF are in hundredths of a second
+GIF_RATE, VIDEO_RATE = 20, 30  # pictures per second
+MOST_GIF_RATE = 50  # a GIF has times in hundredths of a second, and browsers play pictures of a single one ten times as slowly
 SETTLED_SCRIPT = "new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))"
 
 Begin = Callable[[str], None]
@@ -86,12 +87,13 @@ def film(
 ) -> Path:
     """Write a film of the whole run, GIF or MP4 by the ending of the name, ``seconds`` [s] long at ``rate`` pictures per second.
 
-    By default a cycle takes as long as on a page. MP4 needs ffmpeg. The pictures are made and written one after the other.
+    By default a cycle takes as long as on a page. MP4 needs ffmpeg. The pictures are made and written one after the other. Raises
+    `OutputError`, also for a GIF of more than `MOST_GIF_RATE` pictures per second.
     ``progress`` is called with the number of pictures made, ``reading`` while the page is made, ``begin`` with each stage.
     """
     check_target(path)
     gif = path.suffix.lower() == ".gif"
-    rate = rate or (GIF_RATE if gif else VIDEO_RATE)
+    rate = film_rate(path, rate)
     start, end = (float(shown.picture.time[k]) for k in (0, -1))
     seconds = seconds or (end - start) / playback_speed(shown)
     count = max(2, round(seconds * rate))
@@ -106,7 +108,7 @@ def film(
                 progress(k + 1, count)
 
         if ffmpeg is None:
-            _write_gif(pictures(), temporary, rate)
+            _write_gif(pictures(), temporary, gif_durations(count, rate))
         else:
             _write_video(pictures(), temporary, rate, ffmpeg)
     return path
@@ -147,7 +149,24 @@ def _stage(
             yield picture
 
 
-def _write_gif(pictures: Iterator[bytes], path: Path, rate: int) -> None:
+def film_rate(path: Path, rate: int | None) -> int:
+    """Pictures per second of a film, without a ``rate`` the usual one of its format. Raises `OutputError` for a GIF of more than
+    `MOST_GIF_RATE`."""
+    gif = path.suffix.lower() == ".gif"
+    if gif and rate is not None and rate > MOST_GIF_RATE:
+        why = f"--rate {rate}: a GIF has at most {MOST_GIF_RATE} pictures a second; programs play faster ones slowly."
+        raise OutputError(why, f"Give at most {MOST_GIF_RATE}, or write an .mp4.")
+    return rate or (GIF_RATE if gif else VIDEO_RATE)
+
+
+def gif_durations(count: int, rate: int) -> list[int]:
+    """How long each of some pictures of a GIF is shown [ms]: whole hundredths of a second, whose sum is right where ``rate`` does
+    not divide 100."""
+    ends = np.round(100.0 * np.arange(count + 1) / rate).astype(int)
+    return [int(last) for last in 10 * np.diff(ends)]
+
+
+def _write_gif(pictures: Iterator[bytes], path: Path, durations: Sequence[int]) -> None:
     from PIL import Image
 
     def opened(data: bytes) -> Any:
@@ -157,7 +176,7 @@ def _write_gif(pictures: Iterator[bytes], path: Path, rate: int) -> None:
     first = opened(next(pictures)).quantize(256, method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
     rest = (opened(data).quantize(palette=first, dither=Image.Dither.NONE) for data in pictures)
     with open(path, "wb") as file:
-        first.save(file, "GIF", save_all=True, append_images=rest, duration=round(1000 / rate), loop=0, optimize=False)
+        first.save(file, "GIF", save_all=True, append_images=rest, duration=durations, loop=0, optimize=False)
 
 
 def find_ffmpeg() -> str:

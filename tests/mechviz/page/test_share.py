@@ -28,7 +28,7 @@ from mechviz.accuracy.estimate import estimate_errors
 from mechviz.commands.main import app
 from mechviz.files import OutputError
 from mechviz.outputs.images.drawing import svg_of, turned
-from mechviz.outputs.images.pictures import Look, film, picture_time
+from mechviz.outputs.images.pictures import Look, _write_gif, film, gif_durations, picture_time
 from mechviz.outputs.page.pack import Pack, unpack
 from mechviz.outputs.page.page import Plot, make_page
 from mechviz.outputs.presentation import presentation_in, presentation_of
@@ -498,6 +498,7 @@ class Bars:
     def __init__(self) -> None:
         self.told: list[str] = []
 
+        (("film", "crank-rocker", "-o", "a.gif", "--rate", "60"), "at most 50 pictures a second"),
     @contextlib.contextmanager
     def bar(self, label: str):
         self.told.append(label)
@@ -505,6 +506,25 @@ class Bars:
 
     def update(self, description: str = "", completed: int = 0, total: int | None = None) -> None:
         self.told.append(description if total is None else f"{100 * completed // total} %")
+
+
+@pytest.mark.parametrize("rate", [20, 24, 30, 45])
+def test_a_gif_takes_its_time_at_any_rate(rate, tmp_path):
+    """Its pictures last whole hundredths of a second."""
+
+    def pictures():
+        for k in range(2 * rate):
+            picture, stream = Image.new("RGB", (8, 8), (k, 0, 0)), io.BytesIO()
+            picture.save(stream, "PNG")
+            yield stream.getvalue()
+
+    _write_gif(pictures(), tmp_path / "a.gif", gif_durations(2 * rate, rate))
+    with Image.open(tmp_path / "a.gif") as image:
+        lasted = []
+        for k in range(image.n_frames):
+            image.seek(k)
+            lasted.append(image.info["duration"])
+    assert sum(lasted) == 2000 and max(lasted) - min(lasted) <= 10 < min(lasted)
 
 
 def test_long_work_says_what_it_does_from_its_start_to_its_end(tmp_path, monkeypatch):
