@@ -26,6 +26,18 @@ TOLERANCE = 1e-12
 """Closure error that the solver guarantees, relative to the size of the mechanism."""
 
 
+FRAMES_BEYOND = 0.1
+"""Part of the frames that do not count for `usual_size`."""
+
+
+def usual_size(values: Real) -> float:
+    """The largest magnitude of values (F, n), without the tenth of the frames with the largest ones: a quantity may run off to
+    infinity at a frame, as an instant centre does. 0 where no value is known."""
+    known = np.isfinite(values)
+    sizes = np.max(np.abs(values), axis=1, initial=0.0, where=known)[known.any(axis=1)]
+    return float(np.quantile(sizes, 1.0 - FRAMES_BEYOND, method="lower")) if len(sizes) else 0.0
+
+
 @dataclass(frozen=True)
 class LoadInfo:
     """A load: its kind and the links that it acts on; the tabulated values act on the first. ``points``: of a load between two

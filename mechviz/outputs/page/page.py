@@ -21,12 +21,12 @@ from mechviz.picture.centres import CENTRE_GROUPS
 from mechviz.picture.nodes import Picture
 from mechviz.picture.overlays import HIDDEN_DIAGRAMS, INVERSION_GROUP, INVERSION_TITLE, SECTION_DIAGRAMS
 from mechviz.quantities.catalogue import Catalogue, time_decimals
-from mechviz.quantities.numbers import Numbers
+from mechviz.quantities.numbers import Numbers, usual_size
 from mechviz.quantities.vectors import FORCE_FAMILIES, VECTOR_FAMILIES, round_value
 from mechviz.scene.units import Units
 from mechviz.studies.designs.sensitivity import Bands
 
-ROUND_OFF = 1e-9  # of the largest value of the same unit: smaller values are shown as zero
+ROUND_OFF = 1e-9  # of the largest usual value of the same unit: smaller values are shown as zero
 MOST_FIRST = 4  # plots with which a page opens
 MOST_REACTIONS = 6  # joints in one plot
 
@@ -129,13 +129,12 @@ def first_plots(catalogue: Catalogue, plots: list[Plot], *, simulated: bool) -> 
 
 
 def _without_noise(plots: list[Plot]) -> list[Plot]:
-    """The plots with zero for values that are round-off relative to the largest value of the same unit. Health plots are not
-    changed, because they show round-off."""
+    """The plots with zero for values that are round-off relative to the largest usual value of the same unit. Health plots are
+    not changed, because they show round-off."""
     largest: dict[str, float] = {}
     for p in plots:
         if not p.key.startswith("health."):
-            size = float(np.max(np.abs(p.values), initial=0.0, where=np.isfinite(p.values)))
-            largest[p.unit] = max(largest.get(p.unit, 0.0), size)
+            largest[p.unit] = max(largest.get(p.unit, 0.0), usual_size(p.values))
     kept = []
     for p in plots:
         values = p.values

@@ -37,6 +37,7 @@ from mechviz.outputs.rerun.entities import parts_of
 from mechviz.outputs.rerun.reader import Recording
 from mechviz.outputs.rerun.writer import write_recording
 from mechviz.progress import Bar, progress_bar
+from mechviz.quantities.numbers import usual_size
 from mechviz.runs import run_scene
 from mechviz.scene.scene import load
 from recordings import FRAMES, Made, made
@@ -162,6 +163,27 @@ def test_plots_are_the_numbers_of_the_recording_in_units_for_people(ten):
     rate = recorded().data("joints", "D", "motion")[:, 1].astype(np.float32)
     assert phase["unit"] == "rad/s" and np.array_equal(arrays[phase["values"]], rate)
     assert "Joint A: phase diagram, velocity against angle" not in plots  # it turns on and on
+
+
+def test_a_value_that_runs_off_to_infinity_makes_no_other_zero():
+    """For a moment the cranks are parallel, and the coupler's instant centre is very far away; all else keeps its numbers."""
+    scene = load("crank-rocker").changed({
+        ("metrics",): ["instant_centre"],
+        ("links",): {
+            "frame": {"points": {"A": [0, 0], "D": [200, 0]}}, "crank": {"points": {"A": [0, 0], "B": [100, 0]}},
+            "coupler": {"points": {"B": [0, 0], "C": [float(np.hypot(200, 50)), 0], "E": [90, 70]}},
+            "rocker": {"points": {"D": [0, 0], "C": [150, 0]}},
+        },
+        ("joints", "A", "drive"): {"start": 60.000000001, "travel": 60, "speed": "60 rpm"},
+    })  # fmt: skip
+    run = run_scene(scene, frames=360)
+    far = run.catalogue["instant_centre.frame coupler.position"].values()
+    assert 1e11 < np.abs(far[180]).max() < np.inf
+    page, _ = make_page(presentation_of(run))
+    header, arrays = content(page)
+    (place,) = (arrays[p["values"]] for p in header["plots"] if p["title"] == "Point coupler.E: position")
+    assert place.reshape(-1, 2) == pytest.approx(run.catalogue["point.coupler.E.position"].values(), rel=1e-6)
+    assert usual_size(far) < 1e5 and usual_size(np.full((3, 1), np.nan)) == 0.0
 
 
 def test_plots_have_the_bands_of_tolerances():
@@ -476,6 +498,7 @@ def test_share_writes_a_page_of_a_scene(tmp_path, monkeypatch):
         (("shot", "crank-rocker", "-o", "a.png", "--angle", "sharp"), "--angle"),
         (("shot", "crank-rocker", "-o", "a.svg", "--view", "iso"), "from the front"),
         (("film", "crank-rocker", "-o", "a.avi"), ".gif or .mp4"),
+        (("film", "crank-rocker", "-o", "a.gif", "--rate", "60"), "at most 50 pictures a second"),
     ],
 )
 def test_wrong_input_is_refused_in_words(arguments, words, tmp_path, monkeypatch):
@@ -483,29 +506,6 @@ def test_wrong_input_is_refused_in_words(arguments, words, tmp_path, monkeypatch
     result = run(*(a.format(ten=recorded().path) for a in arguments))
     assert result.exit_code == 2 and words in result.output and "Traceback" not in result.output
     assert not list(tmp_path.iterdir())
-
-
-def test_a_drawing_needs_no_browser(tmp_path, monkeypatch):
-    monkeypatch.setenv("MECHVIZ_CHROMIUM", "no-such-browser")
-    path = tmp_path / "a.svg"
-    result = run("shot", str(recorded().path), "-o", str(path), "--frame", "12", "--size", "640x400", "--dark")
-    assert result.exit_code == 0 and 'width="640" height="400"' in path.read_text(encoding="utf-8")
-
-
-class Bars:
-    """Stands in for bars: what they were told, in order."""
-
-    def __init__(self) -> None:
-        self.told: list[str] = []
-
-        (("film", "crank-rocker", "-o", "a.gif", "--rate", "60"), "at most 50 pictures a second"),
-    @contextlib.contextmanager
-    def bar(self, label: str):
-        self.told.append(label)
-        yield Bar(label, self.update)
-
-    def update(self, description: str = "", completed: int = 0, total: int | None = None) -> None:
-        self.told.append(description if total is None else f"{100 * completed // total} %")
 
 
 @pytest.mark.parametrize("rate", [20, 24, 30, 45])
@@ -525,6 +525,28 @@ def test_a_gif_takes_its_time_at_any_rate(rate, tmp_path):
             image.seek(k)
             lasted.append(image.info["duration"])
     assert sum(lasted) == 2000 and max(lasted) - min(lasted) <= 10 < min(lasted)
+
+
+def test_a_drawing_needs_no_browser(tmp_path, monkeypatch):
+    monkeypatch.setenv("MECHVIZ_CHROMIUM", "no-such-browser")
+    path = tmp_path / "a.svg"
+    result = run("shot", str(recorded().path), "-o", str(path), "--frame", "12", "--size", "640x400", "--dark")
+    assert result.exit_code == 0 and 'width="640" height="400"' in path.read_text(encoding="utf-8")
+
+
+class Bars:
+    """Stands in for bars: what they were told, in order."""
+
+    def __init__(self) -> None:
+        self.told: list[str] = []
+
+    @contextlib.contextmanager
+    def bar(self, label: str):
+        self.told.append(label)
+        yield Bar(label, self.update)
+
+    def update(self, description: str = "", completed: int = 0, total: int | None = None) -> None:
+        self.told.append(description if total is None else f"{100 * completed // total} %")
 
 
 def test_long_work_says_what_it_does_from_its_start_to_its_end(tmp_path, monkeypatch):

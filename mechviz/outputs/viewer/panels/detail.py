@@ -15,6 +15,7 @@ from mechviz.outputs.viewer.playback import NumberTrack, PlotTrack
 from mechviz.outputs.viewer.server import Callback
 from mechviz.outputs.viewer.view_model import ViewModel
 from mechviz.quantities.catalogue import Axis, Quantity
+from mechviz.quantities.numbers import usual_size
 
 FIRST_QUANTITIES = ("reaction", "contact force", "torque", "force", "pressure angle", "angular velocity", "velocity", "angle")
 
@@ -120,7 +121,7 @@ class DetailPanel:
         self._tables = {}
         for q in members(self._view_model, self.item):
             values = q.values()
-            least = ROUND_OFF * float(np.max(np.abs(values), initial=0.0, where=np.isfinite(values)))
+            least = ROUND_OFF * usual_size(values)
             self._tables[q.title] = q, values, least
 
     def _titles(self) -> tuple[str, ...]:

@@ -26,6 +26,7 @@ from mechviz.outputs.viewer.view_model import ViewModel
 from mechviz.outputs.viewer.viser_adapter import uuid_of
 from mechviz.outputs.viewer.words import format_number, hint, unit_suffix
 from mechviz.quantities.catalogue import Axis, Quantity, QuantityGroup
+from mechviz.quantities.numbers import usual_size
 from mechviz.runs import Run
 from mechviz.studies.designs.sensitivity import Bands, bands_of, with_tolerances
 
@@ -45,7 +46,7 @@ OPENED_DESIGN = "as opened"
 DESIGN_DASHES = ([6, 4], [2, 3], [10, 3, 2, 3])  # of the compared designs, repeated cyclically
 BAND_FACTORS = {"none": 0.0, "as it is": 1.0, "10 times": 10.0, "100 times": 100.0}  # factors of the width of tolerance bands
 BAND_OPACITY = "38"  # opacity of a band
-ROUND_OFF = 1e-9  # of a quantity's largest value: smaller values are shown as zero
+ROUND_OFF = 1e-9  # of a quantity's usual size: smaller values are shown as zero
 PEAK_DIFFERENCE = 0.01  # relative difference up to which a positive and a negative peak count as equally large
 CURSOR_COLOR = "#c2255c"
 CURSOR_RATE = 12.0  # moves a second while playing: each sends the whole plot
@@ -392,7 +393,7 @@ class PlotSlot:
             half = extra.enlarged * extra.half
             ends = [self._values[:, k : k + 1] + half[:, k : k + 1] * [1.0, -1.0] for k in range(half.shape[1])]
         self._curves = Curves(axis.values, np.column_stack([self._values, *extra.others.values(), *ends]))
-        self._least = ROUND_OFF * float(np.max(np.abs(self._values), initial=0.0, where=np.isfinite(self._values)))
+        self._least = ROUND_OFF * usual_size(self._values)
 
     def _room(self) -> float:
         """Width of the vertical axis [px]: its ticks, and the longest numbers in its range."""

@@ -18,6 +18,7 @@ from mechviz.outputs.viewer.world.arrows import ArrowNodes, arc_path, arrows_by_
 from mechviz.outputs.viewer.world.labels import LABEL_ANCHORS, corners, half_sizes
 from mechviz.outputs.viewer.world.solids import link_path
 from mechviz.picture.nodes import MomentArc, Points
+from mechviz.quantities.numbers import usual_size
 from mechviz.quantities.vectors import VECTOR_FAMILIES
 
 PATH_COLORS = {False: (32, 78, 138), True: (122, 178, 242)}  # light, dark: colour of paths
@@ -290,7 +291,7 @@ def _joint(view_model: ViewModel, name: str) -> str:
 
 
 MOST_HOVER_VALUES = 60_000  # largest number of arrows times frames whose values are sent to pages, about 2 MB
-ROUNDING_SHARE = 1e-9  # of the largest value of a node: smaller values are shown as zero
+ROUNDING_SHARE = 1e-9  # of the usual size of a node's values: smaller values are shown as zero
 
 
 def hover_values(view_model: ViewModel, arrows: ArrowNodes) -> dict[str, dict[str, Any]]:
@@ -304,7 +305,7 @@ def hover_values(view_model: ViewModel, arrows: ArrowNodes) -> dict[str, dict[st
     values = {}
     for each in arrow_values:
         unit, factor = view_model.units.display_unit(each.si)
-        largest = float(np.max(np.abs(each.values), initial=0.0, where=np.isfinite(each.values)))
+        largest = usual_size(each.values)
         values[each.node] = {
             "unit": unit,
             "color": "rgb({},{},{})".format(*VECTOR_FAMILIES[each.family].on_dark),
