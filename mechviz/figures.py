@@ -5,6 +5,7 @@ matplotlib is loaded when the first chart is made.
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from html import escape
@@ -35,12 +36,30 @@ STYLE = {
 
 @contextmanager
 def chart(width: float, height: float) -> Iterator[Figure]:
-    """Context with an empty figure of a size [in] in the common style, to be filled within the ``with`` block."""
+    """Context with an empty figure of a size [in] in the common style, to be filled within the ``with`` block. Its texts are shown
+    as they are: names and titles with dollar signs are no formulas."""
     import matplotlib
     from matplotlib.figure import Figure
 
     with matplotlib.rc_context(STYLE):
-        yield Figure(figsize=(width, height), layout="constrained")
+        figure = Figure(figsize=(width, height), layout="constrained")
+        yield figure
+        _take_literally(figure)
+
+
+def _take_literally(figure: Figure) -> None:
+    """Let no text of a figure be read as a formula, except for the numbers at logarithmic axes, which are written as such."""
+    from matplotlib.text import Text
+
+    numbers: set[int] = set()
+    for axes in figure.axes:
+        for axis in (axes.xaxis, axes.yaxis):
+            if axis.get_scale() != "linear":
+                ticks = [*axis.get_major_ticks(), *axis.get_minor_ticks()]
+                numbers |= {id(label) for tick in ticks for label in (tick.label1, tick.label2)}
+    for text in figure.findobj(Text):
+        if isinstance(text, Text) and id(text) not in numbers:
+            text.set_parse_math(False)
 
 
 def over_decades(values: Real) -> bool:
@@ -74,7 +93,8 @@ def chart_svg(figure: Figure, titles: Mapping[str, str] | None = None) -> str:
     import matplotlib
 
     stream = StringIO()
-    with matplotlib.rc_context(STYLE):
+    with matplotlib.rc_context(STYLE), warnings.catch_warnings():
+        warnings.filterwarnings("ignore", r"Glyph \d+", UserWarning)  # the texts are drawn by whatever shows the file
         figure.savefig(stream, format="svg", metadata={"Date": None, "Creator": None})
     text = stream.getvalue().replace("*{", "#figure_1 *{", 1)  # so that the style does not apply to a page that contains it
     for gid, words in (titles or {}).items():

@@ -198,7 +198,14 @@ def _text(value: object) -> str:
         value.encode()
     except UnicodeEncodeError:
         raise fault("a text with characters that no file can hold (lone surrogates).", "Write other ones.") from None
+    bad = _NO_TEXT.search(value)
+    if bad:
+        raise fault(f"a text with the character {bad[0]!a}, which drawings and terminals do not show.", "Leave it out.")
     return value
+
+
+_NO_TEXT = re.compile("[^\t\n\r -\x7e\xa0-\ufffd\U00010000-\U0010ffff]")
+"""Control characters and those that no XML may contain."""
 
 
 def _flag(value: object) -> bool:

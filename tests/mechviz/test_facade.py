@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from urllib.request import urlopen
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 
 import mechviz as mv
 from mechcore.errors import MechanismError
+from mechviz.figures import chart, chart_svg
 from mechviz.files import OutputError
 from mechviz.outputs.page.pack import find_frames
 from mechviz.outputs.page.page import find_plots
@@ -96,6 +98,23 @@ def test_names_of_a_scene_are_kept_in_titles_and_curves(tmp_path):
     assert run.quantity("power").curves == ("drive pin: a", "gravity/arm_1", "pull_2")
     titles = [plot.title for plot in find_plots(run.catalogue, find_frames(run.presentation, 100), {})]
     assert {"Joint pin: a: polar plot of the reaction", "Joint pin: a: phase diagram, velocity against angle"} <= set(titles)
+
+
+def test_charts_show_names_and_titles_as_they_are(tmp_path):
+    """Dollar signs begin no formula, a legend names every curve, and numbers at logarithmic axes are powers of ten."""
+    title, load = r"$\foo$ for 5$", "_$P_1$"
+    force = {load: {"force": [0, "-5 N"], "on": "rocker", "at": "C"}}
+    run = mv.run(mv.load("crank-rocker").changed({("title",): title, ("loads",): force}), frames=8)
+    figure = run.plot("power", path=tmp_path / "power.svg")
+    assert [text.get_text() for text in figure.axes[0].get_legend().texts] == list(run.quantity("power").curves)
+    shown = [element.text for element in ElementTree.parse(tmp_path / "power.svg").iter() if element.tag.endswith("}text")]
+    assert {title, load} <= set(shown)
+    with chart(3.0, 2.0) as figure:
+        axes = figure.subplots()
+        axes.set(xscale="log", xlim=(1.0, 1e4))
+        axes.set_yticks([0.0, 1.0], ["$a$", "$b"])
+    words = [element.text or "" for element in ElementTree.fromstring(chart_svg(figure)).iter()]
+    assert {"$a$", "$b"} <= set(words) and not any("math" in word for word in words)
 
 
 def test_a_drive_that_stands_still_is_found_at_its_angle(tmp_path):

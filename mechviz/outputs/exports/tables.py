@@ -16,7 +16,7 @@ import numpy as np
 from mechcore.arrays import Real
 from mechcore.constructions.studies import compute as compute_studies
 from mechcore.errors import Fault, MechanismError
-from mechviz.figures import DOTS_AN_INCH, chart, chart_svg
+from mechviz.figures import COLOURS, DOTS_AN_INCH, chart, chart_svg
 from mechviz.files import replacing
 from mechviz.outputs.rerun.content import model_json, scene_text
 from mechviz.quantities.catalogue import Axis, Quantity, QuantityGroup
@@ -126,6 +126,7 @@ def _quoted(name: str) -> str:
 PANEL_SIZE = 7.0, 2.4  # width and height of a plot [in]
 PLOT_FORMATS = ("CSV", "SVG", "PNG")
 DESIGN_DASHES = ("--", ":", "-.")  # of other designs, repeated cyclically
+DENSE_DASHES = (0, (5, 1))  # of curves whose colours repeat those of the first ones
 
 
 ANGLE_TICK_STEPS = (1.0, 1.5, 3.0, 4.5, 6.0, 9.0, 10.0)  # steps between ticks, times a power of ten
@@ -146,7 +147,8 @@ def plot_figure(
         figure.suptitle(title)
         panels = figure.subplots(len(quantities), squeeze=False, sharex=True)[:, 0]
         for panel, quantity in zip(panels, quantities, strict=True):
-            panel.plot(axis.values, quantity.values(), label=quantity.curves)
+            for k, (name, column) in enumerate(zip(quantity.curves, quantity.values().T, strict=True)):
+                panel.plot(axis.values, column, label=name, linestyle="-" if k < len(COLOURS) else DENSE_DASHES)
             panel.set(ylabel=f"[{quantity.unit}]", title=quantity.label)
         colors = [line.get_color() for line in panels[0].lines]
         for (other, values), dash in zip(beside.items(), cycle(DESIGN_DASHES), strict=False):
@@ -157,7 +159,9 @@ def plot_figure(
                 panels[0].fill_between(axis.values, column - wide, column + wide, color=color, alpha=0.22, linewidth=0.0)
         for panel in panels:
             if len(panel.lines) > 1:
-                panel.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0))
+                panel.legend(
+                    panel.lines, [str(line.get_label()) for line in panel.lines], loc="upper left", bbox_to_anchor=(1.0, 1.0)
+                )
         panels[-1].set_xlabel(axis.title)
         if axis.unit == "°":
             panels[-1].xaxis.get_major_locator().set_params(steps=ANGLE_TICK_STEPS)

@@ -163,6 +163,8 @@ CASES = [
     ("units/colour", "red", "units", "unknown key 'colour'.", "'length', 'angle'"),
     ("gravity", [0], "gravity", "[0] has 1 entry, two are wanted.", "[x, y]"),
     ("title", 5, "title", "5 where a text is wanted.", "quotes"),
+    ("title", "a\x1b[2Jb", "title", "a text with the character '\\x1b', which drawings", "Leave it out."),
+    ("title", "a\uffff", "title", "a text with the character '\\uffff', which drawings", "Leave it out."),
     ("loads/P/on", "roker", "loads.P.on", "there is no link 'roker'.", "Did you mean 'rocker'?"),
     ("loads/P/on", "frame", "loads.P.on", "'frame' is the fixed link", "moving link"),
     ("loads/P/on", REMOVED, "loads.P", "'on' is missing.", "Add on"),
