@@ -6,9 +6,9 @@ import csv
 import io
 import json
 import math
-import re
 from collections.abc import Sequence
 from pathlib import Path
+from shlex import quote
 from typing import Any
 
 import numpy as np
@@ -31,13 +31,13 @@ from mechviz.scene.scene import Scene
 
 PROGRAM_TEXT = """\
 /* {title}
-   Written by mechviz {version}; a C99 compiler makes a program of it: cc -O2 {file}.c -o {file} -lm
+   Written by mechviz {version}; a C99 compiler makes a program of it: cc -O2 {file} -o {program} -lm
 
    mechanism(q, v, a, out): out of positions q [rad or m], speeds v and accelerations a of the drives ({drives}).
    All is in m, rad, s, N and N m; the columns of `out` are named below. NaN: it cannot be put together there.
    Assembly modes are those of the scene.
 
-   The program goes over the first drive, the others resting where they start: ./{file} [FROM TO COUNT [SPEED]] */
+   The program goes over the first drive, the others resting where they start: {program} [FROM TO COUNT [SPEED]] */
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -110,19 +110,20 @@ def code_of(scene: Scene, name: str) -> tuple[str, str | None]:
     text = PROGRAM_TEXT.format(
         title=_comment(scene.title),
         version=package_version(),
-        file=re.sub(r"\W+", "_", name),
+        file=_comment(quote(f"{name}.c")),
+        program=_comment(quote(f"./{name}")),
         drives=", ".join(d.joint for d in drives),
         helpers=HELPERS,
         count=len(drives),
         columns=len(written.columns),
-        names=",\n    ".join(json.dumps(x, ensure_ascii=False) for x in written.columns),
+        names=",\n    ".join(map(_literal, written.columns)),
         parameters=", ".join(_number(x) for x in parameters or [0.0]),
         start=", ".join(map(repr, [*map(float, compiled.start), 0.0])),
         lines="\n    ".join(lines),
         first=low,
         last=float(own[0][1]) if own[0][1] != own[0][0] else low,
         speed=float(own[1][0]),
-        titles=json.dumps(_row([f"{drives[0].joint} [{written.unit}]", *written.columns]), ensure_ascii=False),
+        titles=_literal(_row([f"{drives[0].joint} [{written.unit}]", *written.columns])),
     )
     return text, written.missing
 
@@ -137,6 +138,11 @@ def _row(cells: Sequence[str]) -> str:
 def _comment(text: str) -> str:
     """A text for a comment in C: on one line, because a backslash at the end of a line joins the next one."""
     return " ".join(text.split()).replace("*/", "* /").replace("/*", "/ *")
+
+
+def _literal(text: str) -> str:
+    """A text as a string in C, in which two question marks may begin a trigraph."""
+    return json.dumps(text, ensure_ascii=False).replace("??", "?\\?")
 
 
 def _number(x: float) -> str:

@@ -70,14 +70,18 @@ class SvgSurface {
   fillText(text, x, y) {
     const anchor = { left: "start", center: "middle", right: "end" }[this.textAlign];
     const base = { top: "hanging", middle: "central", alphabetic: "auto" }[this.textBaseline];
-    const words = text.replace(/&/g, "&amp;").replace(/</g, "&lt;");
-    this.parts.push(`<text x="${fixed(x)}" y="${fixed(y)}" fill="${this.fillStyle}" text-anchor="${anchor}" dominant-baseline="${base}">${words}</text>`);
+    this.parts.push(`<text x="${fixed(x)}" y="${fixed(y)}" fill="${this.fillStyle}" text-anchor="${anchor}" dominant-baseline="${base}">${escaped(text)}</text>`);
   }
 
   text(title) {
     const head = `<svg xmlns="http://www.w3.org/2000/svg" width="${this.width}" height="${this.height}" viewBox="0 0 ${this.width} ${this.height}" font-family="sans-serif" font-size="11">`;
-    return `${head}<title>${title.replace(/&/g, "&amp;").replace(/</g, "&lt;")}</title>${this.parts.join("")}${"</g>".repeat(this.open.reduce((a, b) => a + b, 0))}</svg>\n`;
+    return `${head}<title>${escaped(title)}</title>${this.parts.join("")}${"</g>".repeat(this.open.reduce((a, b) => a + b, 0))}</svg>\n`;
   }
+}
+
+/** A text as the content of an element: `]]>`, too, has a meaning in XML. */
+function escaped(text) {
+  return text.replace(/&/g, "&amp;").replace(/</g, "&lt;").replace(/>/g, "&gt;");
 }
 
 function fixed(value) {
@@ -91,11 +95,11 @@ function csv(names, columns) {
   return `${[names.map(quoted).join(","), ...rows].join("\r\n")}\r\n`;
 }
 
-/** Downloads data as a file. */
-function download(name, type, data) {
+/** Downloads data as a file, whose name keeps its ending however long the title is. */
+function download(title, ending, type, data) {
   const link = document.createElement("a");
   link.href = URL.createObjectURL(new Blob([data], { type }));
-  link.download = name.replace(/[^\p{L}\p{N}.-]+/gu, "-").slice(0, 80);
+  link.download = `${title.replace(/[^\p{L}\p{N}.-]+/gu, "-").slice(0, 76)}.${ending}`;
   link.click();
   setTimeout(() => URL.revokeObjectURL(link.href), 10_000);
 }

@@ -92,25 +92,25 @@ class Plot {
   /** Downloads the plot as a file. */
   save(kind) {
     const { plot, values } = this;
-    const name = `${plot.title}.${kind.toLowerCase()}`;
+    const save = (type, data) => download(plot.title, kind.toLowerCase(), type, data);
     const [width, height] = [this.canvas.clientWidth, this.canvas.clientHeight];
     if (kind === "CSV") {
       const axis = this.axis();
       const columns = (list) => plot.names.map((_, c) => Array.from({ length: this.player.header.frames }, (_, k) => list[k * plot.names.length + c]));
       const heads = (words) => plot.names.map((n) => `${n}${words} [${plot.unit}]`);
       const bands = this.half ? [heads(" tolerance ±"), columns(this.half)] : [[], []];
-      download(name, "text/csv", csv([`${axis.title} [${axis.unit}]`, ...heads(""), ...bands[0]], [axis.values, ...columns(values), ...bands[1]]));
+      save("text/csv", csv([`${axis.title} [${axis.unit}]`, ...heads(""), ...bands[0]], [axis.values, ...columns(values), ...bands[1]]));
     } else if (kind === "SVG") {
       const surface = new SvgSurface(width, height, this.player.theme.card);
       this.paint(surface, width, height);
-      download(name, "image/svg+xml", surface.text(plot.title));
+      save("image/svg+xml", surface.text(plot.title));
     } else {
       const copy = Object.assign(document.createElement("canvas"), { width: this.canvas.width, height: this.canvas.height });
       const g = copy.getContext("2d");
       g.fillStyle = this.player.theme.card;
       g.fillRect(0, 0, copy.width, copy.height);
       g.drawImage(this.canvas, 0, 0);
-      copy.toBlob((blob) => download(name, "image/png", blob));
+      copy.toBlob((blob) => save("image/png", blob));
     }
   }
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import shlex
 import subprocess
 from pathlib import Path
 
@@ -88,3 +89,18 @@ def test_no_title_ends_the_comment() -> None:
     for title in ("A **// b", "A /* b */ c", "*/*/"):
         text, _ = code_of(mv.load("crank-rocker").changed({("title",): title}), "own")
         assert text.count("*/") == text.count("/*") == code_of(mv.load("crank-rocker"), "own")[0].count("*/")
+
+
+@pytest.mark.skipif(compiler() is None, reason="no C compiler")
+def test_names_are_printed_as_they_are_by_the_command_in_the_comment(tmp_path: Path) -> None:
+    """In C99 ??( stands for a bracket; a name of a file with a space is quoted."""
+    scene = mv.loads(
+        mv.load("crank-rocker").text.replace('"coupler"', "'odd ??( ??! link'").replace("coupler =", "'odd ??( ??! link' =")
+    )
+    text, _ = code_of(scene, "my crank")
+    (tmp_path / "my crank.c").write_text(text, encoding="utf-8")
+    command = text.split("makes a program of it: cc ")[1].split("\n")[0]
+    assert command == "-O2 'my crank.c' -o './my crank' -lm"
+    subprocess.run([*compiler(), "-std=c99", *shlex.split(command)], check=True, cwd=tmp_path)
+    printed = subprocess.run([str(tmp_path / "my crank")], capture_output=True, text=True, check=True).stdout
+    assert "odd ??( ??! link x [m]" in printed.splitlines()[0].split(",")

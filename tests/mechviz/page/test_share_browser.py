@@ -225,6 +225,15 @@ def test_plots_share_curves_and_are_saved(wide):
     drawing = ElementTree.fromstring(files["SVG"])
     curves = [p for p in drawing.iter("{http://www.w3.org/2000/svg}path") if (p.get("d") or "").count("L") >= len(rows) - 1]
     assert len(curves) == 6 and files["PNG"].startswith(b"\x89PNG")
+    more = [str(k) for k, title in enumerate(plots) if re.fullmatch("Joint [^AB]: reaction", title)][:4]
+    for number in more:
+        figure.locator(".beside").select_option(number)
+    with page.expect_download() as offered:
+        figure.get_by_role("button", name="CSV").click()
+    long = offered.value.suggested_filename
+    assert long.startswith("Joint-A-reaction-Joint-B-reaction") and long.endswith(".csv") and len(long) <= 80
+    for number in more:
+        figure.locator(".beside").select_option(number)
     figure.locator(".beside").select_option(str(second))
     assert page.evaluate("mechviz.player.plots[0].plot.names") == ["Fx", "Fy", "|F|"]
 
