@@ -17,6 +17,7 @@ from mechviz.outputs.viewer.world.solids import link_path
 from mechviz.runs import run_scene
 from mechviz.scene.scene import load
 from mechviz.studies.designs.figures import StoredStudy
+from mechviz.studies.designs.problem import problem_of
 
 __all__ = ["browser"]  # a fixture
 
@@ -94,6 +95,27 @@ def test_a_search_shows_its_best_design_and_stopping_keeps_it(viewer, monkeypatc
     assert viewer.session.wait() and "Stopped" in search.report.content
     start = run_scene(load("parametric-press"), frames=24).catalogue.peak("drive.A.torque")
     assert optimum < viewer.session.run.catalogue.peak("drive.A.torque") < start
+
+
+def test_the_best_design_is_shown_in_the_end_whatever_others_did_meanwhile(viewer):
+    """Another browser undoes the best design, which is not found again, or edits what the search does not vary."""
+    search, session, best = viewer.inspector.optimiser, viewer.session, np.array([75.0, 5.0])
+    session.reset()
+    assert session.wait()
+    problem = problem_of(session.run.scene)
+    search._take(problem, best)
+    assert session.wait() and values(viewer, "stroke", "ratio") == pytest.approx([0.075, 5.0])
+    session.undo()
+    assert session.wait() and values(viewer, "stroke") == pytest.approx([0.08])
+    search._take(problem, best, last=True)
+    assert session.wait() and values(viewer, "stroke", "ratio") == pytest.approx([0.075, 5.0])
+    steps = len(session.history._drafts)
+    search._take(problem, best, last=True)
+    assert session.wait() and len(session.history._drafts) == steps and not search._edited(problem)
+    session.change("speed", lambda draft: draft.changed({("joints", "A", "drive", "speed"): "90 rpm"}))
+    assert search._edited(problem)
+    session.reset()
+    assert session.wait()
 
 
 @pytest.mark.thorough

@@ -538,6 +538,13 @@ def test_a_scene_is_saved_and_never_replaced_untold(viewer, page, folder):
     dialog.get_by_role("button", name="Save", exact=True).click()
     dialog.get_by_text("is there already").wait_for()
     assert saved.read_text() == text
+    other = folder / "other.toml"
+    other.write_text(text)
+    dialog.get_by_role("textbox").fill(other.name)
+    dialog.get_by_role("button", name="Replace it").click()
+    dialog.get_by_text("other.toml is there already").wait_for()
+    assert other.read_text() == text, "it was asked about another file"
+    dialog.get_by_role("textbox").fill(saved.name)
     dialog.get_by_role("button", name="Replace it").click()
     until(page, lambda: saved.read_text() != text, "replaced when told")
     assert load(saved) == viewer.run.scene

@@ -126,6 +126,20 @@ def test_another_solution_is_another_linkage(solutions):
         assert poses_in(session.run.scene).places == pytest.approx(POSES.places, abs=1e-12)
 
 
+def test_what_is_listed_are_the_four_bars_for_the_positions_that_are_shown(solutions):
+    with Viewer(run_scene(solutions[0].scene, frames=24), port=0) as viewer:
+        tab, session = viewer.inspector.synthesis.positions, viewer.session
+        tab.ask("solution", tab.poses)
+        assert session.wait(until_idle=True) and "1: " in tab.report.content
+        own = tab.report.content
+        tab.ask("number 2", with_moved_pose(tab.poses, 1, 0.032 + 0.02j, np.radians(25)))
+        assert session.wait(until_idle=True) and "1: " in tab.report.content and tab.report.content != own
+        session.undo()
+        assert session.wait(until_idle=True) and tab.report.content == ""
+        tab.ask("solution", tab.poses)
+        assert session.wait(until_idle=True) and tab.report.content == own
+
+
 def test_any_four_bar_begins_with_its_own_positions():
     with Viewer(run_scene(mechviz.load("crank-rocker"), frames=121), port=0) as viewer:
         tab, session = viewer.inspector.synthesis.positions, viewer.session

@@ -106,8 +106,10 @@ class Optimiser:
             if begin.feasible[0]:
                 self._draw(search.problem, 0, float(begin.objectives[0, 0]))
             optimum = optimise(search)
-            self._take(search.problem, optimum.design)
+            self._take(search.problem, optimum.design, last=True)
             how = "Stopped: the best design so far." if search.interrupted else "Done."
+            if self._edited(search.problem):
+                how += " Other values were changed meanwhile: the numbers are those of the scene as it was."
             self.report.content = words.html_table(f"{how} {search.evaluations} designs were looked at.", optimum.lines())
         except MechanismError as error:
             self.report.content = words.refusal_words(" ".join(f"{f.message} {f.remedy}" for f in error.faults), None, 0.0, None)
@@ -140,12 +142,26 @@ class Optimiser:
         self.chart.title = f"{term.text} [{term.unit}]" if term.unit else term.text
         self.chart.visible = True
 
-    def _take(self, problem: Problem, design: Real) -> None:
-        """Show a design, unless it is shown already."""
-        if not np.array_equal(design, self._shown):
+    def _take(self, problem: Problem, design: Real, *, last: bool = False) -> None:
+        """Show a design, unless it is shown already; the ``last`` one also where it was, as it may have been undone since."""
+        values = {v.name: v.stated(float(x)) for v, x in zip(problem.variables, design, strict=True)}
+        if self._differs(values, None) if last else not np.array_equal(design, self._shown):
             self._shown = design
-            values = {v.name: v.stated(float(x)) for v, x in zip(problem.variables, design, strict=True)}
             self._session.change("optimise", lambda draft: draft.with_parameters(values))
+
+    def _edited(self, problem: Problem) -> bool:
+        """Whether the scene differs from that of a search in more than what the search varies."""
+        start = {v.name: v.stated(float(x)) for v, x in zip(problem.variables, problem.start, strict=True)}
+        return self._differs(start, problem.stated.with_parameters(start))
+
+    def _differs(self, values: dict[str, float | str], other: Scene | None) -> bool:
+        """Whether the present scene with some values of parameters differs from ``other``, by default from itself."""
+        self._session.wait()
+        scene = self._session.run.scene
+        try:
+            return scene.with_parameters(values) != (other or scene)
+        except MechanismError:  # after other edits it cannot be put together with these values
+            return True
 
 
 def crosses(places: Real, size: float, height: float) -> Real:

@@ -55,12 +55,15 @@ class Saver:
             replace = gui.add_button("Replace it", color="red", visible=False)
             stop = gui.add_button("Cancel", color="dark")
 
+        asked: set[Path] = set()  # existing files whose replacement the dialog has asked about
+
         def go(confirmed: bool) -> None:
             target = self._folder / file_name(name.value, ending, usual)
             if self._session.busy:
                 warning.content = words.hint("A change is still being solved. Press the button again when it is shown.")
                 return
-            if target.exists() and not confirmed:
+            if target.exists() and not (confirmed and target in asked):
+                asked.add(target)
                 warning.content = words.hint(f"{target.name} is there already. Give another name, or replace it.")
                 replace.visible = True
                 return

@@ -96,6 +96,14 @@ def shortened(poses: BodyPositions) -> BodyPositions:
     return BodyPositions(poses.places[:-1], poses.angles[:-1])
 
 
+def same_poses(one: BodyPositions, other: BodyPositions) -> bool:
+    """Whether poses agree, up to the rounding of a scene's unit."""
+    if len(one.places) != len(other.places):
+        return False
+    away = np.abs(one.places - other.places) / one.reach, np.abs(one.turns - other.turns)
+    return bool(max(part.max() for part in away) < 1e-9)
+
+
 def _poses(session: EditSession) -> BodyPositions:
     """The poses for which a scene was synthesized; otherwise three poses of the coupler in the first quarter of the run."""
     scene, mechanism = session.run.scene, session.run.scene.mechanism
@@ -118,7 +126,7 @@ class Positions:
         self._nodes: list[Any] = []
         self._placing = threading.Lock()  # handles are placed by the session and by the checkbox
         self._held = -1
-        self._choices: list[MotionDesign] = []
+        self._found: tuple[BodyPositions | None, list[MotionDesign]] = None, []
         self.poses = _poses(session)
         gui = server.gui
         with folder:
@@ -146,7 +154,7 @@ class Positions:
     def drafted(self, draft: Draft, poses: BodyPositions, choice: int) -> Draft:
         """A draft of four-bar number ``choice`` (1: the best) for poses. Raises `MechanismError` if there is none."""
         choices = motion_choices(poses)
-        self._choices = choices
+        self._found = poses, choices
         made = choices[min(max(choice, 1), len(choices)) - 1]
         return replace(draft, document=motion_solutions(poses, [made])[0].scene.document)
 
@@ -155,10 +163,11 @@ class Positions:
         self._session.change(f"positions: {what}", partial(self.drafted, poses=poses, choice=int(self.choice.value)))
 
     def _explain(self) -> None:
-        """List the four-bars that were found."""
-        listed = solution_rows(
-            one.defects or self._session.view_model.units.text(one.transmission, "rad", 2) for one in self._choices
-        )
+        """List the four-bars that were found for the positions of the scene: none for others, as after an undo."""
+        poses, choices = self._found
+        known = poses is not None and same_poses(poses, self.poses)
+        units = self._session.view_model.units
+        listed = solution_rows(one.defects or units.text(one.transmission, "rad", 2) for one in choices if known)
         set_content(self.report, words.hint(f"Least transmission angle, or defects, of each solution. {listed}") if listed else "")
 
     def _place(self, view_model: ViewModel) -> None:
