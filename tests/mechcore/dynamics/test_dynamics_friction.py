@@ -15,8 +15,9 @@ from mechcore.dynamics.simulate import simulate
 from mechcore.errors import MechanismError
 from mechcore.laws.signals import Step
 from mechcore.laws.timed import ConstantSpeed, Free
-from mechcore.spec.loads import Factor, Force
-from mechcore.spec.mechanism import Drive, Friction, Joint, Link, Mechanism, Prismatic, Revolute
+from mechcore.motion.solve import compile_mechanism
+from mechcore.spec.loads import Factor, Force, Torque
+from mechcore.spec.mechanism import Belt, Drive, Friction, Joint, Link, Mechanism, Prismatic, Revolute
 
 
 def _spring(stiffness: float, link: str = "mass") -> Force:
@@ -412,3 +413,34 @@ def test_a_stop_with_friction_at_its_joint_lets_go_and_never_pulls(tolerance):
     left = [h.time for h in run.events if h.kind == "release"]
     assert len(left) == len(set(left)) and not {h.time for h in run.events if h.kind == "contact"} & set(left)
     assert float(run(np.array([left[-1] + 0.1]))[0][0, 1]) > stop.at + 0.05
+
+
+@pytest.mark.parametrize("executor", ["numpy", "c"])
+def test_friction_decides_which_span_of_a_belt_carries(executor: Any) -> None:
+    """A wheel that would drive another one by its torque is braked by its bearing, so that the other span is tight. The bearings'
+    friction was that under the span that is tight without friction: it was off by a third."""
+    bearing = Friction(coefficient=0.3, radius=0.05)
+    links = (
+        Link(name="frame", points={"A": (0.0, 0.0), "B": (0.6, 0.2)}),
+        Link(name="first", points={"A": (0.0, 0.0)}, inertia=0.02),
+        Link(name="second", points={"B": (0.0, 0.0)}, mass=8.0, inertia=0.02),
+    )
+    joints = (
+        Revolute(name="A", links=("frame", "first"), points=("A", "A")),
+        Revolute(name="B", links=("frame", "second"), points=("B", "B"), friction=bearing),
+        Belt(name="V", links=("first", "second"), carrier="frame", radii=(0.05, 0.15)),
+    )
+    loads = (Torque(name="M", link="second", moment=0.6),)
+    drives = (Drive(joint="A", law=Free(0.0, 30.0)),)
+    made = {"links": links, "joints": joints, "drives": drives, "loads": loads}
+    m = Mechanism(name="belt", frame="frame", **made, effects=("inertia", "gravity", "friction"))
+    run = simulate(compile_mechanism(m, executor=executor), 0.1)
+    t = np.linspace(0.0, 0.1, 5)
+    motion = run.motion(t)
+    forces = run.forces(motion)
+    without = simulate(dataclasses.replace(m, effects=("inertia", "gravity")), 0.1)
+    pulls = [f.reaction("V")[:, :2] for f in (forces, without.forces(without.motion(t)))]
+    assert np.abs(pulls[0][0, 1] / pulls[0][0, 0] - pulls[1][0, 1] / pulls[1][0, 0]) > 0.1  # another span
+    normal = np.hypot(*forces.reaction("B")[:, :2].T)
+    np.testing.assert_allclose(forces.friction.applied("B")[:, 2], -0.3 * 0.05 * normal, rtol=1e-9)
+    assert np.abs(run.drift(t)).max() < 1e-9

@@ -9,12 +9,12 @@ friction is within its limit: the law is set-valued, nothing is smoothed.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from mechcore.arrays import Index, Plane, Real, Values
+from mechcore.arrays import Flags, Index, Plane, Real, Values
 from mechcore.dynamics.equations.charts import differences, jacobian_of
 from mechcore.dynamics.equations.contacts import ContactProgram, FrictionValues, add_inertia, contact_program
 from mechcore.dynamics.equations.reduced import (
@@ -32,7 +32,7 @@ from mechcore.errors import Fault, MechanismError
 from mechcore.forces.equilibrium import transmit
 from mechcore.forces.friction.elements import Element, elements_of, relative_rate, scales_of
 from mechcore.forces.friction.normal_loads import solve_normal_loads
-from mechcore.forces.friction.solve import FrictionResult, Response, TransmittedForces, picked, system
+from mechcore.forces.friction.solve import FLANK_ROUNDS, FrictionResult, Response, TransmittedForces, picked, system
 from mechcore.forces.kinetostatics import Forces
 from mechcore.motion.compiled import Compiled
 from mechcore.motion.motion import Motion
@@ -167,19 +167,35 @@ class DrySystem:
             elements = [replace(e, factor=e.limit) for e in elements]
         tau = np.stack([rates_of(units, e) for e in elements], axis=1)  # (n, e, f): relative rate per unit rate of a coordinate
         responses, _ = constrained(r.inertia[:, None], tau, rows)  # (n, e, f): acceleration per unit of friction
-        response = _respond(loaded, units, elements, responses)
-        stuck = np.flatnonzero(self.signs == 0.0)
+        bias = np.stack([relative_rate(loaded, loaded.accelerations, e.what, e.index, e.links) for e in elements], axis=1)
+        rate = np.stack([e.rate for e in elements], axis=1)
+        braking = np.stack([-s * e.factor * np.ones(n) for s, e in zip(self.signs, elements, strict=True)], axis=1)
+        coupling = np.einsum("nif,njf->nij", tau, responses)  # relative acceleration at i per unit of friction at j
+        flanks: dict[int, Values] | None = None
+        for _ in range(FLANK_ROUNDS):
+            response = _respond(loaded, units, elements, responses, flanks)
+            value, parts, norms = self._balanced(loaded, elements, response, braking, bias, coupling)
+            before, flanks = response.base[2] if flanks is None else flanks, _carried(response, value)
+            if all(np.all((flanks[r] < 0.0) == (before[r] < 0.0)) for r in flanks):
+                break
+        size = np.where(norms, np.hypot(parts[..., 0], parts[..., 1]), np.abs(parts).max(axis=2))
+        limit = size * np.array([e.limit for e in elements])
+        acceleration = with_states(first + np.einsum("njf,nj->nf", responses, value), motion)
+        return Dry(acceleration, value, limit, rate, bias + np.einsum("nij,nj->ni", coupling, value))
+
+    def _balanced(
+        self, motion: Motion, elements: Sequence[Element], response: Response, braking: Real, bias: Real, coupling: Real
+    ) -> tuple[Real, Real, Flags]:
+        """Friction ``value`` (n, e) that is in balance with the accelerations that it causes, the two numbers (n, e, 2) of every
+        normal load and which of these loads are Euclidean (e,)."""
+        stuck, slide = np.flatnonzero(self.signs == 0.0), np.flatnonzero(self.signs != 0.0)
+        n = motion.frames
         # columns of unit friction where it sticks, of minus sign times factor times normal load where it slides
         plain = [
             replace(e, sign=np.full(n, -1.0), factor=1.0) if s == 0.0 else e for e, s in zip(elements, self.signs, strict=True)
         ]
-        a, k, norms = system(loaded, plain, response)
-        bias = np.stack([relative_rate(loaded, loaded.accelerations, e.what, e.index, e.links) for e in elements], axis=1)
-        rate = np.stack([e.rate for e in elements], axis=1)
+        a, k, norms = system(motion, plain, response)
         value = np.zeros((n, len(elements)))
-        slide = np.flatnonzero(self.signs != 0.0)
-        braking = np.stack([-s * e.factor * np.ones(n) for s, e in zip(self.signs, elements, strict=True)], axis=1)
-        coupling = np.einsum("nif,njf->nij", tau, responses)  # relative acceleration at i per unit of friction at j
         if len(stuck):
             inner = coupling[:, stuck[:, None], stuck]
             need = least_efforts(inner, scales_of(motion.model, elements)[stuck])
@@ -192,7 +208,7 @@ class DrySystem:
         if len(slide):
             solution = solve_normal_loads(sub_a, sub_k, norms[slide])
             if solution.jammed.any():
-                self._refuse(elements, slide, solution.share[solution.jammed][0], float(t[np.argmax(solution.jammed)]))
+                self._refuse(elements, slide, solution.share[solution.jammed][0], float(motion.time[np.argmax(solution.jammed)]))
             value[:, slide] = braking[:, slide] * solution.loads
         if len(stuck):
             value[:, stuck] = alpha + np.einsum("nij,nj->ni", beta, solution.loads) if len(slide) else alpha
@@ -201,10 +217,7 @@ class DrySystem:
             k,
             np.where(self.signs == 0.0, value, np.divide(value, braking, where=braking != 0, out=np.zeros_like(value))),
         )
-        size = np.where(norms, np.hypot(parts[..., 0], parts[..., 1]), np.abs(parts).max(axis=2))
-        limit = size * np.array([e.limit for e in elements])
-        acceleration = with_states(first + np.einsum("njf,nj->nf", responses, value), motion)
-        return Dry(acceleration, value, limit, rate, bias + np.einsum("nij,nj->ni", coupling, value))
+        return value, parts, norms
 
     def _refuse(self, elements: Sequence[Element], slide: Index, share: Real, t: float) -> None:
         worst = elements[slide[int(np.argmax(share))]]
@@ -229,11 +242,17 @@ def rates_of(units: Sequence[Motion], e: Element) -> Real:
     return np.stack([relative_rate(u, u.speeds, e.what, e.index, e.links) for u in units], axis=-1)
 
 
-def _respond(motion: Motion, units: Sequence[Motion], elements: Sequence[Element], responses: Real) -> Response:
+def _respond(
+    motion: Motion,
+    units: Sequence[Motion],
+    elements: Sequence[Element],
+    responses: Real,
+    flanks: Mapping[int, Values] | None = None,
+) -> Response:
     """Transmitted forces under all loads and inertia, and under unit friction with the inertia forces of the accelerations that it
-    causes."""
+    causes. ``flanks``: multipliers whose signs select those that carry; without it they are those without friction."""
     model, n, e = motion.model, motion.frames, len(elements)
-    base = transmit(motion, *sum_up(wrenches(motion), len(model.links)))
+    base = transmit(motion, *sum_up(wrenches(motion), len(model.links)), flanks)
     force: list[Plane] = [0j] * len(model.links)
     moment: list[Values] = [0.0] * len(model.links)
     for i, element in enumerate(elements):
@@ -241,5 +260,13 @@ def _respond(motion: Motion, units: Sequence[Motion], elements: Sequence[Element
         one[i] = 1.0
         element.load(motion, force, moment, one)
     add_inertia(motion, units, list(responses.T), force, moment)
-    together = transmit(motion, force, moment, base[2])
+    together = transmit(motion, force, moment, base[2] if flanks is None else flanks)
     return Response(base, picked(together, (e, n)))
+
+
+def _carried(response: Response, value: Real) -> dict[int, Values]:
+    """Multipliers of all relations (n,) with friction of ``value`` (n, e)."""
+    return {
+        r: multiplier + sum(x * unit[2][r] for x, unit in zip(value.T, response.units, strict=True))
+        for r, multiplier in response.base[2].items()
+    }

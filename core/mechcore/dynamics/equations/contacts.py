@@ -42,6 +42,9 @@ from mechcore.motion.compiled import Compiled
 from mechcore.motion.motion import Motion
 from mechcore.spec.mechanism import joints_with_friction
 
+ONE_SIDED = ("rolling", "screw")  # kinds of relations whose contact does not depend on the sign of their force
+FLANK_ROUNDS = 2  # rounds in which gears and belts may change sides; numpy tries more of them
+
 
 class Ending(IntEnum):
     """Causes that end a phase of a motion with contacts, as `phases.c` has it."""
@@ -248,35 +251,36 @@ class _ContactWriter(EquationsWriter):
                 raise Untraceable(f"friction acts on the cam of {e.joint}")
         tau = [[relative_rate(u, u.speeds, e.what, e.index, e.links) for u in units] for e in elements]
         responses = [held.response(row, [0.0] * len(self._resting)) for row in tau]
-        force, moment, _ = totals(loaded)
-        forces, contacts, flanks = joint_forces(loaded, list(force), list(moment))
-        own = [x for e, s in zip(elements, plain, strict=True) for x in e.normal(loaded, forces, contacts, s)]
-        by: list[list[tuple[Any, Any]]] = [[(0.0, 0.0)] * count for _ in elements]
-        for j, source in enumerate(elements):
-            unit: tuple[list[Any], list[Any]] = [0j] * links, [0.0] * links
-            source.load(loaded, *unit, 1.0)
-            add_inertia(loaded, units, responses[j][0], *unit)
-            response, touching, _ = joint_forces(loaded, *unit, flanks)
-            for i, e in enumerate(elements):
-                if e.kind != "brake":
-                    by[i][j] = e.normal(loaded, response, touching, plain[i])
         factors = [np.where(breaking, e.limit, e.factor) for e in elements]
         braking = [x - s * f for x, s, f in zip(still, signs, factors, strict=True)]
         bias = [relative_rate(loaded, loaded.accelerations, e.what, e.index, e.links) for e in elements]
         coupling = [[_product(row, a) for a, _ in responses] for row in tau]
-        pairs = (pair[axis] for row in by for axis in (0, 1) for pair in row)
-        given = [
-            RESIDUAL_TOLERANCE,
-            *signs,
-            *braking,
-            *map(float, scales_of(self.model, elements)),
-            *bias,
-            *chain(*coupling),
-            *own,
-            *pairs,
-        ]
+        scales = map(float, scales_of(self.model, elements))
+        given = [RESIDUAL_TOLERANCE, *signs, *braking, *scales, *bias, *chain(*coupling)]
         shape = [count, *(int(e.euclidean) for e in elements)]
-        *solved, factor = code.filled("dry", 2 * count + 1, shape, given)
+        force, moment, _ = totals(loaded)
+        sided = [r for r, relation in enumerate(self.model.relations) if relation.kind not in ONE_SIDED]
+        flanks: dict[int, Any] = {}
+        for _ in range(FLANK_ROUNDS if sided else 1):
+            forces, contacts, base = joint_forces(loaded, list(force), list(moment), flanks or None)
+            before = flanks or base
+            own = [x for e, s in zip(elements, plain, strict=True) for x in e.normal(loaded, forces, contacts, s)]
+            by: list[list[tuple[Any, Any]]] = [[(0.0, 0.0)] * count for _ in elements]
+            carried: list[dict[int, Any]] = []
+            for j, source in enumerate(elements):
+                unit: tuple[list[Any], list[Any]] = [0j] * links, [0.0] * links
+                source.load(loaded, *unit, 1.0)
+                add_inertia(loaded, units, responses[j][0], *unit)
+                response, touching, of_unit = joint_forces(loaded, *unit, before)
+                carried.append(of_unit)
+                for i, e in enumerate(elements):
+                    if e.kind != "brake":
+                        by[i][j] = e.normal(loaded, response, touching, plain[i])
+            pairs = (pair[axis] for row in by for axis in (0, 1) for pair in row)
+            *solved, factor = code.filled("dry", 2 * count + 1, shape, [*given, *own, *pairs])
+            flanks = {r: x + _product(solved[:count], [of_unit[r] for of_unit in carried]) for r, x in base.items()}
+        for r in sided:  # those that carry with friction are those that were assumed, else numpy has to find them
+            factor = factor * (1.0 - abs((flanks[r] < 0.0) - (before[r] < 0.0)))
         value, size = [x / factor for x in solved[:count]], solved[count:]
         second = [b + _product(row, value) for b, row in zip(bias, coupling, strict=True)]
         limits = [x * e.limit for x, e in zip(size, elements, strict=True)]
