@@ -299,7 +299,9 @@ WINDOW_NODES = 16
 BESIDE = 8.0  # units in the last place between the two sides of a jump
 LEAST_JUMP = 1e-6  # part of the largest rate or acceleration of a coordinate: smaller jumps are integration errors
 INSTANTS_AT_ONCE = 20_000  # instants that are evaluated at once
-_X, _W = legendre.leggauss(WINDOW_NODES)
+UNRESOLVED = 1e-9  # part of the energy exchanged in a run by which the last terms of a panel's polynomials count as too large
+MOST_HALVINGS = 12  # of a panel; next to a kink of a power the error falls with each
+_X = legendre.leggauss(WINDOW_NODES)[0]
 _FIT = np.linalg.inv(legendre.legvander(_X, WINDOW_NODES - 1))
 
 
@@ -343,14 +345,30 @@ class WorkIntegrals:
 
 
 def work_integrals(powers: Callable[[Real], Real], edges: Real) -> WorkIntegrals:
-    """Works of powers, ``powers(t)`` (n, c) [W] at times (n,); smooth between ``edges`` (p + 1,) [s]."""
-    widths = np.diff(edges)
-    x = (edges[:-1, None] + 0.5 * widths[:, None] * (_X + 1.0)).ravel()
-    values = np.concatenate([powers(x[k : k + INSTANTS_AT_ONCE]) for k in range(0, len(x), INSTANTS_AT_ONCE)])
-    values = values.reshape(len(widths), WINDOW_NODES, -1)
-    gained = 0.5 * widths[:, None] * np.einsum("s,psc->pc", _W, values)
-    before = np.concatenate([np.zeros((1, values.shape[2])), np.cumsum(gained, axis=0)[:-1]])
-    return WorkIntegrals(edges, np.einsum("ij,pjc->pic", _FIT, values), before)
+    """Works of powers, ``powers(t)`` (n, c) [W] at times (n,); smooth between ``edges`` (p + 1,) [s].
+
+    Panels on which the polynomials do not follow the powers are halved: those of prescribed drives may change much more quickly
+    than what moves freely, for which the edges were made."""
+    start, width = edges[:-1], np.diff(edges)
+    known: list[tuple[Real, Real, Real]] = []  # starts (p,), widths (p,) and coefficients (p, WINDOW_NODES, c) of panels
+    exchanged = 0.0  # [J], by the power of the largest magnitude
+    for halvings in range(MOST_HALVINGS + 1):
+        x = (start[:, None] + 0.5 * width[:, None] * (_X + 1.0)).ravel()
+        values = np.concatenate([powers(x[k : k + INSTANTS_AT_ONCE]) for k in range(0, len(x), INSTANTS_AT_ONCE)])
+        coefficients = np.einsum("ij,pjc->pic", _FIT, values.reshape(len(width), WINDOW_NODES, -1))
+        exchanged = exchanged or float(width @ np.abs(values).reshape(len(width), -1).max(axis=1))
+        coarse = width * np.abs(coefficients[:, -2:]).max(axis=(1, 2)) > UNRESOLVED * exchanged
+        if halvings == MOST_HALVINGS or not coarse.any():
+            known.append((start, width, coefficients))
+            break
+        known.append((start[~coarse], width[~coarse], coefficients[~coarse]))
+        start, width = start[coarse], 0.5 * width[coarse]
+        start, width = np.concatenate([start, start + width]), np.tile(width, 2)
+    start, width, coefficients = (np.concatenate(parts) for parts in zip(*known, strict=True))
+    order = np.argsort(start, kind="stable")
+    gained = width[order, None] * coefficients[order, 0]
+    before = np.concatenate([np.zeros((1, gained.shape[1])), np.cumsum(gained, axis=0)[:-1]])
+    return WorkIntegrals(np.append(start[order], edges[-1]), coefficients[order], before)
 
 
 def powers_of(motion: Motion, forces: Forces) -> Real:
