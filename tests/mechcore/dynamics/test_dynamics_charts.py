@@ -14,7 +14,7 @@ from mechcore.dynamics.equations.charts import strain
 from mechcore.dynamics.simulate import simulate
 from mechcore.laws.timed import ConstantSpeed, Free
 from mechcore.spec.loads import Torque
-from mechcore.spec.mechanism import Cylinder, Drive, Friction, Gear, Link, Mechanism
+from mechcore.spec.mechanism import Cylinder, Drive, Friction, Gear, Link, Mechanism, Revolute, Screw
 from mechviz.hard_cases.mechanisms import four_bar, pin
 
 END = 1.1
@@ -196,3 +196,28 @@ def test_other_coordinates_lead_before_digits_are_lost():
         q, v, _ = segment.solution(np.array([segment.end]))
         assert strain(segment.compiled, q[0], v[0], segment.end) < 20.1
     assert np.abs(simulation.drift(TIMES)).max() < 1e-9
+
+
+def test_a_free_cylinder_hands_over_beside_a_free_screw() -> None:
+    """An arm falls through the place where its cylinder is longest. With a screw free as well there were fewer pins and slides than
+    freedoms to choose from, and the run ended with an IndexError, or as a dead point."""
+    joints = (
+        Revolute(name="O", links=("frame", "arm"), points=("O", "O")),
+        Cylinder(name="C", links=("frame", "arm"), points=("P", "Q")),
+        Screw(name="S", links=("arm", "nut"), points=("Q", "N"), lead=0.1),
+    )
+    links = (
+        Link(name="frame", points={"O": (0.0, 0.0), "P": (0.0, 0.3)}),
+        Link(name="arm", points={"O": (0.0, 0.0), "Q": (0.5, 0.0)}, mass=1.0, centre=(0.3, 0.0), inertia=0.05),
+        Link(name="nut", points={"N": (0.0, 0.0)}, mass=0.5, inertia=0.01),
+    )
+    drives = (Drive(joint="C", law=Free(0.6, 0.0)), Drive(joint="S", law=Free(0.0, 0.0)))
+    falling = Mechanism(
+        name="boom", frame="frame", links=links, joints=joints, drives=drives, modes={"C": "left"}, effects=("inertia", "gravity")
+    )
+    run = simulate(falling, 1.2, tolerance=1e-10)
+    t = np.linspace(0.0, 1.2, 61)
+    angle, length = (run.motion(t).coordinate(joint)[:, 0] for joint in "OC")
+    assert len(run.segments) > 1 and (np.diff(np.sign(np.cos(angle))) != 0).any()  # through the lowest place
+    assert length == pytest.approx(np.abs(0.5 * np.exp(1j * angle) - 0.3j), abs=1e-12)
+    assert np.abs(run.drift(t)).max() < 1e-8

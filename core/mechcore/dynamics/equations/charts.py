@@ -183,6 +183,8 @@ def take_over(compiled: Compiled, q: Real, v: Real, t: float, known: Sequence[Co
     if not np.isfinite(rows).all():
         return None
     sets = _sets(rows)
+    if not sets:  # screws and cylinders lead, and there are too few other joints
+        return None
     chosen = rows[np.array(sets)]
     fine = np.abs(np.linalg.det(chosen)) > 1e-6
     eased = np.full(len(sets), np.inf)

@@ -216,7 +216,9 @@ def rates_of_joints(compiled: Compiled, units: Sequence[Motion]) -> tuple[list[s
     movable = [p for p in mechanism.joints if isinstance(p, Revolute | Prismatic | Planar)]
     names = [name for p in movable for name in coordinates_of(p) if name not in prescribed]
     names = [name for name in names if model.joints[model.joint_index[name]].freedoms]
-    scales = [model.coordinate_scale(mechanism.drives[i].joint) for i in free_of(compiled)]
+    leading = [mechanism.drives[i].joint for i in free_of(compiled)]  # screws and cylinders lead only where they are stated to
+    names += [name for name in leading if name not in names]
+    scales = [model.coordinate_scale(name) for name in leading]
     rows = [[rate(u, k) * (f / model.coordinate_scale(k)) for u, f in zip(units, scales, strict=True)] for k in names]
     return names, rows
 
