@@ -43,6 +43,10 @@ GROWTH = 10.0
 TOGGLE = 1e-6
 """Velocity ratio, relative to its median, up to which it is zero."""
 
+STRAIGHT = 1e-6
+"""Size of a mechanism over the radius of curvature of a path up to which the path is straight: next to places where a point is at
+rest, this is rounding."""
+
 SPLINE_OVERSHOOT = 0.05
 """Fraction of a table's range by which a spline may overshoot the two rows around it (sine with ten rows per cycle: 0.02)."""
 
@@ -333,7 +337,7 @@ def _extremes(motion: Motion) -> Iterator[Event]:
     if "curvature" in requested:
         for link, point in motion.mechanism.traced:
             t, value = largest_maximum(motion, partial(_curvature, link, point))
-            if np.isfinite(t) and value * motion.model.length_scale <= REST:
+            if np.isfinite(t) and value * motion.model.length_scale <= STRAIGHT:
                 yield Event(float(motion.time[0]), "INFO", f"{link}.{point}", f"the path of {link}.{point} is a straight line")
             elif np.isfinite(t):
                 text = f"sharpest bend of the path of {link}.{point}, radius {as_length(1.0 / value, 5)}"

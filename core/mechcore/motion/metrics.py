@@ -10,13 +10,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from functools import partial, wraps
+from functools import partial, reduce, wraps
 from itertools import combinations
 from typing import Any, TypeVar
 
 import numpy as np
 
-from mechcore.arrays import Complex, Plane, Real
+from mechcore.arrays import Complex, Flags, Plane, Real
 from mechcore.constants import REST
 from mechcore.kinematics.model import Model
 from mechcore.kinematics.rates import Rates
@@ -219,15 +219,19 @@ def mechanical_advantage(motion: Motion) -> dict[str, Real]:
 
 @over_parts
 def curvature(motion: Motion, link: str, point: str) -> Real:
-    """Signed curvature (F,) [1/m] of the path of a point: positive where it bends to the left; NaN where the point is at rest.
+    """Signed curvature (F,) [1/m] of the path of a point: positive where it bends to the left; NaN where the point is at rest, but
+    for rounding, while others move.
 
     (x' y'' - y' x'') / (x'^2 + y'^2)^(3/2), with the rates of `along_motion`: with one drive the path is traversed in the sense in
     which the drive's coordinate grows.
     """
     unit = along_motion(motion)
     v, a = unit.point(link, point, 1), unit.point(link, point, 2)
+    speed, turns = np.hypot(v[:, 0], v[:, 1]), (motion.model.length_scale * w for w in map(value_of, unit.speeds.angular))
+    fastest = reduce(np.fmax, map(np.abs, (*turns, *map(value_of, unit.origin_velocities))), 0.0)
     with np.errstate(divide="ignore", invalid="ignore"):
-        bend: Real = (v[:, 0] * a[:, 1] - v[:, 1] * a[:, 0]) / np.hypot(v[:, 0], v[:, 1]) ** 3
+        known: Flags = value_of(speed) > REST * fastest
+        bend: Real = np.where(known, (v[:, 0] * a[:, 1] - v[:, 1] * a[:, 0]) / speed**3, np.nan)
     return bend
 
 

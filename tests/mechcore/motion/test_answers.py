@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
@@ -17,6 +18,7 @@ from mechcore.constructions.polygons import centrodes
 from mechcore.dynamics.simulate import simulate
 from mechcore.laws.timed import ConstantSpeed, Oscillation
 from mechcore.motion import metrics as answers
+from mechcore.motion.events import find_events
 from mechcore.motion.reach import reachable_ranges
 from mechcore.motion.solve import compile_mechanism, solve_motion
 from mechcore.spec.mechanism import Drive, Link, Mechanism, Prismatic, Revolute
@@ -231,3 +233,30 @@ def test_metrics_of_a_motion_under_forces_are_those_of_its_path():
     (angle,) = answers.transmission_angles(motion).values()
     rows, _ = motion.parts[0]
     assert np.isfinite(angle[rows]).all() and not np.isfinite(angle).all()  # other groups where another joint leads
+
+
+def test_a_point_at_rest_while_others_move_has_no_curvature():
+    """It was a quotient of rounding errors, with a radius of 1e-17 m as the sharpest bend of the path."""
+    frame = Link(name="frame", points={"A": (0.0, 0.0), "E": (1.0, 0.0)})
+    arms = tuple(Link(name=k, points={p: (0.0, 0.0), "P": (0.2, 0.1)}) for k, p in (("left", "A"), ("right", "E")))
+    joints = tuple(Revolute(name=p, links=("frame", k), points=(p, p)) for k, p in (("left", "A"), ("right", "E")))
+    drives = (Drive(joint="A", law=Oscillation(0.7, 0.3, 1.0)), Drive(joint="E", law=ConstantSpeed(0.1, 3.0)))
+    made = {"links": (frame, *arms), "joints": joints, "drives": drives}
+    two = Mechanism(name="two", frame="frame", **made, traced=(("left", "P"),), metrics=("curvature",))
+    motion = solve_motion(compile_mechanism(two), np.linspace(0.0, 1.0, 41))
+    bend = answers.curvature(motion, "left", "P")
+    at_rest = np.isin(np.arange(41), [10, 30])
+    assert np.isnan(bend[at_rest]).all()
+    np.testing.assert_allclose(np.abs(bend[~at_rest]), 1.0 / np.hypot(0.2, 0.1), rtol=1e-9)
+    (sharpest,) = (e for e in find_events(motion) if "sharpest bend" in e.text)
+    assert sharpest.value == pytest.approx(1.0 / np.hypot(0.2, 0.1), rel=1e-6)
+
+
+def test_a_straight_path_has_no_sharpest_bend():
+    """A slider in a slanting guide: its curvature is rounding, next to the dead centres above all."""
+    m = slider_crank(r=1.0, l=3.0)
+    turned = (np.cos(0.4), np.sin(0.4))
+    joints = tuple(replace(p, along=turned) if isinstance(p, Prismatic) else p for p in m.joints)
+    sloping = replace(m, joints=joints, traced=(("piston", "C"),), metrics=("curvature",))
+    motion = solve_motion(compile_mechanism(sloping), np.linspace(0.0, m.drives[0].law.duration, 73))
+    assert not [e.text for e in find_events(motion) if "sharpest bend" in e.text]
