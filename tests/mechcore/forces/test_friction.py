@@ -12,10 +12,12 @@ from mechanisms import case, load, slider_crank
 from random_linkages import balance_of_links
 
 from mechcore.errors import MechanismError
+from mechcore.forces.friction.losses import losses_of_run
 from mechcore.forces.kinetostatics import solve_forces
+from mechcore.laws.signals import Step
 from mechcore.laws.timed import ConstantSpeed
 from mechcore.motion.solve import compile_mechanism, default_times, solve_motion
-from mechcore.spec.loads import Force, Torque, Viscous
+from mechcore.spec.loads import Factor, Force, Torque, Viscous
 from mechcore.spec.mechanism import Drive, Friction, Link, Mechanism, PinSlot, Prismatic, Revolute, Rolling
 from mechviz.hard_cases.mechanisms import gears, incline, sleeve
 
@@ -414,8 +416,9 @@ def test_balance_energy_and_efficiency():
     left = kinetic + potential - (kinetic + potential)[0] - work + lost
     assert np.abs(left).max() < 1e-4 * np.abs(work).max()
     # over a cycle the constant force on the piston does no work: all that the drive supplies is lost
-    assert friction.efficiency == pytest.approx(0.0, abs=1e-3)
-    assert sum(friction.mean_losses().values()) == pytest.approx(-friction.power.mean(), rel=1e-2)
+    losses = losses_of_run(forces)
+    assert losses.efficiency == pytest.approx(0.0, abs=1e-3)
+    assert sum(losses.mean.values()) == pytest.approx(-friction.power.mean(), rel=1e-2)
 
 
 def test_what_harmful_loads_take_is_no_use():
@@ -434,15 +437,15 @@ def test_what_harmful_loads_take_is_no_use():
         effects=("friction",),
     )
     forces = solve_forces(solve_motion(compile_mechanism(rotor), np.linspace(0.0, np.pi, 19)))
-    assert forces.friction.efficiency == pytest.approx(1.0 / 3.0, rel=1e-9)
+    assert losses_of_run(forces).efficiency == pytest.approx(1.0 / 3.0, rel=1e-9)
 
 
 def test_efficiency_of_the_incline_is_the_textbook_one():
     alpha, mu = 0.4, 0.1
     rho = np.arctan(mu)
     up, down = load(incline(alpha, mu), [0.2, 0.25], 0.1), load(incline(alpha, mu), [0.25, 0.2], -0.1)
-    assert up.friction.efficiency == pytest.approx(np.tan(alpha) / np.tan(alpha + rho), rel=1e-12)
-    assert down.friction.efficiency == pytest.approx(np.tan(alpha - rho) / np.tan(alpha), rel=1e-12)
+    assert losses_of_run(up).efficiency == pytest.approx(np.tan(alpha) / np.tan(alpha + rho), rel=1e-12)
+    assert losses_of_run(down).efficiency == pytest.approx(np.tan(alpha - rho) / np.tan(alpha), rel=1e-12)
 
 
 def test_friction_at_rest_is_zero_and_the_sign_changes_around_it():
@@ -549,3 +552,25 @@ def test_a_wedge_between_three_guides_needs_the_force_of_the_textbook():
         np.testing.assert_allclose(forces.effort("A"), n * (across + mu_up * down), rtol=1e-9)
     with pytest.raises(MechanismError, match="statics does not determine the contact force at A"):
         load(rub(m, A=Friction(coefficient=mu, length=0.04)), [0.001], 1.0)
+
+
+@pytest.mark.parametrize("frames", [40, 401])
+def test_losses_and_efficiency_count_both_sides_of_a_jump(frames: int) -> None:
+    """A load that begins between two frames: by straight lines from frame to frame they were off by up to half a frame."""
+    on = Factor(function=Step(at=0.531), of="time")
+    rotor = Mechanism(
+        name="rotor",
+        frame="frame",
+        links=(Link(name="frame", points={"O": (0, 0)}), Link(name="rotor", points={"O": (0, 0)})),
+        joints=(Revolute(name="O", links=("frame", "rotor"), points=("O", "O"), friction=Friction(coefficient=0.2, radius=0.02)),),
+        drives=(Drive(joint="O", law=ConstantSpeed(0.0, 5.0)),),
+        loads=(
+            Force(name="P", link="rotor", point="O", vector=(0.0, -1000.0), factor=on),
+            Torque(name="work", link="rotor", moment=-30.0),
+        ),
+        effects=("friction",),
+    )
+    losses = losses_of_run(solve_forces(solve_motion(compile_mechanism(rotor), np.linspace(0.0, 1.0, frames))))
+    lost = 0.2 * 0.02 * 1000.0 * 5.0 * (1.0 - 0.531)
+    assert losses.mean["O"] == pytest.approx(lost, rel=1e-6)
+    assert losses.efficiency == pytest.approx(150.0 / (150.0 + lost), rel=1e-6)

@@ -13,6 +13,7 @@ from random_linkages import balance_of_links
 import mechviz
 from mechcore.effects.plan import make_plan
 from mechcore.forces.friction.events import find_jams, friction_events, friction_lanes
+from mechcore.forces.friction.losses import losses_of_run
 from mechcore.forces.instants import energies
 from mechcore.forces.kinetostatics import solve_forces
 from mechcore.forces.powers import power_table
@@ -245,8 +246,8 @@ def test_pins_show_their_friction_circle_and_the_line_that_touches_it():
 
 def test_inspection_lists_losses_and_jams():
     inspection = inspect(made("slider-crank-friction").path)
-    friction = made("slider-crank-friction").run.forces.friction
-    assert dict(inspection.losses) == pytest.approx(friction.mean_losses(), rel=1e-6)
+    losses = losses_of_run(made("slider-crank-friction").run.forces)
+    assert dict(inspection.losses) == pytest.approx(dict(losses.mean), rel=1e-6)
     text = format_inspection(inspection)
     assert "Friction losses, mean of the run" in text and "friction moment O" in text and "efficiency of the run" in text
     jam = format_inspection(inspect(made("jamming-sleeve").path))

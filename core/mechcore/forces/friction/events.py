@@ -8,6 +8,7 @@ import numpy as np
 
 from mechcore.arrays import Real
 from mechcore.forces.friction.elements import Element, relative_rate
+from mechcore.forces.friction.losses import losses_of_run
 from mechcore.forces.friction.solve import FrictionResult
 from mechcore.forces.kinetostatics import Forces, solve_forces
 from mechcore.motion.between_frames import intervals, zeros
@@ -199,11 +200,11 @@ def _span(motion: Motion, start: float, end: float) -> str:
 def _cost(forces: Forces, friction: FrictionResult) -> Iterator[Event]:
     if friction.jammed.any() or not np.isfinite(friction.power).all():
         return
-    mean = friction.mean_losses()
-    total = sum(mean.values())
+    losses = losses_of_run(forces)
+    total = sum(losses.mean.values())
     if total > 0.0:
-        parts = ", ".join(f"{p} {100.0 * w / total:.3g} %" for p, w in sorted(mean.items(), key=lambda item: -item[1]))
-        text = f"efficiency of the run {friction.efficiency:.4g}; friction takes {total:.4g} W on average: {parts}"
+        parts = ", ".join(f"{p} {100.0 * w / total:.3g} %" for p, w in sorted(losses.mean.items(), key=lambda item: -item[1]))
+        text = f"efficiency of the run {losses.efficiency:.4g}; friction takes {total:.4g} W on average: {parts}"
         yield Event(float(forces.motion.time[-1]), "INFO", "mechanism", text)
 
 

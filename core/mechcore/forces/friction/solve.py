@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from mechcore.arrays import Flags, Plane, Real, Values
-from mechcore.effects.base import LOSSES, Wrench, power_of, sum_up
+from mechcore.effects.base import Wrench, power_of, sum_up
 from mechcore.effects.registry import wrenches
 from mechcore.errors import Fault, MechanismError
 from mechcore.forces.equilibrium import transmit
@@ -36,7 +36,6 @@ TransmittedForces = tuple[list[tuple[Plane, Values]], dict[str, tuple[Plane, Pla
 
 FLANK_ROUNDS = 8  # rounds in which the flanks of gears may change sides
 LEAST_SHARE = 0.1  # part of the largest share in a jam: joints below it are not named
-LEAST_USE = 1e-4  # part of the work that loads exchange in a run: less useful work counts as zero
 AT_ONCE = 400_000  # elements times frames that are solved in one call
 
 
@@ -308,28 +307,6 @@ class FrictionResult:
         """Power that the drives would supply without friction (F,) [W]: that of the loads with the opposite sign."""
         return np.asarray(np.zeros(self.motion.frames) - sum(power_of(self.motion, w) for w in self._applied))
 
-    @cached_property
-    def efficiency(self) -> float:
-        """Useful over supplied energy of the run: the useful energy is that of the loads where the drives drive, that of the drives
-        where the loads do. Energy that harmful loads absorb is not useful: those of viscous friction, of a medium, and those stated
-        as harmful.
-
-        Zero where all supplied energy is lost, NaN where the mechanism jams.
-        """
-        w0, loss = self._integral(self.frictionless_power), self._integral(-self.power)
-        uses = {load.name: load.use for load in self.motion.mechanism.loads}
-        harmful = (w for w in self._applied if (uses.get(w.name) or ("harmful" if w.cause in LOSSES else "")) == "harmful")
-        wasted = self._integral(np.asarray(np.zeros(self.motion.frames) - sum(power_of(self.motion, w) for w in harmful)))
-        supplied, useful = (w0 + loss, w0 - wasted) if w0 >= 0.0 else (wasted - w0, -w0 - loss)
-        # over whole turns the works of inertia and gravity vanish but for the discretisation by frames
-        useful = useful if useful > LEAST_USE * self._integral(np.abs(self.frictionless_power)) else 0.0
-        return useful / supplied if supplied > 0.0 else (1.0 if supplied == 0.0 else np.nan)
-
-    def mean_losses(self) -> dict[str, float]:
-        """Mean power that friction takes in each joint over the run [W]."""
-        span = float(np.ptp(self.motion.time)) or 1.0
-        return {p: self._integral(self.losses(p)) / span for p in self.joints}
-
     # -- back-driving -------------------------------------------------------------------------------------------------
     @cached_property
     def back_driving_power(self) -> Real:
@@ -365,9 +342,6 @@ class FrictionResult:
     # -- inside -------------------------------------------------------------------------------------------------------
     def _elements_of(self, joint: str) -> list[int]:
         return [i for i, e in enumerate(self.elements) if e.joint == joint]
-
-    def _integral(self, p: Real) -> float:
-        return float(np.trapezoid(p, self.motion.time)) if len(p) > 1 else float(p[0])
 
     @cached_property
     def _transmitted(self) -> TransmittedForces:
