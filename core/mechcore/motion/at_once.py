@@ -311,10 +311,12 @@ def least_norm(
 
 def _balanced(matrix: Real, rhs: Real) -> Real:
     """The minimum-norm unknowns (..., n) that balance loads (..., m); NaN where there is no equilibrium."""
+    known = np.isfinite(matrix).all(axis=(-2, -1))  # not so where no position was found, as an integrator may try
+    matrix = np.where(known[..., None, None], matrix, 0.0)
     x = (np.linalg.pinv(matrix, rcond=INDEPENDENT_RATIO) @ rhs[..., None])[..., 0]
     left = np.abs((matrix @ x[..., None])[..., 0] - rhs).max(axis=-1)
-    size = np.abs(rhs).max(initial=0.0) or 1.0
-    x = np.where((left < 1e-7 * size)[..., None], x, np.nan)  # as is possible at a singular position
+    size = float(np.fmax.reduce(np.abs(rhs), axis=None, initial=0.0)) or 1.0
+    x = np.where((known & (left < 1e-7 * size))[..., None], x, np.nan)  # as is possible at a singular position
     largest = np.fmax.reduce(np.abs(x), axis=-2, initial=0.0)  # of each unknown over the run
     idle = largest <= ZERO_UNKNOWN * np.fmax.reduce(largest, axis=-1, initial=0.0)[..., None]
     return np.where(idle[..., None, :] & np.isfinite(x), 0.0, x)  # otherwise unloaded links would carry rounding errors of others

@@ -247,7 +247,7 @@ def test_pins_show_their_friction_circle_and_the_line_that_touches_it():
 def test_inspection_lists_losses_and_jams():
     inspection = inspect(made("slider-crank-friction").path)
     losses = losses_of_run(made("slider-crank-friction").run.forces)
-    assert dict(inspection.losses) == pytest.approx(dict(losses.mean), rel=1e-6)
+    assert dict(inspection.losses) == pytest.approx(dict(losses.mean), rel=3e-3)  # frames alone, across the jumps of its table
     text = format_inspection(inspection)
     assert "Friction losses, mean of the run" in text and "friction moment O" in text and "efficiency of the run" in text
     jam = format_inspection(inspect(made("jamming-sleeve").path))

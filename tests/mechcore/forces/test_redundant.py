@@ -11,8 +11,10 @@ from mechanisms import drawn, four_bar, load, move
 from random_linkages import balance_of_links
 
 from mechcore.errors import MechanismError
+from mechcore.forces.equilibrium import transmit
 from mechcore.laws.timed import ConstantSpeed
 from mechcore.motion.at_once import indeterminate
+from mechcore.motion.motion import Motion
 from mechcore.motion.solve import compile_mechanism, solve_motion
 from mechcore.motion.structure import gruebler, rank_mobility
 from mechcore.spec.loads import Force
@@ -243,3 +245,15 @@ def test_the_reactions_of_a_double_parallelogram_are_the_shortest():
         inner += sign * x * forces.reaction(joint)[0, 0]
         scale = max(scale, abs(forces.reaction(joint)[0]).max())
     assert abs(inner) < 1e-10 * scale
+
+
+def test_reactions_are_unknown_where_no_position_is():
+    """As at instants that an integrator tries: the reactions ended with an exception of numpy. Others are as without these."""
+    motion = load(three_cranks(), [0.2, 0.3, 0.4], 2.0, 1.0).motion
+    force, moment = [0j, *[3.0 - 1j] * 4], [0.0] * 5
+    whole, *_ = transmit(motion, force, moment)
+    lost = np.array([False, True, False])
+    state = replace(motion.state, rot=[np.where(lost, np.nan, x) for x in motion.state.rot])
+    parts, *_ = transmit(Motion(motion.model, motion.time, motion.drives, state, motion.angles), force, moment)
+    for (pull, _), (known, _) in zip(parts, whole, strict=True):
+        assert np.isnan(pull[1]) and pull[~lost] == pytest.approx(known[~lost], rel=1e-12)
