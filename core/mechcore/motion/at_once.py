@@ -311,7 +311,7 @@ def least_norm(
 
 def _balanced(matrix: Real, rhs: Real) -> Real:
     """The minimum-norm unknowns (..., n) that balance loads (..., m); NaN where there is no equilibrium."""
-    known = np.isfinite(matrix).all(axis=(-2, -1))  # not so where no position was found, as an integrator may try
+    known = np.asarray(np.isfinite(matrix).all(axis=(-2, -1)))  # not so where no position was found, as an integrator may try
     matrix = np.where(known[..., None, None], matrix, 0.0)
     x = (np.linalg.pinv(matrix, rcond=INDEPENDENT_RATIO) @ rhs[..., None])[..., 0]
     left = np.abs((matrix @ x[..., None])[..., 0] - rhs).max(axis=-1)
