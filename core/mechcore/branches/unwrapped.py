@@ -150,8 +150,17 @@ def _followed(raw: Real) -> Real:
     return np.concatenate([raw[..., :1], raw[..., 1:] - TURN * turns], axis=-1)
 
 
+def _turned(model: Model, change: Real) -> Real:
+    """How far links turn (s, ..., n) by changes of their raw angles: up to whole turns, except where relations or Newton's method
+    count these. A fast wheel of a gear train may turn by nearly whole turns from one point to the next."""
+    counting = {group for block in model.blocks if block.kind in ("relation", "general") for group in block.angles}
+    counted = np.array([group in counting for group in model.angles.class_group])
+    up_to_turns = np.abs(change - TURN * np.round(change / TURN))
+    return np.where(counted[: len(change)].reshape(-1, *[1] * (change.ndim - 1)), np.abs(change), up_to_turns)
+
+
 def _follow(
-    place: Callable[[Real], Real], x: Real, raw: Real, steps: Real, fresh: Flags | None = None
+    model: Model, place: Callable[[Real], Real], x: Real, raw: Real, steps: Real, fresh: Flags | None = None
 ) -> tuple[Real, Real, Real, Index]:
     """Unwrap angles along the path through points ``x`` (n, c), with points inserted between them where needed.
 
@@ -167,8 +176,7 @@ def _follow(
             far = np.nan_to_num(np.abs(np.diff(x, axis=0)) / steps).max(axis=1, initial=0.0)
             parts = np.where(far > FARTHEST_STEPS, 1.0, np.maximum(np.ceil(far - 1e-9), 1.0)).astype(int)
         else:
-            turned = np.diff(raw)
-            turned = np.nan_to_num(np.abs(turned - TURN * np.round(turned / TURN)))
+            turned = np.nan_to_num(_turned(model, np.diff(raw)))
             parts = np.where(turned.reshape(-1, len(x) - 1).max(axis=0, initial=0.0) > LARGEST_TURN, 2, 1)
         parts[fresh[1:]] = 1
         if (parts > 1).any():
@@ -293,7 +301,9 @@ class UnwrappedAngles:
 
     def _followed(self, x: Real, raw: Real, fresh: Flags | None, place: PathFunction) -> Real:
         """Angles at times and positions of drives (n, 1 + d), followed from each point to the next, except to ``fresh`` ones."""
-        *_, followed, own = _follow(lambda y: raw_angles(self.model, *place(y)), x, raw, np.append(math.inf, self.steps), fresh)
+        *_, followed, own = _follow(
+            self.model, lambda y: raw_angles(self.model, *place(y)), x, raw, np.append(math.inf, self.steps), fresh
+        )
         return np.asarray(followed[:, own])
 
     def _known(self, points: list[Waypoint], used: Index, place: PathFunction) -> Real:
@@ -345,7 +355,8 @@ class _Table:
         if np.abs(_steps(self.at, x)).max(initial=0.0) <= self.step * (1.0 + 1e-9):
             turned = _steps(self.class_angles, raw)
             turns = np.round(turned / TURN)
-            if np.abs(turned - TURN * turns).max(initial=0.0) <= LARGEST_TURN:
+            first, others = np.abs(turned - TURN * turns)[:, :1], _turned(self.model, turned[:, 1:])
+            if max(first.max(initial=0.0), others.max(initial=0.0)) <= LARGEST_TURN:
                 return np.asarray(raw - TURN * np.cumsum(turns, axis=1)) if turns.any() else raw
         known = np.clip(x[np.isfinite(x)], self.at - MOST_STEPS * self.step, self.at + MOST_STEPS * self.step)
         low, high = float(known.min(initial=self.at)), float(known.max(initial=self.at))
@@ -362,7 +373,7 @@ class _Table:
         return np.array([np.interp(parameter, p, row) for row in angles])
 
     def _follow(self, x: Real, raw: Real, place: PathFunction) -> tuple[Real, Real, Real, Index]:
-        return _follow(lambda y: raw_angles(self.model, *place(y)), x[:, None], raw, np.array([self.step]))
+        return _follow(self.model, lambda y: raw_angles(self.model, *place(y)), x[:, None], raw, np.array([self.step]))
 
     def _look_for_period(self, span: float, place: PathFunction) -> None:
         for turns in CYCLES if self.period is None else ():
@@ -414,7 +425,7 @@ def along_designs(model: Model, time: Real, frames: SolvedFrames, laws: tuple[La
 
     def near(raw: Real) -> Real:
         x, steps = np.append(0.0, time)[:, None], _steps_of_designs(model, laws)
-        *_, followed, own = _follow(raw_at, x, np.concatenate([start, raw], axis=-1), steps)
+        *_, followed, own = _follow(model, raw_at, x, np.concatenate([start, raw], axis=-1), steps)
         return np.asarray(followed[..., own[1:]])
 
     return LinkAngles(model, start_pose(model, start), partial(raw_angles, model, *frames), near)
@@ -424,7 +435,7 @@ def times_of_designs(model: Model, time: Real, laws: tuple[Law, ...]) -> tuple[R
     """Times (n,) from the start through those of the frames (F,), close enough to follow angles unless links turn by more than
     `LARGEST_TURN` between them; and the numbers of the frames among them (F,)."""
     x = np.append(0.0, time)[:, None]
-    places, *_, own = _follow(lambda y: np.zeros((0, len(y))), x, np.zeros((0, len(x))), _steps_of_designs(model, laws))
+    places, *_, own = _follow(model, lambda y: np.zeros((0, len(y))), x, np.zeros((0, len(x))), _steps_of_designs(model, laws))
     return places[:, 0], own[1:]
 
 

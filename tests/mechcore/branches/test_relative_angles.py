@@ -13,6 +13,10 @@ from scipy.optimize import brentq
 from second_formulation import Second
 from wound_springs import AT_REST, FIVE_BAR, GEARED, SLIDER_CRANK, SPRING, STOPPED, TABLE, four_bar
 
+from mechcore.dynamics.simulate import simulate
+from mechcore.laws.timed import ConstantSpeed, Free
+from mechcore.motion.solve import compile_mechanism, solve_motion
+from mechcore.spec.mechanism import Drive, Gear, Link, Mechanism, Revolute
 from mechviz.runs import run_scene
 from mechviz.scene.scene import loads
 
@@ -184,3 +188,23 @@ def test_a_stop_beyond_half_a_turn_is_met_and_the_motion_goes_back():
     t = np.linspace(0.0, hit, 7)
     assert run.simulation(2.0 * hit - t)[0] == pytest.approx(run.simulation(t)[0], abs=1e-9)  # all the way back
     assert np.degrees(run.motion.coordinate("B")[:, 0]).max() <= 190.0 + 1e-9
+
+
+@pytest.mark.parametrize("ratio", [31.0, 62.8, 500.0])
+@pytest.mark.parametrize("law", [ConstantSpeed(0.0, 2.0, 6.0), Free(0.0, 2.0)])
+def test_fast_wheels_of_gear_trains_keep_their_turns(ratio: float, law: ConstantSpeed | Free) -> None:
+    """A wheel that turned by nearly whole turns from one point to the next counted as one that turned back a little."""
+    middle = np.sqrt(ratio)
+    places = {"A": (0.0, 0.0), "B": (1.0 + middle, 0.0), "C": (2.0 + 2.0 * middle, 0.0), "X": (0.0, 9.0)}
+    wheels = tuple(Link(name=p.lower(), points={p: (0.0, 0.0)}, inertia=1.0) for p in places)
+    pins = tuple(Revolute(name=p, links=("frame", p.lower()), points=(p, p)) for p in places)
+    gears = tuple(Gear(name=a + b, links=(a, b), carrier="frame", sizes=(middle, 1.0)) for a, b in ("ab", "bc"))
+    drives = (Drive(joint="A", law=law), Drive(joint="X", law=law))
+    frame = Link(name="frame", points=places)
+    train = Mechanism(
+        name="train", frame="frame", links=(frame, *wheels), joints=(*pins, *gears), drives=drives, effects=("inertia",)
+    )
+    t = np.linspace(0.0, 3.0, 12)
+    motion = simulate(train, 3.0).motion(t) if isinstance(law, Free) else solve_motion(compile_mechanism(train), t)
+    slow, fast = (motion.coordinate(joint)[:, 0] for joint in "AC")
+    assert fast - fast[0] == pytest.approx(ratio * (slow - slow[0]), abs=1e-8)
