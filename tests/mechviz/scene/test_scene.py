@@ -388,7 +388,9 @@ POSITIVE = st.floats(min_value=1e-6, max_value=1e6)
 NAME = st.text(st.characters(exclude_categories=["C", "Z"], exclude_characters='/\\"'), min_size=1, max_size=12).filter(
     lambda s: not s.startswith("__") and s not in (".", "..") and all(c.isalnum() or (c.isascii() and c.isprintable()) for c in s)
 )
-TEXT = st.text(st.characters(exclude_categories=["Cs"]), max_size=40)
+TEXT = st.text(
+    st.characters(exclude_categories=["Cc", "Cs"], include_characters="\t\n\r", exclude_characters="\ufffe\uffff"), max_size=40
+)
 
 
 def lengths() -> st.SearchStrategy[Any]:
