@@ -28,6 +28,8 @@ PEAK_RISE = 0.25  # share of its drop to a neighbour by which a maximum may exce
 EQUAL = 1e-9  # relative difference up to which maxima are equal: the first counts
 NEWTON_STEPS = 3  # for a zero, from the estimate by a cubic; then its two frames are divided
 ABOUT_ZERO = np.array([-1e-2, -1e-4, -1e-6, 1e-6, 1e-4, 1e-2])  # parts of an interval, about the estimated zero of an excess
+APART = 0.01  # part of an interval about a zero of higher order between the values that lead to it
+SAME_ZERO = 0.01  # of that distance, by which the zeros found from both sides may differ
 SECTION_ROUNDS, SECTIONS = 12, np.linspace(0.0, 1.0, 9)  # 8^12 = 7e10 places
 
 
@@ -134,7 +136,38 @@ def zeros(motion: Motion, rows: Metric, places: Real, which: Index | None = None
         before = np.sum(np.logical_and.accumulate(np.sign(inner) == side[:, None], axis=1), axis=1)
         ends = np.stack([np.take_along_axis(t, before[:, None] + k, axis=1)[:, 0] for k in (0, 1)], axis=1)
     at[late] = ends.mean(axis=1)
+    if len(late):
+        apart = APART * (high[late] - low[late])
+        at[late] = _multiple_zeros(at[late], apart, motion.time[[0, -1]], lambda t, n: there(t, late[n])[:, 0])
     return at
+
+
+def _multiple_zeros(at: Real, apart: Real, ends: Real, values: Callable[[Real, Index], Real]) -> Real:
+    """Zeros (n,) near the times ``at`` to more digits where they are of higher order, as at the end of a cam's rise.
+
+    Rounding hides the values next to such a zero; on either side, roots of values at multiples of ``apart`` (n,) [s] from it lead
+    to it. ``values``: times (m,) and the numbers of their zeros. Other zeros are unchanged, as are those nearer to the ``ends`` of
+    the run.
+    """
+    steps = apart[:, None] * np.arange(1, 5)
+    number = np.repeat(np.arange(len(at)), steps.shape[1])
+    found = []
+    for side in (-1.0, 1.0):
+        t = at[:, None] + side * steps
+        inside = (t[:, -1] >= ends[0]) & (t[:, -1] <= ends[1])
+        size = np.abs(values(np.where(inside[:, None], t, at[:, None]).ravel(), number)).reshape(t.shape)
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            order = np.rint(np.log2(size[:, 1] / size[:, 0]))
+            root: Real = np.power(size, 1.0 / order[:, None])
+            others = root[:, None, :] - root[:, :, None]
+            np.einsum("nii->ni", others)[:] = root
+            place = (t * np.prod(root[:, None, :] / others, axis=2)).sum(axis=1)  # inverse interpolation: where the root is 0
+        found.append(np.where(inside & (order >= 2.0), place, np.where(inside & (size == 0.0).all(axis=1), np.inf, np.nan)))
+    first, last = (np.where(np.isinf(own), other, own) for own, other in (found, found[::-1]))  # a rest begins or ends there
+    zero = 0.5 * (first + last)
+    with np.errstate(invalid="ignore"):
+        known = (np.abs(last - first) <= SAME_ZERO * apart) & (np.abs(zero - at) <= apart)
+    return np.where(known, zero, at)
 
 
 def _tolerance(motion: Motion) -> float:

@@ -7,7 +7,7 @@ import pytest
 from support.mechanisms import four_bar
 
 import mechviz
-from mechcore.motion.between_frames import exceedances, intervals
+from mechcore.motion.between_frames import exceedances, intervals, zeros
 from mechcore.motion.solve import compile_mechanism, solve_motion
 from mechviz.quantities.events import events_of
 from mechviz.runs import run_scene
@@ -79,3 +79,21 @@ def test_events_of_cams_begin_where_the_limit_is_crossed_whatever_the_frames(wor
     )
     assert len(coarse) == len(fine) > 0
     np.testing.assert_allclose(coarse, fine, rtol=1e-7)
+
+
+@pytest.mark.parametrize(("before", "behind"), [(-1.0, 1.0), (1.0, -2.0), (1.0, 0.0)])
+@pytest.mark.parametrize("order", [2, 3])
+def test_zeros_of_higher_order_are_found_although_rounding_hides_them(before, behind, order):
+    """A speed is rounded to 1e-16, as at the end of a cam's rise: its sign is unknown up to 1e-8 or 1e-5 from the zero."""
+    motion, exact = crank_motion(361), 1.2345
+
+    def rows(m):
+        x = m.time - exact
+        speed = np.where(x < 0.0, before, behind) * np.abs(x) ** order * (1.0 + 0.3 * x)
+        if not behind:  # after a short rest it turns back
+            speed -= np.maximum(x - 0.005, 0.0)
+        return np.stack([(1.0 + speed) - 1.0, np.gradient(speed, m.time) if len(x) > 1 else speed], axis=-1)
+
+    k = int(np.searchsorted(motion.time, exact))
+    (found,) = zeros(motion, rows, [[motion.time[k - 1], exact + 1e-4, motion.time[k]]])
+    assert found == pytest.approx(exact, abs=1e-10 if order == 2 else 1e-7)
