@@ -153,8 +153,9 @@ def test_who_has_changed_a_value_is_not_told_of_it_and_others_are(viewer):
         made = buffer.encodings
         message = _messages.GuiUpdateMessage(uuid, {"value": 17})
         message.excluded_self_client = own
-        viewer.server._websock_server.queue_message(message)
-        viewer.server._websock_server.queue_message(_messages.GuiUpdateMessage(uuid, {"hint": "for all"}))
+        with viewer.server.atomic():  # else the first might be sent before the second is there
+            viewer.server._websock_server.queue_message(message)
+            viewer.server._websock_server.queue_message(_messages.GuiUpdateMessage(uuid, {"hint": "for all"}))
         assert send_now(viewer.server, PATIENCE)
         said = [[m["updates"] for m in messages(socket) if m.get("uuid") == uuid] for socket in browsers]
         assert sorted(said, key=len) == [[{"hint": "for all"}], [{"value": 17}, {"hint": "for all"}]]
