@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import fields
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -61,8 +62,8 @@ class CamLimits:
         def there(reached: Reached | None) -> Reached | None:
             return None if reached is None else Reached(reached.value, -reached.angle)
 
-        back = {f.name: there(getattr(self, f.name)) for f in fields(self)}
-        return CamLimits(**(back | {"rise": back["fall"], "fall": back["rise"]}))  # type: ignore[arg-type]  # these are never None
+        back: dict[str, Any] = {f.name: there(getattr(self, f.name)) for f in fields(self)}
+        return CamLimits(**(back | {"rise": back["fall"], "fall": back["rise"]}))
 
 
 def _grid(cam: Cam, given: Synthesis | None, count: int) -> tuple[Synthesis, Synthesis]:

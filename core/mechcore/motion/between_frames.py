@@ -23,6 +23,7 @@ FIT = np.linalg.inv(chebyshev.chebvander(WINDOW_NODES, 8))
 SEARCH_ROUNDS = 2  # each in a window that is narrower than the one before by NARROWING
 NARROWING = 8.0
 MOST_MAXIMA = 24  # largest local maxima of the frames that are refined
+MOST_PEAKS = 1_000  # largest local maxima about a limit that are refined, all at once
 PEAK_ROUNDS = 5  # of the search for the largest value of an exceedance, each in a quarter of the interval before
 PEAK_RISE = 0.25  # share of its drop to a neighbour by which a maximum may exceed the highest frame; an eighth for a parabola
 EQUAL = 1e-9  # relative difference up to which maxima are equal: the first counts
@@ -244,13 +245,15 @@ def _linear(time: Real, values: Real, t: Real) -> Real:
 
 
 def _tops(values: Real, limit: float) -> Index:
-    """The frames at which values (F,) are local maxima that may exceed a limit, if only between the frames; the highest ones."""
+    """The frames at which values (F,) are local maxima that may exceed a limit, if only between the frames; the highest ones. What
+    is constant but for rounding has none."""
     around = np.pad(values, 1, mode="edge")
     before, behind = around[:-2], around[2:]
     with np.errstate(invalid="ignore"):
-        reached = values + PEAK_RISE * (values - np.minimum(before, behind))
-        tops = np.flatnonzero((values >= before) & (values >= behind) & (reached > limit) & np.isfinite(reached))
-    return tops[np.argsort(-values[tops], kind="stable")[:MOST_MAXIMA]]
+        drop = values - np.minimum(before, behind)
+        high = (values >= before) & (values >= behind) & (drop > EQUAL * np.abs(values))
+        tops = np.flatnonzero(high & np.isfinite(drop) & (values + PEAK_RISE * drop > limit))
+    return tops[np.argsort(-values[tops], kind="stable")[:MOST_PEAKS]]
 
 
 def _peaks(time: Real, tops: Index, solved: AtTimes) -> tuple[Real, Real]:

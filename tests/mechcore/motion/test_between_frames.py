@@ -14,10 +14,10 @@ from mechviz.runs import run_scene
 from mechviz.scene.folder import GALLERY_FOLDER
 
 
-def crank_motion(frames):
+def crank_motion(frames, turns=2):
     """A crank of 1 m that turns at 1 rad/s, so that the height of its pin is sin t."""
     compiled = compile_mechanism(four_bar(E=(4.0, 0.0), AB=1.0, BD=3.5, DE=3.0, speed=1.0))
-    return solve_motion(compiled, np.linspace(0.0, 4.0 * np.pi, frames))
+    return solve_motion(compiled, np.linspace(0.0, 2.0 * np.pi * turns, frames))
 
 
 def height(motion):
@@ -37,6 +37,24 @@ def test_ends_and_largest_values_do_not_depend_on_the_frames(frames):
         assert len(found) == 2
     assert exceedances(crank_motion(frames), height, 1.0) == [], "it reaches the limit only"
     assert exceedances(crank_motion(frames), height, 1.1) == []
+
+
+def test_all_that_lie_between_frames_are_found_beside_as_many_others():
+    """Of fifty turns with fourteen frames each, every range is between two frames."""
+    found = exceedances(crank_motion(701, turns=50), lambda m: np.abs(height(m)), 0.9999)
+    np.testing.assert_allclose([each.at for each in found], (0.5 + np.arange(100)) * np.pi, atol=1e-3)
+
+
+def test_what_is_constant_but_for_rounding_is_not_searched_for_peaks():
+    motion = crank_motion(200)
+    solves = []
+
+    def level(m):
+        solves.append(m.frames)
+        return 2.0 + 1e-15 * height(m)
+
+    ((start, end),) = [(each.start, each.end) for each in exceedances(motion, level, 1.0)]
+    assert (start, end) == (motion.time[0], motion.time[-1]) and solves == [200]
 
 
 def test_frames_that_do_not_count_end_an_interval():

@@ -1,4 +1,4 @@
-"""What dry friction costs over a run: mean losses of the joints, and the efficiency."""
+"""Losses by dry friction over a run: mean power of each joint, and the efficiency."""
 
 from __future__ import annotations
 
