@@ -128,16 +128,14 @@ def zeros(motion: Motion, rows: Metric, places: Real, which: Index | None = None
     late = np.flatnonzero(moved > tolerance)
     side, other = (np.sign(there(ends[late], late)[:, 0]) for ends in (low, high))
     late, side = late[side * other < 0.0], side[side * other < 0.0]
-    ends = np.stack([low[late], high[late]], axis=1)
-    for _ in range(SECTION_ROUNDS if len(late) else 0):
-        if np.ptp(ends, axis=1).max() <= tolerance:
-            break
-        t = ends[:, :1] + np.diff(ends) * SECTIONS
-        inner = there(t[:, 1:-1].ravel(), np.repeat(late, len(SECTIONS) - 2))[:, 0].reshape(len(late), -1)
-        before = np.sum(np.logical_and.accumulate(np.sign(inner) == side[:, None], axis=1), axis=1)
-        ends = np.stack([np.take_along_axis(t, before[:, None] + k, axis=1)[:, 0] for k in (0, 1)], axis=1)
-    at[late] = ends.mean(axis=1)
+
+    def excess(t: Real) -> Real:
+        """Values (n, m) on the other side of zero; where a rest begins, a least one."""
+        values = there(t.ravel(), np.repeat(late, t.shape[1]))[:, 0].reshape(t.shape)
+        return np.where(values == 0.0, np.finfo(float).tiny, -side[:, None] * values)
+
     if len(late):
+        at[late] = _crossings(low[late], high[late], excess, tolerance)
         apart = APART * (high[late] - low[late])
         at[late] = _multiple_zeros(at[late], apart, motion.time[[0, -1]], lambda t, n: there(t, late[n])[:, 0])
     return at
@@ -210,7 +208,7 @@ def exceedances_of(motion: Motion, values: Real, limit: float, solved: AtTimes, 
         time, values, known = np.insert(time, place, at), np.insert(values, place, highest), np.insert(known, place, True)
     with np.errstate(invalid="ignore"):
         above = known & (values > limit)
-        ends = _intervals(time, above, known, lambda t: solved(t) - limit, _tolerance(motion))
+        ends = _intervals(time, above, known, lambda t: _again(solved, t) - limit, _tolerance(motion))
     tops = np.array([a + int(np.argmax(values[a : b + 1])) for a, b in runs(above)], int)
     found = zip(ends, time[tops].tolist(), values[tops].tolist(), strict=True)
     return [Exceedance(*interval, at, value) for interval, at, value in found if value > limit + EQUAL * abs(limit)]
@@ -223,12 +221,14 @@ def intervals(motion: Motion, flags: Flags, excess: AtTimes) -> list[tuple[float
     motion can be solved there.
     """
     known = np.ones(motion.frames, bool) if motion.at_times is not None else flags
-    return _intervals(motion.time, flags, known, excess, _tolerance(motion))
+    return _intervals(motion.time, flags, known, partial(_again, excess), _tolerance(motion))
 
 
-def _intervals(time: Real, flags: Flags, known: Flags, excess: AtTimes, tolerance: float) -> list[tuple[float, float]]:
-    """Starts and ends of the intervals in which an excess is positive: between the frames at which it is and next ones, if these
-    are ``known``, at which it is not."""
+def _intervals(
+    time: Real, flags: Flags, known: Flags, excess: Callable[[Real], Real], tolerance: float
+) -> list[tuple[float, float]]:
+    """Starts and ends of the intervals in which an excess, times (n, m) -> values (n, m), is positive: between the frames at which
+    it is and next ones, if these are ``known``, at which it is not."""
     spans = runs(flags)
     if not spans:
         return []
@@ -260,16 +260,18 @@ def _peaks(time: Real, tops: Index, solved: AtTimes) -> tuple[Real, Real]:
     """Times (n,) [s], ascending and distinct, and values of the maxima next to the frames ``tops``."""
     low, high = time[np.maximum(tops - 1, 0)], time[np.minimum(tops + 1, len(time) - 1)]
     row = np.arange(len(tops))
-    vertex = time[tops]
     for _ in range(PEAK_ROUNDS):
-        t = np.sort(np.column_stack([low[:, None] + (high - low)[:, None] * SECTIONS, vertex]), axis=1)
+        t = low[:, None] + (high - low)[:, None] * SECTIONS
         values = _again(solved, t)
         best = np.argmax(np.where(np.isnan(values), -np.inf, values), axis=1)
-        beside = np.clip(best - 1, 0, t.shape[1] - 3)[:, None] + np.arange(3)
-        vertex = _vertex(np.take_along_axis(t, beside, axis=1), np.take_along_axis(values, beside, axis=1), t[row, best])
-        low, high = t[row, np.maximum(best - 1, 0)], t[row, np.minimum(best + 1, t.shape[1] - 1)]
-    at, which = np.unique(t[row, best], return_index=True)
-    return at, values[row, best][which]
+        low, high = t[row, np.maximum(best - 1, 0)], t[row, np.minimum(best + 1, len(SECTIONS) - 1)]
+    beside = np.clip(best - 1, 0, len(SECTIONS) - 3)[:, None] + np.arange(3)
+    at, highest = t[row, best], values[row, best]
+    vertex = _vertex(np.take_along_axis(t, beside, axis=1), np.take_along_axis(values, beside, axis=1), at)
+    there = _again(solved, vertex)
+    at, highest = np.where(there > highest, vertex, at), np.fmax(there, highest)
+    at, which = np.unique(at, return_index=True)
+    return at, highest[which]
 
 
 def _vertex(t: Real, values: Real, otherwise: Real) -> Real:
@@ -281,8 +283,9 @@ def _vertex(t: Real, values: Real, otherwise: Real) -> Real:
     return np.where((vertex > a) & (vertex < c), vertex, otherwise)
 
 
-def _crossings(outside: Real, inside: Real, excess: AtTimes, tolerance: float) -> Real:
-    """Times (n,) [s] at which an excess (n,) becomes positive, each between a time at which it is not and one at which it is.
+def _crossings(outside: Real, inside: Real, excess: Callable[[Real], Real], tolerance: float) -> Real:
+    """Times (n,) [s] at which excesses become positive, each between a time at which its own is not and one at which it is;
+    ``excess``: times (n, m) -> values (n, m).
 
     In every round the interval is divided into equal sections, and more finely about the zero of a straight line.
     """
@@ -293,7 +296,7 @@ def _crossings(outside: Real, inside: Real, excess: AtTimes, tolerance: float) -
         about = np.clip(zero[:, None] + ABOUT_ZERO, 0.0, 1.0)
         places = np.sort(np.column_stack([np.broadcast_to(SECTIONS, (len(row), len(SECTIONS))), about]), axis=1)
         t = outside[:, None] + (inside - outside)[:, None] * places
-        values = _again(excess, t)
+        values = excess(t)
         with np.errstate(invalid="ignore"):
             exceeds = values > 0.0
         exceeds[:, 0], exceeds[:, -1] = False, True  # as is known
